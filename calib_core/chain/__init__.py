@@ -1,0 +1,1 @@
+"""The chain of frames: TCP, turntable, and all captures together."""

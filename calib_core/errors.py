@@ -1,0 +1,78 @@
+"""The one error type: what was needed, what was there instead, and what to do about it.
+
+The command line prints it, REST sends it as problem details and the page shows it, all from the same fields.
+"""
+
+
+class CalibrationError(Exception):
+    """Something a person can mend.
+
+    Parameters
+    ----------
+    need : str
+        What the program needed, as a phrase: "a pose of 6 numbers (x y z W P R)".
+    got : str
+        What it found instead: "5 numbers".
+    to_do : str
+        What the person should do now, as a sentence in the imperative.
+    where : str, optional
+        The file, capture or field that is at fault.
+    """
+
+    code = "calibration"
+    status = 422
+
+    def __init__(self, need: str, got: str, to_do: str, where: str = "") -> None:
+        super().__init__(need, got, to_do, where)
+        self.need = need
+        self.got = got
+        self.to_do = to_do
+        self.where = where
+
+    def __str__(self) -> str:
+        place = f"{self.where}: " if self.where else ""
+        return f"{place}need {self.need}, got {self.got}. {self.to_do}"
+
+    def at(self, where: str) -> "CalibrationError":
+        """Return the same error, told to be at `where` (kept if a finer place is known already)."""
+        place = f"{where}: {self.where}" if self.where and not self.where.startswith(where) else where
+        return type(self)(self.need, self.got, self.to_do, place)
+
+
+class InputError(CalibrationError):
+    """A file, a record or a number that cannot be used as it is."""
+
+    code = "input"
+
+
+class MeasurementError(CalibrationError):
+    """A capture in which the object to be measured cannot be found or does not fit."""
+
+    code = "measurement"
+
+
+class MotionError(CalibrationError):
+    """Captures whose motions do not determine what is asked."""
+
+    code = "motion"
+
+
+class NotFoundError(CalibrationError):
+    """A session, capture, result or file that is not there."""
+
+    code = "not-found"
+    status = 404
+
+
+class ConflictError(CalibrationError):
+    """A request that contradicts what is stored already."""
+
+    code = "conflict"
+    status = 409
+
+
+class TooLargeError(CalibrationError):
+    """More bytes, points or pixels than the limit allows."""
+
+    code = "too-large"
+    status = 413

@@ -1,0 +1,237 @@
+"""Rigid transforms that know the frames they map between.
+
+`into_from_outof` maps points of `outof` into `into`, so that names cancel::
+
+    base_from_laser = base_from_tool0 @ tool0_from_laser
+
+Rotation vectors are in radians, translations in millimetres.  A small change of a pose is a 6-vector
+``rx ry rz tx ty tz``: the rotation perturbs on the right, ``R · exp(r)`` with r in the `outof` frame, and the
+translation adds, ``t + δt`` in the `into` frame.  Every 6×6 covariance is of such a vector.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+Frame = Literal["pixel", "camera", "laser", "tool0", "base", "turntable", "board"]
+FRAMES: tuple[Frame, ...] = get_args(Frame)
+
+_EXACT = 1e-6
+_ROUNDED = 2e-3  # a matrix printed with three decimals is still a rotation
+
+
+def skew(vectors: ArrayLike) -> FloatArray:
+    """Return the matrices whose product with w is the cross product ``v × w``.
+
+    Parameters
+    ----------
+    vectors : (..., 3)
+
+    Returns
+    -------
+    (..., 3, 3)
+    """
+    v = np.asarray(vectors, dtype=float)
+    result = np.zeros((*v.shape, 3))
+    result[..., 0, 1], result[..., 0, 2] = -v[..., 2], v[..., 1]
+    result[..., 1, 0], result[..., 1, 2] = v[..., 2], -v[..., 0]
+    result[..., 2, 0], result[..., 2, 1] = -v[..., 1], v[..., 0]
+    return result
+
+
+def rotation_from_vector(vector_rad: ArrayLike) -> FloatArray:
+    """Return the 3×3 rotation about the direction of a rotation vector by its length (Rodrigues).
+
+    Parameters
+    ----------
+    vector_rad : (3,)
+    """
+    v = np.asarray(vector_rad, dtype=float)
+    angle = float(np.linalg.norm(v))
+    k = skew(v)
+    if angle < 1e-5:  # the series: sin(a)/a and (1 - cos a)/a² lose digits here
+        return np.eye(3) + (1 - angle**2 / 6) * k + (0.5 - angle**2 / 24) * (k @ k)
+    return np.eye(3) + np.sin(angle) / angle * k + (1 - np.cos(angle)) / angle**2 * (k @ k)
+
+
+def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
+    """Return the rotation vector (3,) of a 3×3 rotation, its length in [0, π] rad."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(np.asarray(rotation, dtype=float)).as_rotvec())
+
+
+def nearest_rotation(matrix: ArrayLike) -> FloatArray:
+    """Return the rotation nearest to a 3×3 matrix in the Frobenius norm (orthogonal Procrustes)."""
+    u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=float))
+    return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTransform:
+    """A rotation and a translation that map points of frame `outof` into frame `into`.
+
+    Parameters
+    ----------
+    matrix : (4, 4)
+        Homogeneous, rows, millimetres.  Its rotation must be orthonormal to 1e-6; see `from_rounded` for matrices
+        that came from a print-out.
+    into, outof : Frame
+        The frame of the results and the frame of the arguments.
+
+    Raises
+    ------
+    InputError
+        If the matrix is not a finite rigid transform or a frame is unknown.
+    """
+
+    matrix: FloatArray
+    into: Frame
+    outof: Frame
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.matrix, dtype=float)
+        _require_rigid(matrix, _EXACT)
+        for frame in (self.into, self.outof):
+            if frame not in FRAMES:
+                raise InputError(f"a frame among {', '.join(FRAMES)}", repr(frame), "Name a known frame.")
+        matrix.flags.writeable = False
+        object.__setattr__(self, "matrix", matrix)
+
+    @classmethod
+    def identity(cls, into: Frame, outof: Frame) -> "RigidTransform":
+        """Return the transform that changes no coordinate."""
+        return cls(np.eye(4), into, outof)
+
+    @classmethod
+    def of(cls, rotation: ArrayLike, translation_mm: ArrayLike, into: Frame, outof: Frame) -> "RigidTransform":
+        """Return the transform with a rotation, (3, 3) or a rotation vector (3,) in rad, and a translation (3,)."""
+        r = np.asarray(rotation, dtype=float)
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation_from_vector(r) if r.shape == (3,) else r
+        matrix[:3, 3] = np.asarray(translation_mm, dtype=float)
+        return cls(matrix, into, outof)
+
+    @classmethod
+    def from_rounded(cls, matrix: ArrayLike, into: Frame, outof: Frame) -> "RigidTransform":
+        """Return the rigid transform nearest to a matrix that was rounded when it was written down.
+
+        Raises
+        ------
+        InputError
+            If it is further from a rotation than rounding to three decimals explains.
+        """
+        m = np.array(matrix, dtype=float)
+        _require_rigid(m, _ROUNDED)
+        m[:3, :3] = nearest_rotation(m[:3, :3])
+        return cls(m, into, outof)
+
+    @property
+    def rotation(self) -> FloatArray:
+        """The rotation, (3, 3)."""
+        return self.matrix[:3, :3]
+
+    @property
+    def translation_mm(self) -> FloatArray:
+        """The origin of `outof` in `into`, (3,), mm."""
+        return self.matrix[:3, 3]
+
+    @property
+    def rotation_vector_rad(self) -> FloatArray:
+        """The rotation vector, (3,), rad."""
+        return vector_from_rotation(self.rotation)
+
+    def __matmul__(self, other: "RigidTransform") -> "RigidTransform":
+        """Compose: ``a_from_b @ b_from_c`` is ``a_from_c``.
+
+        Raises
+        ------
+        InputError
+            If the frames do not meet.
+        """
+        if self.outof != other.into:
+            raise InputError(
+                f"frames that meet: {self.into}_from_{self.outof} @ {self.outof}_from_…",
+                f"{other.into}_from_{other.outof} on the right",
+                "Invert one of the two or change their order.",
+            )
+        product = self.matrix @ other.matrix
+        # Products of thousands of transforms drift off the rotations; one projection costs little.
+        if np.abs(product[:3, :3] @ product[:3, :3].T - np.eye(3)).max() > 1e-12:
+            product[:3, :3] = nearest_rotation(product[:3, :3])
+        return RigidTransform(product, self.into, other.outof)
+
+    def inverse(self) -> "RigidTransform":
+        """Return `outof_from_into`."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation.T
+        matrix[:3, 3] = -self.rotation.T @ self.translation_mm
+        return RigidTransform(matrix, self.outof, self.into)
+
+    def apply(self, points_mm: ArrayLike) -> FloatArray:
+        """Map points (..., 3) of `outof` into `into`, mm."""
+        return np.asarray(points_mm, dtype=float) @ self.rotation.T + self.translation_mm
+
+    def rotate(self, directions: ArrayLike) -> FloatArray:
+        """Map directions (..., 3) of `outof` into `into`; the translation plays no part."""
+        return np.asarray(directions, dtype=float) @ self.rotation.T
+
+    def perturbed(self, xi: ArrayLike) -> "RigidTransform":
+        """Return the transform changed by a 6-vector rx ry rz tx ty tz (rad, mm): ``R·exp(r)`` and ``t + δt``."""
+        x = np.asarray(xi, dtype=float)
+        matrix = np.eye(4)
+        matrix[:3, :3] = nearest_rotation(self.rotation @ rotation_from_vector(x[:3]))
+        matrix[:3, 3] = self.translation_mm + x[3:]
+        return RigidTransform(matrix, self.into, self.outof)
+
+    def difference(self, other: "RigidTransform") -> FloatArray:
+        """Return the 6-vector `xi` with ``other = self.perturbed(xi)``, rad and mm."""
+        if (self.into, self.outof) != (other.into, other.outof):
+            raise InputError(
+                f"two transforms {self.into}_from_{self.outof}",
+                f"{other.into}_from_{other.outof}",
+                "Compare transforms between the same frames.",
+            )
+        rotation = vector_from_rotation(self.rotation.T @ other.rotation)
+        return np.concatenate([rotation, other.translation_mm - self.translation_mm])
+
+    def to_rows(self) -> list[list[float]]:
+        """Return the matrix as nested lists, for JSON."""
+        return self.matrix.tolist()
+
+
+def stack_matrices(transforms: Sequence[RigidTransform]) -> FloatArray:
+    """Return the matrices of transforms as one array (N, 4, 4)."""
+    return np.array([t.matrix for t in transforms]).reshape(-1, 4, 4)
+
+
+def _require_rigid(matrix: FloatArray, tolerance: float) -> None:
+    if matrix.shape != (4, 4):
+        raise InputError("a 4×4 matrix", f"an array of shape {matrix.shape}", "Give 16 numbers, row by row.")
+    if not np.isfinite(matrix).all():
+        raise InputError("a finite matrix", "NaN or infinity in it", "Check where the pose comes from.")
+    rotation = matrix[:3, :3]
+    error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if error > tolerance:
+        raise InputError(
+            "a rotation in the upper left 3×3 (orthonormal rows)",
+            f"rows that are off by {error:.2g}",
+            "Check that the numbers are given row by row and that nothing was scaled.",
+        )
+    if np.linalg.det(rotation) < 0:
+        raise InputError(
+            "a right-handed rotation", "a mirrored one (determinant −1)", "Check the signs of the axes."
+        )
+    if np.abs(matrix[3] - [0, 0, 0, 1]).max() > tolerance:
+        raise InputError(
+            "a last row of 0 0 0 1",
+            " ".join(f"{v:g}" for v in matrix[3]),
+            "Give the matrix row by row; if it is given by columns, transpose it.",
+        )

@@ -1,0 +1,334 @@
+"""The records of a session, its captures and its results: one set for the solvers, the API and the archive.
+
+Names and nesting are the published session format `scancell-session/1`.  Records are frozen; what a user's file
+says beyond these fields is kept and given back, so that nothing is lost in a round trip.
+"""
+
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Literal, TypeVar, get_args
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from calib_core.errors import InputError
+
+FORMAT = "scancell-session/1"
+
+Step = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan"]
+Kind = Literal["frame", "profile", "cloud", "sweep", "center"]
+Stage = Literal["camera", "laser-plane", "tcp", "turntable", "chain", "verify", "merge"]
+Verdict = Literal["pass", "warn", "fail"]
+PoseConvention = Literal[
+    "matrix", "quaternion-xyzw", "quaternion-wxyz", "abb", "kuka", "fanuc", "ur",
+    "staubli", "kawasaki", "yaskawa", "mitsubishi", "nachi", "ros",
+]  # fmt: skip
+
+Identifier = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Matrix4 = Annotated[
+    list[Annotated[list[Finite], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)
+]
+Rows = list[list[float]]
+
+
+class Record(BaseModel):
+    """A frozen record that keeps fields it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the record as plain JSON data, without the fields that were left out."""
+        return self.model_dump(mode="json", exclude_unset=True)
+
+    def unknown_fields(self) -> list[str]:
+        """Return the names in this record that the format does not know (typing errors, or newer fields)."""
+        return sorted(self.model_extra or {})
+
+
+class Scanner(Record):
+    """What kind of data the scanner delivers and how noisy it is."""
+
+    kind: Kind | None = None
+    point_sigma_mm: Positive | None = None
+    z_axis: Literal["away", "toward"] | None = None
+
+
+class Robot(Record):
+    """The repeatability of the robot, standard deviations per axis."""
+
+    position_sigma_mm: NotNegative | None = None
+    orientation_sigma_deg: NotNegative | None = None
+    brand: str | None = None
+
+
+class Turntable(Record):
+    """The turntable's sense of turning and its encoder's standard deviation."""
+
+    direction: Literal[1, -1] | None = None
+    angle_sigma_deg: NotNegative | None = None
+
+
+class Board(Record):
+    """The calibration board of the camera stages."""
+
+    kind: Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
+    columns: Annotated[int, Field(ge=2, le=200)]
+    rows: Annotated[int, Field(ge=2, le=200)]
+    pitch_mm: Positive
+    marker_mm: Positive | None = None
+    dictionary: str | None = None
+
+
+class KnownCamera(Record):
+    """A camera calibration that the user brings."""
+
+    camera_matrix: Annotated[list[Vector3], Field(min_length=3, max_length=3)]
+    distortion: dict[str, Finite] = Field(default_factory=dict)
+
+
+class KnownPlane(Record):
+    """A laser plane that the user brings, in the camera frame: normal · p = distance."""
+
+    normal: Vector3
+    distance_mm: Finite
+
+
+class Known(Record):
+    """Results that the user brings: a known stage is not solved, and later stages use it."""
+
+    camera: KnownCamera | None = None
+    laser_plane: KnownPlane | None = None
+    tool0_from_laser: Matrix4 | None = None
+    base_from_turntable: Matrix4 | None = None
+
+
+class Cell(Record):
+    """The scanning cell: sphere, robot, scanner, table, board."""
+
+    pose_convention: PoseConvention
+    sphere_diameter_mm: Positive | None = None
+    sphere_diameter_sigma_mm: NotNegative | None = None
+    scanner: Scanner = Field(default_factory=Scanner)
+    robot: Robot = Field(default_factory=Robot)
+    turntable: Turntable = Field(default_factory=Turntable)
+    board: Board | None = None
+    known: Known = Field(default_factory=Known)
+
+
+class TimedPose(Record):
+    """One pose of a track that is sampled in time."""
+
+    t_s: Finite
+    pose: list[Finite]
+
+
+class Capture(Record):
+    """One measurement: its files and where robot and table stood, the numbers as they came."""
+
+    id: Identifier
+    step: Step
+    kind: Kind
+    files: list[str] = Field(default_factory=list)
+    pose: list[Finite] | None = None
+    table_deg: Finite | None = None
+    mount: str | None = None
+    center_mm: Vector3 | None = None
+    poses: list[list[Finite]] | None = None
+    timestamps_s: list[Finite] | None = None
+    pose_track: list[TimedPose] | None = None
+    excluded: bool = False
+    side: Literal[1, -1] | None = None
+
+    @field_validator("files")
+    @classmethod
+    def _files_stay_inside(cls, files: list[str]) -> list[str]:
+        for name in files:
+            path = PurePosixPath(name)
+            if not name or path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name or ":" in name:
+                raise ValueError(f"a file inside the session folder is needed, got {name!r}")
+        return files
+
+    @model_validator(mode="after")
+    def _has_its_data(self) -> "Capture":
+        if self.kind == "center":
+            if self.center_mm is None:
+                raise ValueError("a capture of kind 'center' needs center_mm [x, y, z]")
+        elif not self.files:
+            raise ValueError(f"a capture of kind '{self.kind}' needs at least one file in `files`")
+        return self
+
+
+class Session(Record):
+    """A session: the cell and its captures."""
+
+    format: Literal["scancell-session/1"] = FORMAT
+    name: str = ""
+    cell: Cell
+    captures: list[Capture] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _capture_ids_differ(self) -> "Session":
+        seen: set[str] = set()
+        for capture in self.captures:
+            if capture.id in seen:
+                raise ValueError(f"capture ids must differ: '{capture.id}' stands twice; rename or remove one")
+            seen.add(capture.id)
+        return self
+
+
+class CaptureResidual(Record):
+    """What one capture contributed to a solve, or why it did not."""
+
+    capture: str
+    used: bool
+    reason: str | None = None
+
+
+class TcpResidual(CaptureResidual):
+    """Figures of one capture of the sphere, in millimetres unless the name says otherwise."""
+
+    points: int = 0
+    surface_rms_mm: float | None = None
+    center_distance_mm: float | None = None
+    center_offset_in_base_mm: list[float] | None = None
+    leave_one_out_rms_mm: float | None = None
+    mahalanobis: float | None = None
+    side: int | None = None
+    zone: float | None = None
+
+
+class Result(Record):
+    """What every stage's result has, beside the name of its `stage`."""
+
+    method: str
+    software: str
+    inputs_sha256: str
+    verdict: Verdict
+    warnings: list[str] = Field(default_factory=list)
+
+
+class VarianceComponents(Record):
+    """Standard deviations of the point noise and of the robot's random pose errors."""
+
+    point_sigma_mm: float
+    position_sigma_mm: float
+    orientation_sigma_rad: float
+    orientation_sigma_deg: float
+    estimated: list[str] = Field(default_factory=list)
+
+
+class Undetermined(Record):
+    """A direction of the answer that the motions do not fix."""
+
+    direction: list[float]
+    description: str
+
+
+class TwoStep(Record):
+    """The paper's two-step answer, beside the joint one."""
+
+    tool0_from_laser: Matrix4 | None = None
+    sphere_center_in_base_mm: Vector3 | None = None
+    surface_rms_mm: float | None = None
+    leave_one_out_surface_rms_mm: float | None = None
+    center_scatter_rms_mm: float | None = None
+    covariance: Rows | None = None
+    translations: list[list[str]] = Field(default_factory=list)
+    reason: str | None = None
+
+
+class TcpResult(Result):
+    """The scanner's pose on the flange, with its evidence."""
+
+    stage: Literal["tcp"] = "tcp"
+    tool0_from_laser: Matrix4
+    covariance: Rows
+    sphere_center_in_base_mm: Vector3
+    sphere_center_covariance: Rows
+    surface_rms_mm: float
+    leave_one_out_surface_rms_mm: float | None
+    center_scatter_rms_mm: float
+    undetermined: list[Undetermined] = Field(default_factory=list)
+    two_step: TwoStep
+    variance_components: VarianceComponents
+    confidence_95: dict[str, float] = Field(default_factory=dict)
+    residuals: list[TcpResidual]
+
+
+def parse_session(data: Mapping[str, Any], where: str = "session.json") -> Session:
+    """Return the session that JSON data describes.
+
+    Raises
+    ------
+    InputError
+        With the field that is at fault and what it should hold.
+    """
+    return _parse(Session, data, where)
+
+
+def parse_capture(data: Mapping[str, Any], where: str = "capture") -> Capture:
+    """Return the capture that JSON data describes; raises InputError."""
+    return _parse(Capture, data, where)
+
+
+def parse_cell(data: Mapping[str, Any], where: str = "cell") -> Cell:
+    """Return the cell that JSON data describes; raises InputError."""
+    return _parse(Cell, data, where)
+
+
+_R = TypeVar("_R", bound=Record)
+
+
+def _parse(model: type[_R], data: Mapping[str, Any], where: str) -> _R:
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise input_error(error, data, where) from None
+
+
+def input_error(error: ValidationError, data: Any, where: str) -> InputError:
+    """Return a validation error as need, got and what to do, naming the capture it stands in."""
+    first = error.errors(include_url=False)[0]
+    place = _place(first["loc"], data)
+    value = repr(first["input"])
+    got = value if len(value) < 80 else value[:77] + "…"
+    to_do = "Correct this field."
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "missing":
+        got, message = "nothing", f"the field '{first['loc'][-1]}'"
+        to_do = "Add it."
+    elif first["loc"] and first["loc"][-1] == "pose_convention":
+        message = "one of the pose conventions " + ", ".join(get_args(PoseConvention))
+        to_do = "Name the controller's convention."
+    elif first["type"] == "value_error":
+        got = "something else"
+    more = len(error.errors()) - 1
+    if more:
+        to_do += f" ({more} more field{'s' if more > 1 else ''} will need attention.)"
+    return InputError(message[0].lower() + message[1:], got, to_do, f"{where}: {place}" if place else where)
+
+
+def _place(location: tuple[int | str, ...], data: Any) -> str:
+    """Return a path like `captures[p05].pose`, captures by their id."""
+    text = ""
+    for key in location:
+        name: object = key
+        try:
+            data = data[key]
+            if isinstance(key, int) and isinstance(data, Mapping) and "id" in data:
+                name = data["id"]
+        except (KeyError, IndexError, TypeError):
+            data = None
+        text += f"[{name}]" if isinstance(key, int) else f".{key}" if text else str(key)
+    return text

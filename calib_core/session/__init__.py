@@ -1,0 +1,1 @@
+"""A session's folder: reading, solving stage by stage, writing results."""

@@ -1,0 +1,1 @@
+"""The sphere in one scan: from a cloud, and from one profile."""
