@@ -112,7 +112,7 @@ class RigidTransform:
 
     @classmethod
     def of(cls, rotation: ArrayLike, translation_mm: ArrayLike, into: Frame, outof: Frame) -> "RigidTransform":
-        """Return the transform with a rotation, (3, 3) or a rotation vector (3,) in rad, and a translation (3,)."""
+        """Return the transform with a rotation, (3, 3) or a vector (3,) in rad, and a translation (3,)."""
         r = np.asarray(rotation, dtype=float)
         matrix = np.eye(4)
         matrix[:3, :3] = rotation_from_vector(r) if r.shape == (3,) else r
