@@ -266,6 +266,39 @@ class TcpResult(Result):
     residuals: list[TcpResidual]
 
 
+class Measured(Record):
+    """What was seen in one capture of the sphere, in the scanner's frame L, and how good it is.
+
+    A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; a cloud's and a centre's are
+    [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the arc seen.
+    """
+
+    capture: str
+    kind: Kind
+    verdict: Verdict
+    reason: str | None = None
+    to_do: str | None = None
+    points: int = 0
+    on_sphere: int = 0
+    center_mm: list[float] | None = None
+    radius_mm: float | None = None
+    rms_mm: float | None = None
+    point_sigma_mm: float | None = None
+    covariance: Rows | None = None
+    zone: float | None = None
+    extent_deg: float | None = None
+    preview: Rows = Field(default_factory=list)
+    preview_on_sphere: list[bool] = Field(default_factory=list)
+
+
+class Finding(Record):
+    """Something that a check of a session found: an error blocks solving, a warning doubts it, a note informs."""
+
+    level: Literal["error", "warning", "note"]
+    where: str
+    sentence: str
+
+
 def parse_session(data: Mapping[str, Any], where: str = "session.json") -> Session:
     """Return the session that JSON data describes.
 
