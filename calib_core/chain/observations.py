@@ -1,0 +1,64 @@
+"""What one capture tells the chain about the sphere: the solvers' input, already measured in frame L."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform
+
+
+@dataclass(frozen=True)
+class SphereSize:
+    """The sphere's diameter and its standard uncertainty (zero: taken as exact)."""
+
+    diameter_mm: float
+    sigma_mm: float = 0.0
+
+    @property
+    def radius_mm(self) -> float:
+        """Half the diameter."""
+        return self.diameter_mm / 2
+
+
+@dataclass(frozen=True, eq=False)
+class SphereObservation:
+    """The sphere as one capture saw it, and where the robot stood.
+
+    Attributes
+    ----------
+    capture : str
+        The capture's id.
+    base_from_tool0 : RigidTransform
+        The robot's pose as recorded.
+    kind : {"profile", "cloud", "center"}
+    points_in_laser_mm : (N, 3)
+        The points on the sphere (y = 0 for a profile; none for a center).
+    center_in_laser_mm : (3,)
+        The sphere's centre; for a profile the centre of the circle that its plane cuts, (x, 0, z).
+    center_covariance : (3, 3)
+        Of that centre, mm²; for a profile of the circle's x, z and radius.
+    circle_radius_mm : float or None
+        Of a profile's circle.
+    point_sigma_mm : float
+        Standard deviation of a point across the surface, from the fit's residuals.
+    side : {1, -1} or None
+        The sign of the sphere centre's y, where the user fixed it.
+    """
+
+    capture: str
+    base_from_tool0: RigidTransform
+    kind: Literal["profile", "cloud", "center"]
+    points_in_laser_mm: FloatArray
+    center_in_laser_mm: FloatArray
+    center_covariance: FloatArray
+    circle_radius_mm: float | None = None
+    point_sigma_mm: float = 0.0
+    side: int | None = None
+
+    def sphere_center_in_laser_mm(self, sphere: SphereSize, side: int) -> FloatArray:
+        """Return the sphere's centre (3,) in L; `side` is the sign of y for a profile and plays no part otherwise."""
+        if self.circle_radius_mm is None:
+            return self.center_in_laser_mm
+        height = np.sqrt(max(sphere.radius_mm**2 - self.circle_radius_mm**2, 0.0))
+        return self.center_in_laser_mm + np.array([0.0, side * height, 0.0])
