@@ -269,8 +269,8 @@ class TcpResult(Result):
 class Measured(Record):
     """What was seen in one capture of the sphere, in the scanner's frame L, and how good it is.
 
-    A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; a cloud's and a centre's are
-    [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the arc seen.
+    A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; those of a cloud or a centre
+    are [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the arc seen.
     """
 
     capture: str
