@@ -17,7 +17,7 @@ State = TypeVar("State")
 
 
 class Linearisation(Protocol):
-    """A problem about one state: half its squared residuals, their gradient (P,) and Gauss–Newton Hessian (P, P)."""
+    """A problem about one state: half its squared residuals, their gradient and Gauss–Newton Hessian."""
 
     @property
     def cost(self) -> float:
@@ -91,7 +91,7 @@ def minimise(
             state, at = trial_state, trial
             damping = damping / 10 if damping > 1e-9 else 0.0
             predicted = float(-step @ at.gradient)
-            if abs(gain) < tolerance and abs(predicted) < max(tolerance, 1e-3 * abs(gain)) or gain == 0.0:
+            if (abs(gain) < tolerance and abs(predicted) < max(tolerance, 1e-3 * abs(gain))) or gain == 0.0:
                 return Minimum(state, at, iteration, True)
         else:
             damping = max(10 * damping, 1e-4)
@@ -125,3 +125,63 @@ def covariance_of(hessian: FloatArray) -> FloatArray:
 def _limited(step: FloatArray, limit: FloatArray) -> FloatArray:
     excess = float(np.max(np.abs(step) / limit))
     return step / excess if excess > 1 else step
+
+
+@dataclass(frozen=True, eq=False)
+class GridPosterior:
+    """A posterior density on a small grid.
+
+    Attributes
+    ----------
+    nodes : (N, D)
+        Where the density was evaluated.
+    weights : (N,)
+        Its values, summing to one.
+    """
+
+    nodes: FloatArray
+    weights: FloatArray
+
+    @property
+    def mean(self) -> FloatArray:
+        """The posterior mean, (D,)."""
+        return self.weights @ self.nodes
+
+    @property
+    def deviation(self) -> FloatArray:
+        """The posterior standard deviation, (D,)."""
+        return np.sqrt(self.weights @ (self.nodes - self.mean) ** 2)
+
+
+def grid_posterior(
+    log_density: Callable[[FloatArray], float],
+    low: FloatArray,
+    high: FloatArray,
+    coarse: int = 13,
+    fine: int = 9,
+) -> GridPosterior:
+    """Return a posterior of few parameters by a coarse grid and a fine one about its bulk.
+
+    Two grids need no start, no gradient and no luck; the density is evaluated coarseᴰ + fineᴰ times.
+
+    Parameters
+    ----------
+    log_density
+        Of one point (D,), up to a constant.
+    low, high : (D,)
+        The box to search; a dimension with low = high is fixed.
+    """
+    first = _on_grid(log_density, low, high, coarse)
+    spacing = (high - low) / (coarse - 1)
+    reach = 3 * np.maximum(first.deviation, 0.5 * spacing)
+    return _on_grid(log_density, np.maximum(first.mean - reach, low), np.minimum(first.mean + reach, high), fine)
+
+
+def _on_grid(
+    log_density: Callable[[FloatArray], float], low: FloatArray, high: FloatArray, count: int
+) -> GridPosterior:
+    axes = [np.linspace(a, b, count) if b > a else np.array([a]) for a, b in zip(low, high, strict=True)]
+    nodes = np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
+    values = np.array([log_density(node) for node in nodes])
+    weights = np.exp(values - values.max())
+    return GridPosterior(nodes, weights / weights.sum())

@@ -57,7 +57,7 @@ class SphereObservation:
     side: int | None = None
 
     def sphere_center_in_laser_mm(self, sphere: SphereSize, side: int) -> FloatArray:
-        """Return the sphere's centre (3,) in L; `side` is the sign of y for a profile and plays no part otherwise."""
+        """Return the sphere's centre (3,) in L; `side` is the sign of y, which only a profile leaves open."""
         if self.circle_radius_mm is None:
             return self.center_in_laser_mm
         height = np.sqrt(max(sphere.radius_mm**2 - self.circle_radius_mm**2, 0.0))

@@ -1,0 +1,280 @@
+"""The joint likelihood of all captures of a sphere, with every pose's random error integrated out.
+
+Unknown are tool0_from_laser (6), the sphere's centre in base (3) and, where its diameter is uncertain, the radius.
+A capture depends on them only through the sphere's centre q in its own frame L: its points say how likely each q
+is, and the pose's repeatability says how far q may lie from where the unknowns predict it.  So each capture keeps
+its own q, and it is eliminated by a 3×3 Schur complement (Woodbury).  The side of a profile's sphere (±y) needs no
+choice here once the start is near, and a great circle simply says nothing of y.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.estimation import Minimum, minimise
+from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector
+
+_STEP_LIMIT = np.array(
+    [0.1] * 3 + [20.0] * 6
+)  # rad and mm: far enough to travel, near enough to stay in the valley
+_LEAST_SIGMA_MM = 1e-4  # keeps the prior of a capture's own centre invertible
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """Standard deviations, per axis, of a robot pose's position and orientation."""
+
+    position_mm: float
+    orientation_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class ChainData:
+    """All captures as arrays.
+
+    Attributes
+    ----------
+    rotations, translations : (K, 3, 3), (K, 3)
+        base_from_tool0 as recorded.
+    points, offsets, weights : (M, 3), (K + 1,), (K,)
+        Profiles' points in L, where each capture's begin, and 1/σ² of a capture's points.
+    anchors, anchor_information, anchor_gradient : (K, 3), (K, 4, 4), (K, 4)
+        For clouds and centers, whose likelihood is quadratic in (centre, radius): where, how sharp, which slope.
+    radius_mm, radius_sigma_mm : float
+        The sphere's.
+    """
+
+    rotations: FloatArray
+    translations: FloatArray
+    points: FloatArray
+    offsets: np.ndarray
+    weights: FloatArray
+    anchors: FloatArray
+    anchor_information: FloatArray
+    anchor_gradient: FloatArray
+    radius_mm: float
+    radius_sigma_mm: float
+
+    @property
+    def count(self) -> int:
+        """The number of captures."""
+        return len(self.weights)
+
+    @property
+    def free_radius(self) -> bool:
+        """Whether the sphere's radius is an unknown (with a prior) as well."""
+        return self.radius_sigma_mm > 0
+
+    def chosen(self, used: np.ndarray) -> "ChainData":
+        """Return only the captures of a mask (K,)."""
+        if used.all():
+            return self
+        lengths = np.diff(self.offsets)
+        return replace(
+            self,
+            rotations=self.rotations[used],
+            translations=self.translations[used],
+            points=self.points[np.repeat(used, lengths)],
+            offsets=np.concatenate([[0], np.cumsum(lengths[used])]),
+            weights=self.weights[used],
+            anchors=self.anchors[used],
+            anchor_information=self.anchor_information[used],
+            anchor_gradient=self.anchor_gradient[used],
+        )
+
+
+def chain_data(
+    observations: Sequence[SphereObservation], sphere: SphereSize, profile_sigma_mm: float | None
+) -> ChainData:
+    """Return observations as arrays; `profile_sigma_mm` is the points' standard deviation in every profile."""
+    count = len(observations)
+    profiles = [o.points_in_laser_mm if o.kind == "profile" else np.empty((0, 3)) for o in observations]
+    anchors = np.zeros((count, 3))
+    information = np.zeros((count, 4, 4))
+    gradient = np.zeros((count, 4))
+    for k, o in enumerate(observations):
+        if o.kind == "profile":
+            continue
+        anchors[k] = o.center_in_laser_mm
+        if o.kind == "center" or len(o.points_in_laser_mm) == 0:
+            information[k, :3, :3] = np.linalg.inv(o.center_covariance)
+        else:
+            information[k], gradient[k] = _cloud_information(o, sphere.radius_mm)
+    sigmas = np.array([profile_sigma_mm or o.point_sigma_mm or 1.0 for o in observations])
+    return ChainData(
+        rotations=np.array([o.base_from_tool0.rotation for o in observations]).reshape(-1, 3, 3),
+        translations=np.array([o.base_from_tool0.translation_mm for o in observations]).reshape(-1, 3),
+        points=np.ascontiguousarray(np.concatenate(profiles) if profiles else np.empty((0, 3))),
+        offsets=np.concatenate([[0], np.cumsum([len(p) for p in profiles])]).astype(np.int64),
+        weights=1 / sigmas**2,
+        anchors=anchors,
+        anchor_information=information,
+        anchor_gradient=gradient,
+        radius_mm=sphere.radius_mm,
+        radius_sigma_mm=sphere.sigma_mm / 2,
+    )
+
+
+def _cloud_information(observation: SphereObservation, radius_mm: float) -> tuple[FloatArray, FloatArray]:
+    offsets = observation.points_in_laser_mm - observation.center_in_laser_mm
+    distances = np.linalg.norm(offsets, axis=1)
+    jacobian = -np.column_stack([offsets / distances[:, None], np.ones(len(distances))])
+    weight = 1 / observation.point_sigma_mm**2
+    return weight * jacobian.T @ jacobian, weight * jacobian.T @ (distances - radius_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class ChainState:
+    """One guess of the unknowns, and of where each capture's own sphere centre lies in L."""
+
+    tool_rotation: FloatArray
+    tool_translation: FloatArray
+    center: FloatArray
+    radius_mm: float
+    centers_in_laser: FloatArray
+
+    @classmethod
+    def predicted(
+        cls, data: ChainData, tool_rotation: FloatArray, tool_translation: FloatArray, center: FloatArray
+    ) -> "ChainState":
+        """Return a guess in which every pose is taken as exact."""
+        arms = np.einsum("kji,kj->ki", data.rotations, center - data.translations)
+        return cls(
+            tool_rotation, tool_translation, center, data.radius_mm, (arms - tool_translation) @ tool_rotation
+        )
+
+    def moved(self, step: FloatArray) -> "ChainState":
+        """Return the unknowns after a step (9,) or (10,); the captures' own centres stay."""
+        return replace(
+            self,
+            tool_rotation=nearest_rotation(self.tool_rotation @ rotation_from_vector(step[:3])),
+            tool_translation=self.tool_translation + step[3:6],
+            center=self.center + step[6:9],
+            radius_mm=self.radius_mm + (float(step[9]) if len(step) > 9 else 0.0),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ChainLinearisation:
+    """The likelihood about one state.
+
+    Attributes
+    ----------
+    cost, gradient, hessian
+        Of the unknowns (9, or 10 with the radius), pose errors integrated out.
+    information, vector : (K, m, m), (K, m)
+        What each capture knows of its own (centre[, radius]): −½ xᵀAx + hᵀx about the present one.
+    gain : (K, 3, 3)
+        See `kernels.chain.pose_error_gain`.
+    offset, jacobian : (K, 3), (K, 3, 9)
+        Predicted minus present centre, and the prediction's derivative.
+    spread : (K, 3, 3)
+        Covariance of a capture's centre in L by its pose error, mm².
+    logarithm : float
+        Σ log det(I + A S), for the variance components.
+    """
+
+    cost: float
+    gradient: FloatArray
+    hessian: FloatArray
+    information: FloatArray
+    vector: FloatArray
+    gain: FloatArray
+    offset: FloatArray
+    jacobian: FloatArray
+    spread: FloatArray
+    logarithm: float
+
+
+def pose_spread(predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas) -> FloatArray:
+    """Return the covariance (K, 3, 3), mm², of the sphere's centre in L by the random error of each robot pose.
+
+    A position error moves it by itself; an orientation error ω about the flange by ω × p, with p the arm from the
+    flange to the centre.
+
+    Parameters
+    ----------
+    predicted : (K, 3)
+        The sphere's centre in L, mm.
+    tool_in_laser : (3,)
+        R_sᵀ T_s: the arm from the flange to the origin of L, in L, mm.
+    sigmas : Sigmas
+    """
+    arms = predicted + tool_in_laser
+    turning = np.einsum("ki,ki->k", arms, arms)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None, :]
+    position = max(sigmas.position_mm, _LEAST_SIGMA_MM)
+    return position**2 * np.eye(3) + sigmas.orientation_rad**2 * turning
+
+
+def linearise(data: ChainData, state: ChainState, spread: FloatArray) -> ChainLinearisation:
+    """Return the likelihood about a state, given the covariance of each capture's centre by its pose error."""
+    from calib_core.kernels.chain import (
+        marginal_normal_equations,
+        point_information,
+        pose_error_gain,
+        predict_tcp,
+    )
+
+    count = data.count
+    size = 4 if data.free_radius else 3
+    predicted, jacobian = np.empty((count, 3)), np.empty((count, 3, 9))
+    predict_tcp(
+        data.rotations,
+        data.translations,
+        state.tool_rotation,
+        state.tool_translation,
+        state.center,
+        predicted,
+        jacobian,
+    )
+    own = state.centers_in_laser
+    change = np.concatenate([own - data.anchors, np.full((count, 1), state.radius_mm - data.radius_mm)], axis=1)
+    slope = np.einsum("kij,kj->ki", data.anchor_information, change)
+    cost = float(np.sum(change * (0.5 * slope + data.anchor_gradient)))
+    gradient = slope + data.anchor_gradient
+    information = data.anchor_information
+    if len(data.points):
+        costs, slopes, sharpness = np.empty(count), np.empty((count, 4)), np.empty((count, 4, 4))
+        point_information(data.points, data.offsets, data.weights, own, state.radius_mm, costs, slopes, sharpness)
+        cost += float(costs.sum())
+        gradient = gradient + slopes
+        information = information + sharpness
+    information = np.ascontiguousarray(information[:, :size, :size])
+    vector = np.ascontiguousarray(-gradient[:, :size])
+    offset = predicted - own
+    cost += 0.5 * float(np.sum(offset * np.linalg.solve(spread, offset[..., None])[..., 0]))
+    gain = np.empty((count, 3, 3))
+    logarithm = pose_error_gain(information, spread, gain)
+    width = 6 + size
+    hessian, slope_of_all = np.empty((width, width)), np.empty(width)
+    marginal_normal_equations(information, vector, gain, offset, jacobian, hessian, slope_of_all)
+    if data.free_radius:
+        deviation = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm
+        cost += 0.5 * deviation**2
+        hessian[-1, -1] += 1 / data.radius_sigma_mm**2
+        slope_of_all[-1] += deviation / data.radius_sigma_mm
+    return ChainLinearisation(
+        cost, slope_of_all, hessian, information, vector, gain, offset, jacobian, spread, logarithm
+    )
+
+
+def retract(state: ChainState, step: FloatArray, at: ChainLinearisation) -> ChainState:
+    """Return the state after a step of the unknowns, every capture's own centre following (Schur's back part)."""
+    offset = at.offset + at.jacobian @ step[:9]
+    slope = at.vector[:, :3] - np.einsum("kij,kj->ki", at.information[:, :3, :3], offset)
+    if len(step) > 9:
+        slope = slope - at.information[:, :3, 3] * step[9]
+    own_step = offset + np.einsum("kij,kj->ki", at.gain, slope)
+    return replace(state.moved(step), centers_in_laser=state.centers_in_laser + own_step)
+
+
+def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainState, ChainLinearisation]:
+    """Return the most likely unknowns for given standard deviations, from a start that is near.
+
+    The covariance of the unknowns is the inverse of the minimum's Hessian.
+    """
+    spread = pose_spread(start.centers_in_laser, start.tool_rotation.T @ start.tool_translation, sigmas)
+    limit = np.append(_STEP_LIMIT, 1.0) if data.free_radius else _STEP_LIMIT
+    return minimise(lambda s: linearise(data, s, spread), retract, start, limit)

@@ -1,0 +1,250 @@
+"""Where the likelihood starts: tool, sphere and sides from the captures' own sphere centres, whatever the motions.
+
+A profile tells x and z of the sphere's centre in L and |y|, but not the side.  Leaving y out first removes the
+2ᴷ choices: x and z alone fix the rotation, the sphere's centre and two components of the translation.  The
+third is one number on which all captures must agree, so their |y| vote for it, and the sides follow.  Rotations
+are searched from everywhere (all at once, in arrays), with a robust loss, so neither pure translations nor clean
+captures are needed.  What comes out is a start, good to about the scatter of the centres.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.frames import FloatArray, skew
+
+_STARTS = 240
+_KEPT = 16
+_SEARCH_CAPTURES = 40  # more do not make the search safer, only slower
+
+
+@dataclass(frozen=True, eq=False)
+class Centers:
+    """The captures' own sphere centres and poses, as arrays.
+
+    Attributes
+    ----------
+    rotations, translations : (K, 3, 3), (K, 3)
+        base_from_tool0.
+    measured : (K, 3)
+        In L, mm; y is |y| where the side is open.
+    open_side : (K,)
+        True for profiles whose side is not fixed.
+    height_weight : (K,)
+        Weight of y against x and z, 0 … 1: small near a great circle, where y is hardly known.
+    """
+
+    rotations: FloatArray
+    translations: FloatArray
+    measured: FloatArray
+    open_side: np.ndarray
+    height_weight: FloatArray
+
+    def chosen(self, which: np.ndarray) -> "Centers":
+        """Return only some captures."""
+        return Centers(
+            self.rotations[which],
+            self.translations[which],
+            self.measured[which],
+            self.open_side[which],
+            self.height_weight[which],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A guess of the unknowns: tool0_from_laser, the sphere's centre in base, each capture's side and its misfit.
+
+    Attributes
+    ----------
+    rotation, translation, center : (3, 3), (3,), (3,)
+    sides : (K,)
+        ±1; 0 where a capture has no side to choose.
+    misfit_mm : (K,)
+        Distance of each capture's own centre from the guessed one, y weighted.
+    scatter_mm : float
+        Robust scale of the misfits (median).
+    rival_scatter_mm : float or None
+        The same for the best guess with other sides.
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+    center: FloatArray
+    sides: np.ndarray
+    misfit_mm: FloatArray
+    scatter_mm: float
+    rival_scatter_mm: float | None
+
+
+def centers_of(observations: Sequence[SphereObservation], sphere: SphereSize) -> Centers:
+    """Return the captures' own sphere centres and poses as arrays."""
+    measured = np.array([o.sphere_center_in_laser_mm(sphere, o.side or 1) for o in observations])
+    zone = np.array([(o.circle_radius_mm or 0.0) / sphere.radius_mm for o in observations])
+    # An error of the circle's radius reaches y multiplied by r/|y|.
+    magnification = zone / np.sqrt(np.maximum(1 - zone**2, 4e-4))
+    return Centers(
+        rotations=np.array([o.base_from_tool0.rotation for o in observations]),
+        translations=np.array([o.base_from_tool0.translation_mm for o in observations]),
+        measured=measured,
+        open_side=np.array([o.circle_radius_mm is not None and o.side is None for o in observations]),
+        height_weight=1 / np.maximum(magnification, 1.0),
+    )
+
+
+def find_start(centers: Centers) -> Start:
+    """Return the guess on which most captures agree.
+
+    Parameters
+    ----------
+    centers : Centers
+        Of at least four captures.
+    """
+    count = len(centers.measured)
+    some = np.arange(count)
+    if count > _SEARCH_CAPTURES:
+        some = np.unique(np.linspace(0, count - 1, _SEARCH_CAPTURES).astype(int))
+    candidates = _candidates(centers.chosen(some))
+    starts = [_settled(centers, *candidate) for candidate in candidates]
+    starts.sort(key=_badness)
+    best = starts[0]
+    rivals = [s for s in starts[1:] if _disagreement(s.sides, best.sides) > 0]
+    rival = rivals[0].scatter_mm if rivals else None
+    return Start(best.rotation, best.translation, best.center, best.sides, best.misfit_mm, best.scatter_mm, rival)
+
+
+def _badness(start: Start) -> float:
+    """Return a robust cost: captures beyond a few scatters count as lost, however far they are."""
+    scale = max(start.scatter_mm, 0.05)
+    return float(np.sum(np.log1p((start.misfit_mm / (3 * scale)) ** 2)) + len(start.misfit_mm) * np.log(scale))
+
+
+def _disagreement(sides: np.ndarray, others: np.ndarray) -> int:
+    return int(np.sum(sides != others))
+
+
+def _random_rotations(count: int) -> FloatArray:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.random(count, rng=np.random.default_rng(2010)).as_matrix()
+
+
+def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return guesses (rotation, translation, center), the more likely ones first."""
+    weight = np.ones_like(centers.measured)
+    weight[:, 1] = np.where(centers.open_side, 0.0, centers.height_weight)
+    rotations = _random_rotations(_STARTS)
+    linear = _linear_unknowns(centers, rotations, weight)
+    rotations, linear, misfit = _refined(centers, rotations, linear, weight, 25)
+    scatter = np.median(np.sqrt(np.sum(weight * misfit**2, axis=2)), axis=1)
+    guesses: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    seen: list[FloatArray] = []
+    for index in np.argsort(scatter):
+        rotation = rotations[index]
+        if any(np.trace(rotation.T @ other) > 1 + 2 * np.cos(0.03) for other in seen):
+            continue
+        seen.append(rotation)
+        center, tool_in_laser = linear[index, :3], linear[index, 3:]
+        guesses += [
+            (rotation, rotation @ np.array([tool_in_laser[0], height, tool_in_laser[2]]), center)
+            for height in _heights(centers, rotation, center, tool_in_laser[1])
+        ]
+        if len(seen) >= _KEPT:
+            break
+    return guesses
+
+
+def _heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: float) -> list[float]:
+    """Return values of the translation along L's y on which the captures' |y| agree best."""
+    if not centers.open_side.any():
+        return [given]
+    arms = np.einsum("kji,kj->ki", centers.rotations, center - centers.translations) @ rotation[:, 1]
+    height = centers.measured[:, 1]
+    votes = np.concatenate([arms - height, arms + height])
+    off = np.abs(np.abs(arms - votes[:, None]) - np.abs(height)) * centers.height_weight
+    if not centers.open_side.all():
+        fixed = ~centers.open_side
+        off[:, fixed] = np.abs((arms - votes[:, None]) - height)[:, fixed]
+    cost = np.sum(np.log1p((off / 1.0) ** 2), axis=1)
+    chosen: list[float] = []
+    for index in np.argsort(cost):
+        if all(abs(votes[index] - other) > 2.0 for other in chosen):
+            chosen.append(float(votes[index]))
+        if len(chosen) == 3:
+            break
+    return chosen
+
+
+def _linear_unknowns(centers: Centers, rotations: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the centre and R_sᵀT_s (N, 6) by least squares for each of N rotations: linear once R_s is given."""
+    axes = np.einsum("kij,njc->nkci", centers.rotations, rotations)  # R_0 R_s columns: (N, K, 3 axes, 3)
+    right = centers.measured + np.einsum("nkci,ki->nkc", axes, centers.translations)
+    rows = np.concatenate([axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3)
+    normal = np.einsum("nkcp,kc,nkcq->npq", rows, weight, rows)
+    vector = np.einsum("nkcp,kc,nkc->np", rows, weight, right)
+    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    return np.linalg.solve(normal + 1e-9 * scale * np.eye(6), vector[..., None])[..., 0]
+
+
+def _refined(
+    centers: Centers, rotations: FloatArray, linear: FloatArray, weight: FloatArray, iterations: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Improve N guesses at once by damped Gauss–Newton with Cauchy's loss; returns them and their residuals."""
+    from scipy.spatial.transform import Rotation
+
+    misfit = _misfit(centers, rotations, linear)
+    for _ in range(iterations):
+        axes = np.einsum("kij,njc->nkci", centers.rotations, rotations)
+        arms_in_laser = centers.measured + misfit + linear[:, None, 3:]
+        rows = np.concatenate([skew(arms_in_laser), axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3)
+        squared = np.sum(weight * misfit**2, axis=2)
+        scale = np.maximum(np.median(squared, axis=1), 1e-4)
+        robust = weight / (1 + squared / (6 * scale[:, None]))[:, :, None]
+        normal = np.einsum("nkcp,nkc,nkcq->npq", rows, robust, rows, optimize=True)
+        vector = np.einsum("nkcp,nkc,nkc->np", rows, robust, misfit, optimize=True)
+        diagonal = np.einsum("npp->np", normal)
+        normal = normal + (1e-5 * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True))[:, :, None] * np.eye(9)
+        step = -np.linalg.solve(normal, vector[..., None])[..., 0]
+        turn = step[:, :3]
+        step *= np.minimum(1, 0.5 / np.maximum(np.linalg.norm(turn, axis=1), 1e-12))[:, None]
+        rotations = rotations @ Rotation.from_rotvec(step[:, :3]).as_matrix()
+        linear = linear + step[:, 3:]
+        misfit = _misfit(centers, rotations, linear)
+    return rotations, linear, misfit
+
+
+def _misfit(centers: Centers, rotations: FloatArray, linear: FloatArray) -> FloatArray:
+    """Return predicted minus measured centres in L, (N, K, 3)."""
+    arms = np.einsum("kji,nkj->nki", centers.rotations, linear[:, None, :3] - centers.translations)
+    return arms @ rotations - linear[:, None, 3:] - centers.measured
+
+
+def _settled(centers: Centers, rotation: FloatArray, translation: FloatArray, center: FloatArray) -> Start:
+    """Return a guess refined on all three components, the sides taken from where it puts each sphere."""
+    weight = np.column_stack(
+        [np.ones(len(centers.measured)), centers.height_weight, np.ones(len(centers.measured))]
+    )
+    linear = np.concatenate([center, rotation.T @ translation])
+    rotations, linears, sided, misfit = rotation[None], linear[None], centers, np.empty(0)
+    for _ in range(6):
+        before = sided.measured
+        heights = (_misfit(centers, rotations, linears)[0] + centers.measured)[:, 1]
+        signed = centers.measured.copy()
+        signed[centers.open_side, 1] = np.copysign(signed[:, 1], heights)[centers.open_side]
+        sided = Centers(centers.rotations, centers.translations, signed, centers.open_side, centers.height_weight)
+        rotations, linears, misfit = _refined(sided, rotations, linears, weight, 6)
+        if np.array_equal(before, signed):
+            break
+    distance = np.sqrt(np.sum(weight * misfit[0] ** 2, axis=1))
+    sides = np.where(centers.open_side, np.where(sided.measured[:, 1] < 0, -1, 1), 0)
+    return Start(
+        rotation=rotations[0],
+        translation=rotations[0] @ linears[0, 3:],
+        center=linears[0, :3],
+        sides=sides,
+        misfit_mm=distance,
+        scatter_mm=float(np.median(distance)),
+        rival_scatter_mm=None,
+    )
