@@ -1,1 +1,56 @@
-"""Scanning cells with known truth: their own forward model, which shares no code with the solvers."""
+"""Scanning cells with known truth: their own forward model, which shares no code with the solvers.
+
+``simulate("tcp", seed=7)`` gives a session record, its files and the truth; `SCENARIOS` lists the names.
+"""
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.simulation.bound import tcp_bound
+from calib_core.simulation.profile_cell import Shot, World, build_world
+from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
+from calib_core.simulation.session import SimulatedSession
+from calib_core.simulation.writing import session_files, session_record
+
+__all__ = [
+    "SCENARIOS",
+    "Shot",
+    "SimulatedSession",
+    "TcpScenario",
+    "World",
+    "simulate",
+    "simulate_tcp",
+    "tcp_bound",
+]
+
+
+def simulate(scenario: str, seed: int) -> SimulatedSession:
+    """Return the session of a named scenario; the same seed always gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        If no scenario has this name or the seed is negative.
+    """
+    if scenario not in SCENARIOS:
+        raise InputError(
+            "a scenario among " + ", ".join(SCENARIOS), repr(scenario), "Name one of these simulated cells."
+        )
+    return simulate_tcp(seed, SCENARIOS[scenario], scenario)
+
+
+def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> SimulatedSession:
+    """Return a TCP session of a simulated cell with explicit options.
+
+    Raises
+    ------
+    InputError
+        If the seed is negative.
+    """
+    if seed < 0:
+        raise InputError("a seed of 0 or more", str(seed), "Give another seed.")
+    world = build_world(options, np.random.default_rng([seed, 20_260]))
+    truth = {**world.truth(), "seed": seed, "scenario": name}
+    return SimulatedSession(
+        session_record(world, f"simulated {name}, seed {seed}"), session_files(world), truth, world
+    )

@@ -1,0 +1,30 @@
+"""A simulated session: the record, its files and the truth."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from calib_core.records import Session
+from calib_core.simulation.profile_cell import World
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedSession:
+    """A session as a user would have recorded it, and what is true of it.
+
+    Parameters
+    ----------
+    session : Session
+        The record, poses in the convention `abb`.
+    files : dict
+        The bytes of every file that the captures name.
+    truth : dict
+        JSON data: `tool0_from_laser`, `sphere_center_in_base_mm`, `sides`, `sigmas`, `spoiled`, `seed`,
+        `scenario` and more.
+    world : World
+        The simulated cell itself, for bounds and benchmarks.
+    """
+
+    session: Session
+    files: dict[str, bytes]
+    truth: dict[str, Any]
+    world: World

@@ -1,0 +1,67 @@
+"""The session record and the files of a simulated cell, as a real one would have written them."""
+
+import numpy as np
+
+from calib_core.records import Session
+from calib_core.simulation.motion import FloatArray
+from calib_core.simulation.profile_cell import Shot, World, pose_numbers
+
+_ENDING = {"profile": "csv", "cloud": "xyz"}
+
+
+def session_record(world: World, name: str) -> Session:
+    """Return the session record, poses in the convention `abb` (x y z in mm, q1 q2 q3 q4)."""
+    options = world.options
+    scanner: dict[str, object] = {"kind": options.kinds[0]} if len(options.kinds) == 1 else {}
+    cell: dict[str, object] = {"pose_convention": "abb", "sphere_diameter_mm": options.sphere_diameter_mm}
+    if options.sphere_diameter_sigma_mm:
+        cell["sphere_diameter_sigma_mm"] = options.sphere_diameter_sigma_mm
+    if options.sigmas == "given":
+        scanner["point_sigma_mm"] = options.point_sigma_mm
+        cell["robot"] = {
+            "position_sigma_mm": options.position_sigma_mm,
+            "orientation_sigma_deg": float(np.rad2deg(options.orientation_sigma_rad)),
+        }
+    cell["scanner"] = scanner
+    captures = [_capture(shot, world) for shot in world.shots]
+    return Session.model_validate(
+        {"format": "scancell-session/1", "name": name, "cell": cell, "captures": captures}
+    )
+
+
+def session_files(world: World) -> dict[str, bytes]:
+    """Return the bytes of every capture's file."""
+    scale = 0.001 if world.options.length_unit == "m" else 1.0
+    return {
+        _file(shot): (_profile_csv if shot.kind == "profile" else _cloud_xyz)(shot.measured_points_mm, scale)
+        for shot in world.shots
+        if shot.kind != "center"
+    }
+
+
+def _file(shot: Shot) -> str:
+    return f"captures/{shot.name}.{_ENDING[shot.kind]}"
+
+
+def _capture(shot: Shot, world: World) -> dict[str, object]:
+    scale = 0.001 if world.options.length_unit == "m" else 1.0
+    data: dict[str, object] = {"id": shot.name, "step": "tcp", "kind": shot.kind}
+    if shot.kind == "center":
+        data["center_mm"] = (np.round(shot.measured_points_mm[0], 4) * scale).tolist()
+    else:
+        data["files"] = [_file(shot)]
+    return data | {"pose": pose_numbers(shot.reported)}
+
+
+def _profile_csv(points_mm: FloatArray, scale: float) -> bytes:
+    digits = 4 if scale == 1.0 else 7
+    rows = (points_mm[:, [0, 2]] * scale).tolist()
+    x_digits = digits - 3
+    lines = [f"{x:.{x_digits}f},{z:.{digits}f}" if z == z else f"{x:.{x_digits}f}," for x, z in rows]  # NaN: blank
+    return ("x_mm,z_mm\n" + "\n".join(lines) + "\n").encode()
+
+
+def _cloud_xyz(points_mm: FloatArray, scale: float) -> bytes:
+    digits = 4 if scale == 1.0 else 7
+    lines = [" ".join(f"{v:.{digits}f}" for v in row) for row in (points_mm * scale).tolist()]
+    return ("\n".join(lines) + "\n").encode()
