@@ -1,0 +1,356 @@
+"""The arc of the sphere in one profile, on an arbitrary background: circle, covariance, inliers, visible side."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.sphere.arc_candidates import arc_candidates
+from calib_core.sphere.circle import CUT_IN_SIGMAS as CUT
+from calib_core.sphere.circle import BoolArray, circle_step, distances_to_circle, fit_circle, sigma_of_kept
+from calib_core.sphere.diagnosis import (
+    SMALLEST_CIRCLE,
+    points_as_rows,
+    radius_mismatch,
+    require_diameter,
+    require_point_sigma,
+)
+
+LEAST_EXTENT_RAD = float(np.deg2rad(30.0))
+"""Shorter arcs say too little about their circle to be used."""
+
+LEAST_POINTS = 12
+
+_START_BAND = 0.03  # of the radius: where a refinement starts to collect points
+_LARGEST_RMS = 0.03  # of the radius: rougher than this it is not an arc
+_MOST_BACKGROUND = 0.25  # share of the inliers that chance would put there
+_EDGE_RAD = np.deg2rad(1.5)  # the border of an arc holds mixed points: half on the sphere, half behind it
+_EDGE_SHARE = 0.05
+_WIDEST_GAP_RAD = np.deg2rad(4.0)
+_BEYOND_DOUBT_EXTENT_RAD = np.deg2rad(75.0)
+_BEYOND_DOUBT_RMS = 0.015  # of the radius
+_SMALL_PIECE = 0.05  # of the inliers: pieces beyond a gap that are smaller than this are left out
+
+
+@dataclass(frozen=True, eq=False)
+class ArcFit:
+    """A circle in the plane of light, as the arc of a sphere shows it, in L.
+
+    Attributes
+    ----------
+    center_mm : (2,)
+        x and z of the circle's centre.
+    radius_mm : float
+        The circle's radius; the sphere's is at least that.
+    covariance : (3, 3)
+        Of x, z and radius, mm², for independent point errors of `point_sigma_mm`.
+    rms_mm : float
+        Root mean square of the inliers' distances to the circle.
+    point_sigma_mm : float
+        Standard deviation of one point across the arc: as given, or estimated from the inliers.
+    inliers : (N,) bool
+        The points of the profile that lie on the arc.
+    extent_rad : float
+        Angular length of the arc, from its first to its last inlier.
+    visible_side : int
+        +1 where the arc bulges to −z (z grows away from the scanner), −1 where it bulges to +z (`toward`).
+    lag1_correlation : float
+        Correlation of the residuals of neighbours along the arc.  Near 0 the points err independently and the
+        covariance is true; sensors that smooth along the stripe come to 0.8, and the true covariance is then about
+        (1 + c) / (1 − c) times the stated one.
+    """
+
+    center_mm: FloatArray
+    radius_mm: float
+    covariance: FloatArray
+    rms_mm: float
+    point_sigma_mm: float
+    inliers: NDArray[np.bool_]
+    extent_rad: float
+    visible_side: int
+    lag1_correlation: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Arc:
+    """One arc that was found: its circle, inliers and what tells a real arc from a chance one."""
+
+    circle: FloatArray
+    normal_matrix: FloatArray
+    inliers: BoolArray
+    sigma_mm: float
+    rms_mm: float
+    extent_rad: float
+    side: int
+    background: float  # inliers to be expected from the density of points beside the arc
+
+    @property
+    def count(self) -> int:
+        return int(self.inliers.sum())
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the points are an arc at all: enough, smooth, bent, and denser than what lies beside."""
+        depth_mm = self.circle[2] * (1 - np.cos(self.extent_rad / 2))
+        return (
+            self.count >= LEAST_POINTS
+            and self.rms_mm <= _LARGEST_RMS * self.circle[2]
+            and depth_mm > 6 * self.rms_mm
+            and self.background <= _MOST_BACKGROUND * self.count
+        )
+
+    @property
+    def is_long(self) -> bool:
+        return self.extent_rad >= LEAST_EXTENT_RAD
+
+    @property
+    def is_beyond_doubt(self) -> bool:
+        """Whether no background can look like this: smooth over a wide angle."""
+        return self.extent_rad >= _BEYOND_DOUBT_EXTENT_RAD and self.rms_mm < _BEYOND_DOUBT_RMS * self.circle[2]
+
+    @property
+    def sigma_radius_mm(self) -> float:
+        return self.sigma_mm * float(np.sqrt(np.linalg.inv(self.normal_matrix)[2, 2]))
+
+    @property
+    def sharpness(self) -> float:
+        """How well the circle is determined: its radius in standard deviations of the radius."""
+        return float(self.circle[2]) / max(self.sigma_radius_mm, 1e-9 * float(self.circle[2]))
+
+
+def fit_arc(
+    points_in_laser_mm: ArrayLike,
+    sphere_diameter_mm: float | None,
+    z_axis: Literal["away", "toward"] | None = None,
+    point_sigma_mm: float | None = None,
+) -> ArcFit:
+    """Find the arc that a sphere leaves in a profile and fit its circle by least squares of geometric distance.
+
+    Candidate circles come from windows of the profile (`arc_candidates`); each is refined on the points near it with
+    a cut that follows their spread, until one stands that is long, bent, dense and possible for the sphere.  The arc's
+    border and small pieces beyond gaps are left out.  Covariance: σ² (JᵀJ)⁻¹ of the distance's derivative (−u, −1).
+
+    Parameters
+    ----------
+    points_in_laser_mm : (N, 2)
+        x and z in L.  Rows with NaN are blanks.  In the order of the stripe, or in none; repeated rows count once.
+    sphere_diameter_mm : float or None
+        The sphere's diameter; None accepts a circle of any radius.
+    z_axis : "away", "toward" or None
+        Which way z grows, seen from the scanner; None lets the data decide.
+    point_sigma_mm : float or None
+        Standard deviation of one point; None estimates it from the inliers.
+
+    Raises
+    ------
+    MeasurementError
+        If there are too few points, no arc, only a short one or one on the hidden side, or if its radius contradicts
+        the diameter (the likely reason is named).
+    """
+    given = points_as_rows(points_in_laser_mm, 2, "profile")
+    require_diameter(sphere_diameter_mm)
+    require_point_sigma(point_sigma_mm)
+    points, row_of_point = _distinct_finite(given)
+    arcs = _arcs_in(points, sphere_diameter_mm, z_axis, point_sigma_mm or 0.0)
+    arc = _the_one(arcs, sphere_diameter_mm, z_axis)
+    sigma_mm = point_sigma_mm or arc.sigma_mm
+    inliers = np.zeros(len(given), dtype=bool)
+    inliers[row_of_point >= 0] = arc.inliers[row_of_point[row_of_point >= 0]]
+    return ArcFit(
+        center_mm=arc.circle[:2].copy(),
+        radius_mm=float(arc.circle[2]),
+        covariance=sigma_mm**2 * np.linalg.inv(arc.normal_matrix),
+        rms_mm=arc.rms_mm,
+        point_sigma_mm=sigma_mm,
+        inliers=inliers,
+        extent_rad=arc.extent_rad,
+        visible_side=arc.side,
+        lag1_correlation=_lag1_correlation(points[arc.inliers], arc.circle),
+    )
+
+
+def _distinct_finite(given: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the distinct finite points in their order, and each given row's point (−1 for blanks)."""
+    if np.isinf(given).any():
+        raise MeasurementError(
+            "finite numbers, or NaN where nothing came back",
+            f"infinity in row {int(np.isinf(given).any(axis=1).argmax()) + 1}",
+            "Write blanks or NaN where the scanner saw nothing.",
+        )
+    rows = np.flatnonzero(np.isfinite(given).all(axis=1))
+    if len(rows) == 0:
+        raise MeasurementError(
+            "a profile with points",
+            f"{len(given)} rows, all blank",
+            "Bring the sphere into the scanner's range and check the exposure.",
+        )
+    keys = given[rows, 0] + 1j * given[rows, 1]  # sorts faster than rows do
+    _, first, member = np.unique(keys, return_index=True, return_inverse=True)
+    by_first = np.argsort(first)
+    rank = np.empty(len(first), dtype=np.intp)
+    rank[by_first] = np.arange(len(first))
+    row_of_point = np.full(len(given), -1, dtype=np.intp)
+    row_of_point[rows] = rank[member]
+    points = given[rows[first[by_first]]]
+    if len(points) < LEAST_POINTS:
+        raise MeasurementError(
+            f"at least {LEAST_POINTS} points on the sphere",
+            f"{len(points)} points in the whole profile",
+            "Bring the sphere into the scanner's range and check the exposure.",
+        )
+    return points, row_of_point
+
+
+def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None, sigma_mm: float) -> list[_Arc]:
+    """Return the refined candidates; the search ends early once no other candidate can beat a good one."""
+    arcs: list[_Arc] = []
+    best = 0
+    circles, support = arc_candidates(points, 3 * sigma_mm)
+    for circle, most in zip(circles, support, strict=True):
+        if best > 1.3 * most:
+            break
+        arc = _refined(points, circle, 3 * sigma_mm)
+        if arc is not None:
+            arcs.append(arc)
+            if arc.is_beyond_doubt and _is_possible(arc, diameter_mm, z_axis):
+                best = max(best, arc.count)
+    return arcs
+
+
+def _refined(points: FloatArray, circle: FloatArray, band_at_least_mm: float) -> _Arc | None:
+    """Follow a candidate to the circle that its own points define, or return None where it dissolves."""
+    start_radius = circle[2]
+    widest = max(_START_BAND * start_radius, band_at_least_mm)
+    cut = widest
+    kept = np.zeros(len(points), dtype=bool)
+    for _ in range(25):
+        misfit = np.abs(distances_to_circle(points, circle))
+        before, kept = kept, _on_one_side(points, circle, misfit < cut)
+        if kept.sum() < LEAST_POINTS // 2:
+            return None
+        if np.array_equal(before, kept):
+            break
+        circle = circle_step(points[kept], circle).parameters
+        if not (start_radius / 5 < circle[2] < start_radius * 5):
+            return None
+        sigma = 1.4826 * float(np.median(misfit[kept]))
+        cut = min(widest, max(CUT * sigma, 1e-7 * circle[2]))
+    return _finished(points, circle, kept, cut)
+
+
+def _finished(points: FloatArray, circle: FloatArray, kept: BoolArray, cut: float) -> _Arc | None:
+    kept = _without_edges(points, circle, kept)
+    if kept.sum() < LEAST_POINTS // 2:
+        return None
+    fit = fit_circle(points[kept], circle)
+    if not fit.parameters[2] > 0:
+        return None
+    sigma = sigma_of_kept(fit.residuals, 3)
+    angle, toward = _angles(points, fit.parameters, kept)
+    low, high = float(angle[kept].min()), float(angle[kept].max())
+    misfit = np.abs(distances_to_circle(points, fit.parameters))
+    beside = (misfit > 1.2 * cut) & (misfit < 3.2 * cut) & (angle > low) & (angle < high)
+    return _Arc(
+        circle=fit.parameters,
+        normal_matrix=fit.normal_matrix,
+        inliers=kept,
+        sigma_mm=sigma,
+        rms_mm=float(np.sqrt(np.mean(fit.residuals**2))),
+        extent_rad=high - low,
+        side=1 if toward[1] < 0 else -1,
+        background=float(beside.sum()) / 2,
+    )
+
+
+def _angles(points: FloatArray, circle: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return every point's angle (N,) about the centre from the arc's middle direction, and that direction (2,)."""
+    offset = points - circle[:2]
+    unit = offset[kept] / np.maximum(np.hypot(offset[kept, 0], offset[kept, 1]), 1e-300)[:, None]
+    middle = unit.mean(axis=0)
+    middle = middle / max(float(np.hypot(*middle)), 1e-300)
+    along, across = offset @ middle, offset @ np.array([-middle[1], middle[0]])
+    return np.arctan2(across, along), middle
+
+
+def _on_one_side(points: FloatArray, circle: FloatArray, kept: BoolArray) -> BoolArray:
+    """Keep what lies within 90° of the arc's middle: a scanner sees at most half of a circle."""
+    if not kept.any():
+        return kept
+    offset = points - circle[:2]
+    return kept & (offset @ offset[kept].mean(axis=0) > 0)
+
+
+def _without_edges(points: FloatArray, circle: FloatArray, kept: BoolArray) -> BoolArray:
+    """Leave out the border of the arc and small pieces of it beyond gaps."""
+    rows = np.flatnonzero(kept)
+    angle = _angles(points, circle, kept)[0][rows]
+    rows, angle = rows[np.argsort(angle, kind="stable")], np.sort(angle)
+    gaps = np.diff(angle)
+    ends = np.flatnonzero(gaps > max(_WIDEST_GAP_RAD, 8 * float(np.median(gaps)))) + 1
+    result = np.zeros(len(points), dtype=bool)
+    for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(rows)], strict=True):
+        count = last - first
+        if count < max(3, _SMALL_PIECE * len(rows)):
+            continue
+        most = int(_EDGE_SHARE * count)
+        piece = angle[first:last]
+        low = min(int(np.searchsorted(piece, piece[0] + _EDGE_RAD)), most)
+        high = min(count - int(np.searchsorted(piece, piece[-1] - _EDGE_RAD)), most)
+        result[rows[first + low : last - high]] = True
+    return result
+
+
+def _is_possible(arc: _Arc, diameter_mm: float | None, z_axis: str | None) -> bool:
+    return arc.is_clear and arc.is_long and _radius_fits(arc, diameter_mm) and _side_fits(arc, z_axis)
+
+
+def _radius_fits(arc: _Arc, diameter_mm: float | None) -> bool:
+    """Whether the circle can be cut from the sphere: no larger than it, within the noise and half a per cent."""
+    if diameter_mm is None:
+        return True
+    largest_mm = diameter_mm / 2 + max(5 * arc.sigma_radius_mm, 0.005 * diameter_mm / 2)
+    return SMALLEST_CIRCLE * diameter_mm / 2 <= arc.circle[2] <= largest_mm
+
+
+def _side_fits(arc: _Arc, z_axis: str | None) -> bool:
+    return z_axis is None or arc.side == (1 if z_axis == "away" else -1)
+
+
+def _the_one(arcs: list[_Arc], diameter_mm: float | None, z_axis: str | None) -> _Arc:
+    """Return the possible arc that is determined best, or raise the error that says why there is none."""
+    possible = [arc for arc in arcs if _is_possible(arc, diameter_mm, z_axis)]
+    if possible:
+        return max(possible, key=lambda arc: arc.sharpness)
+    clear = [arc for arc in arcs if arc.is_clear]
+    if not clear:
+        raise MeasurementError(
+            "the arc of a sphere in the profile",
+            "none: nothing in it is round enough",
+            "Aim the stripe at the sphere, off its edge, and see that nothing hides it.",
+        )
+    best = max(clear, key=lambda arc: (arc.is_long, arc.sharpness))
+    if not best.is_long:
+        raise MeasurementError(
+            f"an arc of at least {np.rad2deg(LEAST_EXTENT_RAD):.0f}°",
+            f"one of {np.rad2deg(best.extent_rad):.0f}°",
+            "Move so that the stripe crosses more of the sphere and all of the visible side lies in range.",
+        )
+    if not _side_fits(best, z_axis):
+        other = "toward" if z_axis == "away" else "away"
+        raise MeasurementError(
+            f"an arc on the side that the scanner sees (z_axis: {z_axis})",
+            f"one that bulges to {'−z' if best.side > 0 else '+z'}, the far side",
+            f"Set the scanner's z_axis to {other}, or leave it out.",
+        )
+    assert diameter_mm is not None  # the radius is all that is left to be wrong
+    raise radius_mismatch(float(best.circle[2]), diameter_mm, "arc")
+
+
+def _lag1_correlation(points: FloatArray, circle: FloatArray) -> float:
+    residuals = distances_to_circle(points, circle)
+    residuals = residuals - residuals.mean()
+    power = float(residuals @ residuals)
+    return float(residuals[1:] @ residuals[:-1]) / power if power > 0 else 0.0

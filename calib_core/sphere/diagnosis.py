@@ -1,0 +1,104 @@
+"""What is wrong when the measured sphere and the stated diameter disagree: units, radius for diameter, wrong sphere."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
+
+SMALLEST_CIRCLE = 0.1
+"""Smallest circle, as a share of the sphere's radius, that a profile is taken to cut from the sphere."""
+
+
+def points_as_rows(points: ArrayLike, columns: int, what: str) -> FloatArray:
+    """Return points as a float array (N, columns).
+
+    Raises
+    ------
+    MeasurementError
+        If there is no point, or the array has another shape.
+    """
+    array = np.asarray(points, dtype=float)
+    if array.size == 0:
+        raise MeasurementError(
+            f"a {what} with points", "an empty one", "Check the scanner's exposure and its file."
+        )
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise MeasurementError(
+            f"a {what} as an array of N rows and {columns} columns",
+            f"an array of shape {array.shape}",
+            "Give one point a row.",
+        )
+    return array
+
+
+def require_diameter(diameter_mm: float | None) -> None:
+    """Raise MeasurementError unless the diameter is None or a positive finite number."""
+    if diameter_mm is not None and not (np.isfinite(diameter_mm) and diameter_mm > 0):
+        raise MeasurementError(
+            "a positive sphere diameter in mm",
+            f"{diameter_mm}",
+            "Give the diameter from the sphere's certificate.",
+        )
+
+
+def require_point_sigma(point_sigma_mm: float | None) -> None:
+    """Raise MeasurementError unless the points' standard deviation is None or a positive finite number."""
+    if point_sigma_mm is not None and not (np.isfinite(point_sigma_mm) and point_sigma_mm > 0):
+        raise MeasurementError(
+            "a positive standard deviation of the points in mm",
+            f"{point_sigma_mm}",
+            "Give a positive number, or leave it out to have it estimated.",
+        )
+
+
+def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> MeasurementError:
+    """Return the error that names the likeliest reason why a clear `shape` has a radius that cannot be.
+
+    Parameters
+    ----------
+    radius_mm : float
+        Radius of the arc (of any circle on the sphere) or of the sphere that was found.
+    diameter_mm : float
+        The sphere's diameter as it was stated.
+    shape : str
+        "arc" or "sphere".
+    """
+    stated_mm = diameter_mm / 2
+    need = (
+        f"an {shape} of radius ≤ {stated_mm:g} mm" if shape == "arc" else f"a {shape} of radius {stated_mm:g} mm"
+    )
+    need += f" (sphere diameter {diameter_mm:g} mm)"
+    got = (
+        f"an {shape} of radius {radius_mm:.6g} mm" if shape == "arc" else f"a {shape} of radius {radius_mm:.6g} mm"
+    )
+    if _explains(radius_mm / 1000, stated_mm, shape):
+        if diameter_mm < 1:
+            to_do = f"The diameter looks like metres: give it in mm, {diameter_mm * 1000:g}."
+        else:
+            to_do = "The points look like micrometres: give them in mm."
+        return MeasurementError(need, got, to_do)
+    if _explains(radius_mm * 1000, stated_mm, shape):
+        return MeasurementError(
+            need, got, "The points look like metres: give them in mm (multiply by 1000, or state the unit m)."
+        )
+    if radius_mm > stated_mm and _explains(radius_mm, diameter_mm, shape):
+        return MeasurementError(
+            need,
+            got,
+            f"The diameter may be the sphere's radius: if the sphere is {2 * diameter_mm:g} mm wide, give that. "
+            f"The sphere measured is larger than stated.",
+        )
+    larger = "larger" if radius_mm > stated_mm else "smaller"
+    return MeasurementError(
+        need,
+        got,
+        f"The sphere measured is {larger} than stated: correct the diameter, or keep other round things out of view.",
+    )
+
+
+def _explains(radius_mm: float, stated_mm: float, shape: str) -> bool:
+    """Whether a radius fits a sphere: any circle on it for an arc, its own radius for a sphere."""
+    least = SMALLEST_CIRCLE if shape == "arc" else 0.9
+    most = 1.02 if shape == "arc" else 1.1
+    return least * stated_mm <= radius_mm <= most * stated_mm
