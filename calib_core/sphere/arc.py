@@ -129,9 +129,10 @@ def fit_arc(
 ) -> ArcFit:
     """Find the arc that a sphere leaves in a profile and fit its circle by least squares of geometric distance.
 
-    Candidate circles come from windows of the profile (`arc_candidates`); each is refined on the points near it with
-    a cut that follows their spread, until one stands that is long, bent, dense and possible for the sphere.  The arc's
-    border and small pieces beyond gaps are left out.  Covariance: σ² (JᵀJ)⁻¹ of the distance's derivative (−u, −1).
+    Candidate circles come from windows of the profile (`arc_candidates`); each is refined on the points near it,
+    with a cut that follows their spread.  Of those that are long, bent, dense and possible for the sphere, the one
+    determined best is taken.  The arc's border and small pieces beyond gaps are left out.  Covariance: σ² (JᵀJ)⁻¹
+    of the distance's derivative (−u, −1).
 
     Parameters
     ----------
@@ -147,8 +148,8 @@ def fit_arc(
     Raises
     ------
     MeasurementError
-        If there are too few points, no arc, only a short one or one on the hidden side, or if its radius contradicts
-        the diameter (the likely reason is named).
+        If there are too few points, no arc, only a short one or one on the hidden side, or if its radius
+        contradicts the diameter (the likely reason is named).
     """
     given = points_as_rows(points_in_laser_mm, 2, "profile")
     require_diameter(sphere_diameter_mm)
@@ -162,7 +163,7 @@ def fit_arc(
     return ArcFit(
         center_mm=arc.circle[:2].copy(),
         radius_mm=float(arc.circle[2]),
-        covariance=sigma_mm**2 * np.linalg.inv(arc.normal_matrix),
+        covariance=np.asarray(sigma_mm**2 * np.linalg.inv(arc.normal_matrix)),
         rms_mm=arc.rms_mm,
         point_sigma_mm=sigma_mm,
         inliers=inliers,
@@ -266,7 +267,7 @@ def _finished(points: FloatArray, circle: FloatArray, kept: BoolArray, cut: floa
 
 
 def _angles(points: FloatArray, circle: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return every point's angle (N,) about the centre from the arc's middle direction, and that direction (2,)."""
+    """Return every point's angle (N,) about the centre from the arc's middle, and the middle's direction (2,)."""
     offset = points - circle[:2]
     unit = offset[kept] / np.maximum(np.hypot(offset[kept, 0], offset[kept, 1]), 1e-300)[:, None]
     middle = unit.mean(axis=0)

@@ -23,8 +23,8 @@ _MOST = 10
 def arc_candidates(points: FloatArray, band_at_least: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Return distinct candidate circles (K ≤ 10, 3) as x, z, r, best first, and the support (K,) of each.
 
-    The support is an estimate of the number of points within the band about the circle, less as many as a background
-    of the density beside the band would put there.
+    The support is an estimate of the number of points within the band about the circle, less as many as a
+    background of the density beside the band would put there.
 
     Parameters
     ----------

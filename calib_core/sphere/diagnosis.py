@@ -1,4 +1,4 @@
-"""What is wrong when the measured sphere and the stated diameter disagree: units, radius for diameter, wrong sphere."""
+"""What is wrong when the measured sphere and the stated diameter disagree: units, radius, or another sphere."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,7 +93,7 @@ def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> Measure
     return MeasurementError(
         need,
         got,
-        f"The sphere measured is {larger} than stated: correct the diameter, or keep other round things out of view.",
+        f"The sphere measured is {larger} than stated: correct the diameter, or keep other round things away.",
     )
 
 
