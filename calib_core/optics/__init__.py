@@ -1,0 +1,1 @@
+"""From raw frames to points: board, camera, stripe, laser plane, triangulation."""
