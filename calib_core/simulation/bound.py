@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.simulation.motion import FloatArray, cross_matrix
+from calib_core.simulation.motion import FloatArray
 from calib_core.simulation.profile_cell import Shot, World
 from calib_core.simulation.session import SimulatedSession
 
@@ -53,12 +53,11 @@ def _information(shot: Shot, world: World) -> FloatArray:
     else:
         normals = (points - shot.sphere_center_in_laser_mm) @ (arm @ mounting[:3, :3]).T / world.sphere_radius_mm
         sigma = options.point_sigma_mm
-    # How the points move in Base with r, t and with the arm's errors, seen along the sphere's normals.
-    by_turn = np.array(
-        [-n @ arm @ mounting[:3, :3] @ cross_matrix(p) for n, p in zip(normals, points, strict=True)]
-    )
+    # How far the points move along the sphere's normals with r and t, and with the arm's errors:
+    # n · A (r × p) = r · (p × Aᵀ n).
+    by_turn = np.cross(points, normals @ (arm @ mounting[:3, :3]))
     by_shift = normals @ arm
-    by_arm_turn = np.array([-n @ arm @ cross_matrix(q) for n, q in zip(normals, in_tool0, strict=True)])
+    by_arm_turn = np.cross(in_tool0, by_shift)
     jacobian = np.hstack([by_turn, by_shift, -normals])
     spread = np.hstack([by_arm_turn * options.orientation_sigma_rad, normals * options.position_sigma_mm])
     # Woodbury: (σ² I + S Sᵀ)⁻¹ without the large matrix.

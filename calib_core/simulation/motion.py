@@ -6,12 +6,6 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 
-def cross_matrix(vector: ArrayLike) -> FloatArray:
-    """Return the matrix (3, 3) that takes w to ``vector × w``."""
-    x, y, z = np.asarray(vector, dtype=float)
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def turn(vector_rad: ArrayLike) -> FloatArray:
     """Return the rotation (3, 3) about a vector (3,) by its length in rad, through its unit quaternion."""
     v = np.asarray(vector_rad, dtype=float)
