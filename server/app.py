@@ -1,0 +1,73 @@
+"""The application: what it is made of, and what happens at its start and end."""
+
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+
+from fastapi import APIRouter, FastAPI
+from fastapi.staticfiles import StaticFiles
+from starlette.concurrency import run_in_threadpool
+
+from calib_core import __version__
+from server import errors
+from server.events import Hub
+from server.guard import Guard
+from server.jobs import Jobs
+from server.routes import captures, health, pages, sessions, solves
+from server.schemas import Problem
+from server.settings import Settings
+from server.store.answers import forget_old_answers
+from server.store.database import Store
+
+_DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
+
+Lengths are millimetres. Errors are problem details (RFC 9457) whose `detail` says what to do. Every POST takes an
+`Idempotency-Key`. Lists are paged by the cursor in `next`. Changes take in `If-Match` the `ETag` of what
+they change."""
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """Return the application; its store is opened when it starts, not before."""
+    settings = settings or Settings()
+    hub = Hub()
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
+        store = Store(settings, hub.publish)
+        jobs = Jobs(settings, store)
+        app.state.store, app.state.jobs = store, jobs
+        try:
+            await run_in_threadpool(_start, store, jobs)
+            yield
+        finally:
+            hub.close()
+            await run_in_threadpool(jobs.stop)
+            store.close()
+
+    app = FastAPI(
+        title="scancell",
+        version=__version__,
+        description=_DESCRIPTION,
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        separate_input_output_schemas=False,
+        responses={"default": {"model": Problem, "description": "What went wrong and what to do."}},
+    )
+    app.state.settings, app.state.hub = settings, hub
+    errors.install(app)
+    api = APIRouter(prefix="/api/v1")
+    for module in (sessions, captures, solves, health):
+        api.include_router(module.router)
+    app.include_router(api)
+    app.include_router(pages.router)
+    app.mount("/web", StaticFiles(directory=settings.web, check_dir=False), name="web")
+    app.add_middleware(Guard, settings=settings)
+    return app
+
+
+def _start(store: Store, jobs: Jobs) -> None:
+    store.migrate()
+    store.blobs.clean()
+    with store.write() as db:
+        forget_old_answers(db)
+    jobs.start()

@@ -1,0 +1,105 @@
+"""What the routes are given: the store, the jobs, paging and Idempotency-Key."""
+
+import json
+from collections.abc import Callable
+from hashlib import sha256
+from typing import Annotated, Any
+
+from fastapi import Depends, Header, Path, Query, Request
+from fastapi.responses import JSONResponse
+from sqlalchemy.orm import Session as Transaction
+
+from server.events import Hub
+from server.jobs import Jobs
+from server.settings import Settings
+from server.store.answers import remember_answer, stored_answer
+from server.store.database import Store
+from server.store.models import Data
+
+
+def _settings(request: Request) -> Settings:
+    return request.app.state.settings
+
+
+def _store(request: Request) -> Store:
+    return request.app.state.store
+
+
+def _hub(request: Request) -> Hub:
+    return request.app.state.hub
+
+
+def _jobs(request: Request) -> Jobs:
+    return request.app.state.jobs
+
+
+SettingsDep = Annotated[Settings, Depends(_settings)]
+StoreDep = Annotated[Store, Depends(_store)]
+HubDep = Annotated[Hub, Depends(_hub)]
+JobsDep = Annotated[Jobs, Depends(_jobs)]
+
+SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]
+CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64)]
+StageName = Annotated[str, Path(description="`tcp`, and the other stages as they come.", max_length=64)]
+IfMatch = Annotated[
+    str | None, Header(max_length=200, description="The ETag that the change was made against; else 412.")
+]
+Cursor = Annotated[str | None, Query(max_length=500, description="The `next` of the page before.")]
+Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
+
+
+class Once:
+    """The request's Idempotency-Key: the same key with the same content is answered once and then repeated."""
+
+    def __init__(
+        self,
+        request: Request,
+        idempotency_key: Annotated[
+            str | None,
+            Header(
+                min_length=1,
+                max_length=255,
+                description="Any text, fresh for each new request: a repeated request with it does nothing twice.",
+            ),
+        ] = None,
+    ) -> None:
+        self._scope = f"{request.method} {request.url.path}"
+        self._key = idempotency_key
+
+    def answered(self, store: Store, content: Any) -> JSONResponse | None:
+        """Return the answer that was given to this key and content, if there is one; raises ConflictError."""
+        with store.read() as db:
+            return self._answered(db, _fingerprint(content))
+
+    def run(
+        self, store: Store, content: Any, status: int, act: Callable[[Transaction], Data]
+    ) -> tuple[JSONResponse, bool]:
+        """Act within one transaction and return the answer, and whether this was the first time.
+
+        Raises
+        ------
+        ConflictError
+            If the key came with other content before.
+        """
+        fingerprint = _fingerprint(content)
+        with store.write() as db:
+            stored = self._answered(db, fingerprint)
+            if stored is not None:
+                return stored, False
+            body = act(db)
+            if self._key is not None:
+                remember_answer(db, self._scope, self._key, fingerprint, status, body)
+        return JSONResponse(body, status), True
+
+    def _answered(self, db: Transaction, fingerprint: str) -> JSONResponse | None:
+        if self._key is None:
+            return None
+        row = stored_answer(db, self._scope, self._key, fingerprint)
+        return None if row is None else JSONResponse(row.body, row.status, {"Idempotency-Replayed": "true"})
+
+
+OnceDep = Annotated[Once, Depends(Once)]
+
+
+def _fingerprint(content: Any) -> str:
+    return sha256(json.dumps(content, sort_keys=True, ensure_ascii=False).encode()).hexdigest()

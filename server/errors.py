@@ -1,0 +1,115 @@
+"""Every error leaves the server as a problem detail (RFC 9457) that says what to do."""
+
+import logging
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from calib_core.errors import CalibrationError
+from calib_core.records import input_error_from_details
+
+log = logging.getLogger("scancell")
+
+PROBLEM_JSON = "application/problem+json"
+
+_TITLES = {
+    "input": "Input that cannot be used",
+    "measurement": "Nothing measurable",
+    "motion": "Motions that do not determine the answer",
+    "not-found": "Not found",
+    "conflict": "Conflict with what is stored",
+    "too-large": "Too large",
+    "outdated": "Changed meanwhile",
+    "forbidden": "Refused",
+}
+_TO_DO = {
+    400: "Correct the request.",
+    404: "Check the address; /docs lists them all.",
+    405: "Use one of the methods that the Allow header names; /docs lists them all.",
+    413: "Send less at once: thin the points, crop the frame, or split the capture.",
+}
+
+
+class OutdatedError(CalibrationError):
+    """A change that was made against an older revision than the stored one."""
+
+    code = "outdated"
+    status = 412
+
+
+class ForbiddenError(CalibrationError):
+    """A request from a page or under a name that this server does not answer."""
+
+    code = "forbidden"
+    status = 403
+
+
+def problem(error: CalibrationError) -> dict[str, Any]:
+    """Return an error as problem details."""
+    return {
+        "type": f"urn:scancell:problem:{error.code}",
+        "title": _TITLES.get(error.code, "Calibration is not possible"),
+        "status": error.status,
+        "detail": str(error),
+        "need": error.need,
+        "got": error.got,
+        "to_do": error.to_do,
+        "where": error.where,
+    }
+
+
+def problem_of_status(status: int, got: str, to_do: str = "") -> dict[str, Any]:
+    """Return problem details for an HTTP status that no calibration error stands behind."""
+    title = HTTPStatus(status).phrase
+    to_do = to_do or _TO_DO.get(status, "Try again.")
+    return {
+        "type": f"urn:scancell:problem:http-{status}",
+        "title": title,
+        "status": status,
+        "detail": f"{got}. {to_do}",
+        "need": "a request that this server knows",
+        "got": got,
+        "to_do": to_do,
+        "where": "",
+    }
+
+
+def problem_response(body: Mapping[str, Any], headers: Mapping[str, str] | None = None) -> JSONResponse:
+    """Return problem details as a response."""
+    return JSONResponse(dict(body), status_code=body["status"], headers=headers, media_type=PROBLEM_JSON)
+
+
+def install(app: FastAPI) -> None:
+    """Make an application answer every error with problem details."""
+
+    async def calibration(_: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, CalibrationError)
+        return problem_response(problem(error))
+
+    async def validation(_: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        return problem_response(problem(input_error_from_details(error.errors(), error.body, "request")))
+
+    async def http(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        got = {
+            404: f"there is nothing at {request.url.path}",
+            405: f"{request.url.path} does not take {request.method}",
+        }.get(error.status_code, str(error.detail).rstrip("."))
+        return problem_response(problem_of_status(error.status_code, got), error.headers)
+
+    async def unexpected(request: Request, error: Exception) -> JSONResponse:
+        log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
+        got = f"an error of the program itself ({type(error).__name__})"
+        to_do = "Nothing that was stored is touched; look into the server's log and report it."
+        return problem_response(problem_of_status(500, got, to_do))
+
+    app.add_exception_handler(CalibrationError, calibration)
+    app.add_exception_handler(RequestValidationError, validation)
+    app.add_exception_handler(HTTPException, http)
+    app.add_exception_handler(Exception, unexpected)

@@ -1,0 +1,243 @@
+"""Solves in worker processes: queued, followed, cancelled, and honest about how they ended."""
+
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from multiprocessing.queues import Queue
+from typing import Any
+
+from calib_core.errors import CalibrationError, ConflictError, NotFoundError
+from server import worker
+from server.errors import problem, problem_of_status
+from server.settings import Settings
+from server.store.database import Store
+from server.store.models import Data
+from server.store.sessions import load_session
+from server.store.solves import add_result, fail_job, job_data, job_row, unfinished_jobs, update_job
+
+log = logging.getLogger("scancell")
+_AGAIN = "Run it again."
+
+
+class _Pool:
+    """An executor with the queue on which its workers report."""
+
+    def __init__(self, settings: Settings) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.queue: Queue[worker.Message | None] = context.Queue()
+        self.executor = ProcessPoolExecutor(
+            settings.workers,
+            mp_context=context,
+            initializer=worker.initialize,
+            initargs=(self.queue, settings.warm_up),
+        )
+        self.broken_on_purpose = False
+
+    def close(self) -> None:
+        self.executor.shutdown(wait=False, cancel_futures=True)
+        self.queue.put(None)  # ends the thread that listens
+        self.queue.close()
+
+
+@dataclass
+class _Running:
+    """A job that is with the executor."""
+
+    pool: _Pool
+    future: Future[Data]
+    process: int | None = None
+    ending: str | None = None  # "cancelled" or "failed", once it is to be ended by force
+    timer: threading.Timer | None = field(default=None, repr=False)
+
+
+class Jobs:
+    """The jobs of all sessions."""
+
+    def __init__(self, settings: Settings, store: Store) -> None:
+        self._settings = settings
+        self._store = store
+        self._running: dict[str, _Running] = {}
+        self._lock = threading.RLock()
+        self._ready: Future[bool] | None = None
+        self._pool: _Pool | None = None
+
+    def start(self) -> None:
+        """Say of jobs that an earlier server left that they ended, and get the workers ready."""
+        self._fail_unfinished("the server was restarted while it ran")
+        self._pool = self._new_pool()
+
+    @property
+    def ready(self) -> bool:
+        """Whether a worker waits for jobs, warm."""
+        return self._ready is not None and self._ready.done() and self._ready.exception() is None
+
+    def stop(self) -> None:
+        """End everything at once; unfinished jobs say so."""
+        with self._lock:
+            pool, self._pool = self._pool, None
+            running, self._running = self._running, {}
+        for job in running.values():
+            _kill(job)
+        if pool is not None:
+            pool.close()
+        self._fail_unfinished("the server was stopped while it ran")
+
+    def submit(self, job_id: str) -> None:
+        """Hand a stored job to the workers."""
+        with self._store.read() as db:
+            row = job_row(db, job_id)
+            stored = load_session(db, self._store.blobs, row.session_id)
+            stage = row.stage
+        paths = {name: str(self._store.blobs.path(digest)) for name, digest in stored.digests.items()}
+        work = (worker.solve, job_id, stored.session.to_json(), stage, paths)
+        with self._lock:
+            if self._pool is None:  # the server stops, and says so of its jobs
+                return
+            try:
+                future = self._pool.executor.submit(*work)
+            except BrokenProcessPool:  # a worker was killed while it waited
+                self._renew(self._pool)
+                future = self._pool.executor.submit(*work)
+            self._running[job_id] = _Running(self._pool, future)
+        future.add_done_callback(lambda done: self._ended(job_id, done))
+
+    def cancel(self, job_id: str) -> Data:
+        """End a job that waits or runs, and return it.
+
+        Raises
+        ------
+        ConflictError
+            If it has ended already.
+        """
+        with self._store.write() as db:
+            cancelled = update_job(db, job_id, "cancelled", "cancelled")
+            job = job_data(job_row(db, job_id))
+        if not cancelled and job["status"] != "cancelled":
+            raise ConflictError(
+                "a job that waits or runs", f"one that is {job['status']}", "There is nothing to cancel.", job_id
+            )
+        with self._lock:
+            running = self._running.get(job_id)
+            if running is not None and not running.future.cancel():
+                running.ending = "cancelled"
+                _kill(running)
+        return job
+
+    def _fail_unfinished(self, got: str) -> None:
+        error = problem_of_status(503, f"the job did not end: {got}", "The server restarted; run it again.")
+        with self._store.write() as db:
+            for job_id in unfinished_jobs(db):
+                fail_job(db, job_id, error)
+
+    def _new_pool(self) -> _Pool:
+        pool = _Pool(self._settings)
+        threading.Thread(target=self._listen, args=(pool.queue,), daemon=True, name="job progress").start()
+        if self._settings.warm_up:
+            self._ready = pool.executor.submit(worker.ready)
+        return pool
+
+    def _renew(self, broken: _Pool) -> None:
+        with self._lock:
+            if self._pool is broken:
+                broken.close()
+                self._pool = self._new_pool()
+
+    def _listen(self, queue: "Queue[worker.Message | None]") -> None:
+        while (message := queue.get()) is not None:
+            job_id, kind, value = message
+            try:
+                self._note(job_id, kind, value)
+            except Exception:  # the next report may be stored again: a full disk, a locked database
+                log.exception("the progress of job %s could not be stored", job_id)
+
+    def _note(self, job_id: str, kind: str, value: Any) -> None:
+        if kind == "started":
+            with self._lock:
+                running = self._running.get(job_id)
+                if running is None:
+                    return
+                running.process = value
+                if running.ending is not None:
+                    _kill(running)
+                running.timer = threading.Timer(self._settings.job_timeout_s, self._time_out, [job_id])
+                running.timer.daemon = True
+                running.timer.start()
+            fraction, text = 0.0, "started"
+        else:
+            fraction, text = value
+        with self._store.write() as db:
+            update_job(db, job_id, "running", text, min(max(fraction, 0.0), 1.0))
+
+    def _time_out(self, job_id: str) -> None:
+        limit = f"{self._settings.job_timeout_s:g} s"
+        error = problem_of_status(
+            504,
+            f"the job was still running after {limit}",
+            "Give it less data, or raise SCANCELL_JOB_TIMEOUT_S; then run it again.",
+        )
+        with self._store.write() as db:
+            fail_job(db, job_id, error)
+        with self._lock:
+            running = self._running.get(job_id)
+            if running is not None:
+                running.ending = "failed"
+                _kill(running)
+
+    def _ended(self, job_id: str, future: Future[Data]) -> None:
+        with self._lock:
+            running = self._running.pop(job_id, None)
+            if running is None:  # the server stops
+                return
+            if running.timer is not None:
+                running.timer.cancel()
+        if future.cancelled():
+            return  # `cancel` has noted it
+        error = future.exception()
+        if isinstance(error, BrokenProcessPool):
+            self._renew(running.pool)
+            innocent = running.process is None or running.pool.broken_on_purpose
+            if running.ending is None and innocent:
+                self._submit_again(job_id)
+                return
+        with self._store.write() as db:
+            if error is None:
+                add_result(db, job_id, future.result())
+            else:
+                fail_job(db, job_id, _explain(error))
+
+    def _submit_again(self, job_id: str) -> None:
+        with self._store.write() as db:
+            if not update_job(db, job_id, "queued", "waiting for its turn again", 0.0):
+                return
+        try:
+            self.submit(job_id)
+        except NotFoundError:
+            log.info("job %s went with its session", job_id)
+
+
+def _kill(running: _Running) -> None:
+    """End the worker that a job runs in; the pool breaks and is made anew."""
+    if running.process is not None and not running.future.done():
+        running.pool.broken_on_purpose = True
+        try:
+            os.kill(running.process, signal.SIGTERM)
+        except ProcessLookupError:
+            log.info("worker %d has ended already", running.process)
+
+
+def _explain(error: BaseException) -> Data:
+    if isinstance(error, CalibrationError):
+        return problem(error)
+    if isinstance(error, BrokenProcessPool):
+        return problem_of_status(
+            500, "the worker process ended unexpectedly (it was killed, or memory ran out)", _AGAIN
+        )
+    log.error("a job failed unexpectedly", exc_info=error)
+    return problem_of_status(
+        500, f"an error of the program itself ({type(error).__name__}: {error})", "Look into the server's log."
+    )

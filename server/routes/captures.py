@@ -1,0 +1,206 @@
+"""Captures: received, measured, stored; corrected; their files given back."""
+
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, File, Form, Response, UploadFile
+from fastapi.responses import FileResponse, JSONResponse
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import ConflictError, InputError, TooLargeError
+from calib_core.records import Capture, parse_capture
+from server.deps import CaptureId, Cursor, IfMatch, Limit, Once, OnceDep, SessionId, SettingsDep, StoreDep
+from server.measuring import measure
+from server.schemas import CaptureChanges, CapturePage, StoredCapture
+from server.sources.simulated import next_capture
+from server.store.captures import (
+    add_capture,
+    capture_data,
+    capture_row,
+    change_capture,
+    file_digest,
+    list_captures,
+    remove_capture,
+    require_free,
+)
+from server.store.database import Store
+from server.store.models import Data
+from server.store.sessions import (
+    etag,
+    load_session,
+    locked_session,
+    merge_patch,
+    require_revision,
+    session_row,
+    unused,
+)
+from server.strict_json import parse_json
+from server.uploads import digests_of, named_files
+
+router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"])
+
+_RECORD_EXAMPLE = (
+    '{"id": "p01", "step": "tcp", "kind": "profile", "files": ["captures/p01.csv"], '
+    '"pose": [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]}'
+)
+
+
+@router.post("/captures", status_code=201, response_model=StoredCapture)
+def add(
+    session_id: SessionId,
+    record: Annotated[
+        str,
+        Form(description="The capture's record, as JSON.", max_length=1_000_000, examples=[_RECORD_EXAMPLE]),
+    ],
+    once: OnceDep,
+    store: StoreDep,
+    settings: SettingsDep,
+    files: Annotated[
+        list[UploadFile], File(description="The record's `files`, by name or in their order; none for centres.")
+    ] = [],  # noqa: B006 — FastAPI copies defaults
+) -> Response:
+    """Store a capture and answer with what was measured in it.
+
+    A capture in which nothing can be measured is kept, with the verdict `fail` and why; one whose record or files
+    cannot be used at all is refused, and nothing of it is stored.
+    """
+    data = parse_json(record, "record")
+    if not isinstance(data, dict):
+        raise InputError("a JSON object as the record", type(data).__name__, "Send one capture.", "record")
+    if len(files) > settings.max_files_per_capture:
+        raise TooLargeError(
+            f"at most {settings.max_files_per_capture} files", f"{len(files)}", "Split the capture.", "files"
+        )
+    contents = named_files(data, [(file.filename or "", file.file.read()) for file in files])
+    return _store(store, once, session_id, parse_capture(data, "record"), contents)
+
+
+@router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
+def take_simulated(session_id: SessionId, once: OnceDep, store: StoreDep) -> Response:
+    """Let the simulated cell take its next capture."""
+    answered = once.answered(store, "next")
+    if answered is not None:
+        return answered
+    with store.read() as db:
+        row = session_row(db, session_id)
+        if row.simulated is None:
+            raise ConflictError(
+                "a session of the simulated cell", "one of a real cell", "Upload captures to it.", session_id
+            )
+        stored = load_session(db, store.blobs, session_id)
+        device = dict(row.simulated)
+    capture, contents = next_capture(device["scenario"], device["seed"], stored.measured.keys())
+    return _store(store, once, session_id, capture, contents, content="next")
+
+
+def _store(
+    store: Store,
+    once: Once,
+    session_id: str,
+    capture: Capture,
+    contents: Mapping[str, bytes],
+    content: Any = None,
+) -> Response:
+    digests = digests_of(contents)
+    content = content or [capture.to_json(), digests]
+    answered = once.answered(store, content)
+    if answered is not None:
+        return answered
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+        require_free(db, session_id, capture, digests)
+    measured = measure(stored.session, capture, contents.__getitem__)
+    for part in contents.values():
+        store.blobs.put(part)
+    sizes = {name: len(part) for name, part in contents.items()}
+
+    def act(db: Transaction) -> Data:
+        return capture_data(add_capture(db, locked_session(db, session_id), capture, measured, digests, sizes))
+
+    answer, _ = once.run(store, content, 201, act)
+    return answer
+
+
+@router.get("/captures", response_model=CapturePage)
+def list_all(session_id: SessionId, store: StoreDep, limit: Limit = 200, cursor: Cursor = None) -> Response:
+    """List captures in the order of their arrival, with what was measured."""
+    with store.read() as db:
+        session_row(db, session_id)
+        return JSONResponse(list_captures(db, session_id, limit, cursor))
+
+
+@router.get("/captures/{capture_id}", response_model=StoredCapture)
+def get(session_id: SessionId, capture_id: CaptureId, store: StoreDep) -> Response:
+    """Return a capture with what was measured in it."""
+    with store.read() as db:
+        session_row(db, session_id)
+        row = capture_row(db, session_id, capture_id)
+        return JSONResponse(capture_data(row), headers={"ETag": etag(row)})
+
+
+@router.patch("/captures/{capture_id}", response_model=StoredCapture)
+def change(
+    session_id: SessionId, capture_id: CaptureId, body: CaptureChanges, store: StoreDep, if_match: IfMatch = None
+) -> Response:
+    """Correct a capture's record; its files stay as they came."""
+    changes = body.model_dump(exclude_unset=True)
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+        before = capture_row(db, session_id, capture_id)
+        record, revision = before.record, before.revision
+    capture = _changed(record, changes)
+    measured = measure(stored.session, capture, stored.read)
+    with store.write() as db:
+        session = locked_session(db, session_id)
+        row = capture_row(db, session_id, capture_id)
+        require_revision(row, if_match)
+        if row.revision != revision:
+            raise ConflictError("a capture that rests", "one that was just changed", "Send the change again.")
+        change_capture(db, session, row, capture.to_json(), measured)
+        answer, tag = capture_data(row), etag(row)
+    return JSONResponse(answer, headers={"ETag": tag})
+
+
+def _changed(record: Data, changes: Data) -> Capture:
+    for name in ("id", "files", "kind"):
+        if name in changes and changes[name] != record.get(name):
+            raise InputError(
+                f"the '{name}' that the capture came with",
+                "another",
+                "Remove the capture and upload it again.",
+                name,
+            )
+    return parse_capture(merge_patch(record, changes), "request")
+
+
+@router.delete("/captures/{capture_id}", status_code=204)
+def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_match: IfMatch = None) -> None:
+    """Remove a capture with its files, for good; to leave it out of solves, set `excluded` instead."""
+    with store.write() as db:
+        session = locked_session(db, session_id)
+        row = capture_row(db, session_id, capture_id)
+        require_revision(row, if_match)
+        digests = remove_capture(db, session, row)
+    with store.read() as db:
+        digests = unused(db, digests)
+    store.blobs.remove(digests)
+
+
+@router.get("/captures/{capture_id}/files/{name:path}", response_class=FileResponse)
+def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: StoreDep) -> FileResponse:
+    """Return a file as it came, byte for byte; `name` as in the record's `files`, or its last part."""
+    with store.read() as db:
+        session_row(db, session_id)
+        digest = file_digest(db, session_id, capture_id, name)
+    last = quote(PurePosixPath(name).name)
+    return FileResponse(
+        store.blobs.path(digest),
+        media_type="application/octet-stream",
+        headers={
+            "ETag": f'"{digest}"',
+            "Cache-Control": "private, max-age=31536000, immutable",
+            "Content-Disposition": f"attachment; filename*=UTF-8''{last}",
+        },
+    )

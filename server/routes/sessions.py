@@ -1,0 +1,161 @@
+"""Sessions."""
+
+from collections.abc import AsyncIterator
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi.responses import JSONResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+
+from calib_core.errors import ConflictError, InputError
+from calib_core.records import Session, parse_session
+from server.deps import Cursor, HubDep, IfMatch, Limit, OnceDep, SessionId, StoreDep
+from server.events import follow, to_sse
+from server.measuring import measure
+from server.pose_lines import parse_pose_lines
+from server.schemas import NewSession, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
+from server.sources.simulated import simulated_session
+from server.store.models import Data
+from server.store.sessions import (
+    change_session,
+    create_session,
+    delete_session,
+    etag,
+    list_sessions,
+    load_session,
+    locked_session,
+    merge_patch,
+    require_revision,
+    session_data,
+    session_row,
+    unused,
+)
+
+router = APIRouter(prefix="/sessions", tags=["sessions"])
+
+# What measuring a capture depends on, beside the capture.
+_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner")
+
+
+@router.post("", status_code=201, response_model=StoredSession)
+def create(body: NewSession, once: OnceDep, store: StoreDep) -> Response:
+    """Make a session, of a real cell or of the simulated one."""
+    record = body.to_json()
+    simulated = record.pop("simulated", None)
+    if body.simulated is not None:
+        simulated = body.simulated.model_dump()
+        record = {**simulated_session(**simulated).session.to_json(), **record}
+    if record.get("captures"):
+        raise InputError("a session without captures", "some", "Post each capture by itself.", "captures")
+    session = parse_session({**record, "captures": []}, "request").to_json()
+    del session["captures"]
+
+    def act(db: Any) -> Data:
+        return session_data(db, create_session(db, session, simulated))
+
+    answer, _ = once.run(store, body.to_json(), 201, act)
+    return answer
+
+
+@router.get("", response_model=SessionPage)
+def list_all(
+    store: StoreDep,
+    limit: Limit = 50,
+    cursor: Cursor = None,
+    search: Annotated[str, Query(max_length=200, description="Part of the name.")] = "",
+) -> Response:
+    """List sessions, the newest first."""
+    with store.read() as db:
+        return JSONResponse(list_sessions(db, limit, cursor, search))
+
+
+@router.get("/{session_id}", response_model=StoredSession)
+def get(session_id: SessionId, store: StoreDep) -> Response:
+    """Return a session with its captures' records."""
+    with store.read() as db:
+        row = session_row(db, session_id)
+        return JSONResponse(session_data(db, row), headers={"ETag": etag(row)})
+
+
+@router.patch("/{session_id}", response_model=StoredSession)
+def change(session_id: SessionId, body: SessionChanges, store: StoreDep, if_match: IfMatch = None) -> Response:
+    """Change a session's name or cell; captures are measured anew where the cell's change bears on them."""
+    changes = body.model_dump(exclude_unset=True)
+    if "captures" in changes:
+        raise InputError("changes of the session", "captures", "Patch each capture by itself.", "captures")
+    with store.read() as db:
+        before = load_session(db, store.blobs, session_id)
+        revision = session_row(db, session_id).revision
+    record = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
+    session = parse_session({**record, "captures": [c.to_json() for c in before.session.captures]}, "request")
+    measured: dict[str, Data] = {}
+    if any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM):
+        measured = {c.id: measure(session, c, before.read).to_json() for c in session.captures}
+    with store.write() as db:
+        row = locked_session(db, session_id)
+        require_revision(row, if_match)
+        if row.revision != revision:
+            raise ConflictError("a session that rests", "one that was just changed", "Send the change again.")
+        change_session(db, row, _without_captures(session), measured)
+        answer = session_data(db, row)
+        tag = etag(row)
+    return JSONResponse(answer, headers={"ETag": tag})
+
+
+@router.delete("/{session_id}", status_code=204)
+def delete(session_id: SessionId, store: StoreDep, if_match: IfMatch = None) -> None:
+    """Remove a session with its captures and results, for good."""
+    with store.write() as db:
+        require_revision(locked_session(db, session_id), if_match)
+        digests = delete_session(db, session_id)
+    with store.read() as db:
+        digests = unused(db, digests)
+    store.blobs.remove(digests)
+
+
+@router.get("/{session_id}/guide", response_model=dict[str, Any])
+def guidance(session_id: SessionId, store: StoreDep) -> Response:
+    """Return what to do now and why, how many captures are still needed, and each step's status."""
+    from calib_core.session.guide import guide
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    record = guide(stored.session, list(stored.measured.values()), stored.results)
+    return JSONResponse(record.to_json())
+
+
+@router.post("/{session_id}/pose-lines", response_model=PoseLines)
+def pose_lines(session_id: SessionId, body: PoseText, _: OnceDep, store: StoreDep) -> Response:
+    """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
+    with store.read() as db:
+        convention = body.convention or session_row(db, session_id).record["cell"]["pose_convention"]
+    return JSONResponse({"items": parse_pose_lines(body.text, convention)})
+
+
+def existing_session(session_id: SessionId, store: StoreDep) -> str:
+    """Return the id of a session that is there, before a stream about it begins; raises NotFoundError."""
+    with store.read() as db:
+        return session_row(db, session_id).id
+
+
+LastEventId = Annotated[
+    str | None, Header(pattern=r"^\d{1,15}$", description="The last event's id: the stream goes on after it.")
+]
+
+
+@router.get("/{session_id}/events", response_class=EventSourceResponse)
+async def events(
+    session_id: Annotated[str, Depends(existing_session)],
+    store: StoreDep,
+    hub: HubDep,
+    last_event_id: LastEventId = None,
+) -> AsyncIterator[ServerSentEvent]:
+    """Stream what happens: `capture`, `result`, `job` and `session` events; begins with the newest one."""
+    async for event in follow(store, hub, session_id, None if last_event_id is None else int(last_event_id)):
+        yield to_sse(event)
+
+
+def _without_captures(session: Session) -> Data:
+    record = session.to_json()
+    del record["captures"]
+    return record

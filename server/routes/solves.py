@@ -1,0 +1,114 @@
+"""Solves: started, followed, cancelled; their results; exports."""
+
+import json
+from collections.abc import AsyncIterator
+from typing import Annotated, Any, get_args
+
+from fastapi import APIRouter, Depends, Path, Response
+from fastapi.responses import JSONResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import InputError, NotFoundError
+from calib_core.records import Stage
+from server.deps import HubDep, JobsDep, OnceDep, SessionId, StageName, StoreDep
+from server.events import follow, to_sse
+from server.routes.sessions import LastEventId
+from server.schemas import Job
+from server.store.models import Data
+from server.store.sessions import StoredSession, load_session, locked_session
+from server.store.solves import ENDED, create_job, job_data, job_row
+
+router = APIRouter(tags=["solves"])
+
+JobId = Annotated[str, Path(description="A job's `id`.", max_length=64)]
+
+
+@router.post("/sessions/{session_id}/solve/{stage}", status_code=202, response_model=Job)
+def solve(session_id: SessionId, stage: StageName, once: OnceDep, store: StoreDep, jobs: JobsDep) -> Response:
+    """Start solving a stage; answers at once with the job, whose end brings the result."""
+    if stage not in get_args(Stage):
+        raise InputError(
+            f"one of the stages {', '.join(get_args(Stage))}", repr(stage), "Name one of these.", "stage"
+        )
+
+    def act(db: Transaction) -> Data:
+        return job_data(create_job(db, locked_session(db, session_id), stage))
+
+    answer, first = once.run(store, "solve", 202, act)
+    if first:
+        jobs.submit(json.loads(bytes(answer.body))["id"])
+    return answer
+
+
+@router.get("/jobs/{job_id}", response_model=Job)
+def get_job(job_id: JobId, store: StoreDep) -> Response:
+    """Return how far a job is."""
+    with store.read() as db:
+        return JSONResponse(job_data(job_row(db, job_id)))
+
+
+@router.post("/jobs/{job_id}/cancel", response_model=Job)
+def cancel(job_id: JobId, _: OnceDep, jobs: JobsDep) -> Response:
+    """End a job that waits or runs; cancelling it again changes nothing."""
+    return JSONResponse(jobs.cancel(job_id))
+
+
+def existing_job(job_id: JobId, store: StoreDep) -> Data:
+    """Return a job that is there, before a stream about it begins; raises NotFoundError."""
+    with store.read() as db:
+        return job_data(job_row(db, job_id))
+
+
+@router.get("/jobs/{job_id}/events", response_class=EventSourceResponse)
+async def job_events(
+    job: Annotated[Data, Depends(existing_job)], store: StoreDep, hub: HubDep, last_event_id: LastEventId = None
+) -> AsyncIterator[ServerSentEvent]:
+    """Stream a job's progress as `job` events, from how it is now until it has ended."""
+    after = int(last_event_id) if last_event_id is not None else 0
+    async for event in follow(store, hub, job["session"], after):
+        if event.kind == "job" and event.data["id"] == job["id"]:
+            yield to_sse(event)
+            if event.data["status"] in ENDED:
+                return
+
+
+@router.get("/sessions/{session_id}/results", response_model=dict[str, Any])
+def list_results(session_id: SessionId, store: StoreDep) -> Response:
+    """Return each stage's latest result; `stale` where captures or cell changed since."""
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    return JSONResponse({stage: with_stale(stored, stage) for stage in stored.results})
+
+
+@router.get("/sessions/{session_id}/results/{stage}", response_model=dict[str, Any])
+def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Response:
+    """Return a stage's latest result; `stale` where captures or cell changed since."""
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    if stage not in stored.results:
+        raise NotFoundError(
+            "a stage that was solved", f"'{stage}', which was not", f"POST …/solve/{stage} first.", "stage"
+        )
+    return JSONResponse(with_stale(stored, stage))
+
+
+@router.get("/sessions/{session_id}/exports/{name}", response_class=Response)
+def export_results(
+    session_id: SessionId, name: Annotated[str, Path(max_length=64, description="`json`.")], store: StoreDep
+) -> Response:
+    """Return the calibrated tool and table in a format's own syntax."""
+    from calib_core.session.export import export
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    content, media_type = export(stored.session, stored.results, name)
+    return Response(content, media_type=media_type)
+
+
+def with_stale(stored: StoredSession, stage: str) -> Data:
+    """Return a stored result with whether its inputs have changed since it was computed."""
+    from calib_core.session.pipeline import inputs_sha256
+
+    record = stored.results[stage]
+    return {**record, "stale": record["inputs_sha256"] != inputs_sha256(stored.session, stage, stored.read)}

@@ -1,0 +1,172 @@
+"""What the routes take and give beside the session's own records; these are the names in the API's schema."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from calib_core.records import Capture, Cell, Finite, Measured, Record, Session, Stage, Verdict
+
+
+class SimulatedCell(Record):
+    """The simulated cell as a session's device."""
+
+    scenario: str = "tcp"
+    seed: int = Field(default=1, ge=0, lt=2**31)
+
+
+class NewSession(Record):
+    """A session record without captures; or `simulated`, which brings its own cell."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "name": "cell 4",
+                    "cell": {
+                        "sphere_diameter_mm": 80.0,
+                        "pose_convention": "fanuc",
+                        "scanner": {"kind": "profile"},
+                    },
+                },
+                {"name": "trial", "simulated": {"scenario": "tcp", "seed": 7}},
+            ]
+        }
+    )
+
+    format: Literal["scancell-session/1"] = "scancell-session/1"
+    name: str = Field(default="", max_length=500)
+    cell: Cell | None = None
+    simulated: SimulatedCell | None = None
+
+
+class SessionChanges(BaseModel):
+    """Fields of a session to change, as a merge patch: what is left out stays, null removes."""
+
+    model_config = ConfigDict(
+        extra="allow",
+        json_schema_extra={"examples": [{"name": "cell 4, morning"}, {"cell": {"sphere_diameter_mm": 80.003}}]},
+    )
+
+    name: str | None = Field(default=None, max_length=500)
+    cell: dict[str, Any] | None = None
+
+
+class CaptureChanges(BaseModel):
+    """Fields of a capture to change, as a merge patch: what is left out stays, null removes."""
+
+    model_config = ConfigDict(
+        extra="allow",
+        json_schema_extra={
+            "examples": [{"excluded": True}, {"pose": [-195.8, 1363.3, 524.8, -179.9, 0.9, 179.6]}]
+        },
+    )
+
+    excluded: bool | None = None
+    side: Literal[1, -1] | None = None
+    table_deg: Finite | None = None
+    mount: str | None = None
+    pose: list[Finite] | None = None
+
+
+class StoredSession(Session):
+    """A session as the server keeps it."""
+
+    id: str
+    created: str
+    updated: str
+    revision: int
+    scene: str
+    simulated: bool
+
+
+class SessionSummary(BaseModel):
+    """A session in a list."""
+
+    id: str
+    name: str
+    created: str
+    updated: str
+    cell: Cell
+    capture_count: int
+    verdicts: dict[Stage, Verdict]
+
+
+class SessionPage(BaseModel):
+    """A page of sessions, the newest first; `next` is the following page's cursor."""
+
+    items: list[SessionSummary]
+    next: str | None
+
+
+class StoredCapture(Capture):
+    """A capture with what was measured in it."""
+
+    measured: Measured
+
+
+class CapturePage(BaseModel):
+    """A page of captures in the order of their arrival; `next` is the following page's cursor."""
+
+    items: list[StoredCapture]
+    next: str | None
+
+
+class PoseText(BaseModel):
+    """Pose lines as they are copied from a pendant, a table or a program."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"text": "-195.8 1363.305 524.812 -179.924 0.889 179.635"}]}
+    )
+
+    text: str = Field(max_length=1_000_000)
+    convention: str | None = Field(default=None, description="Left out: the cell's.")
+
+
+class PoseLine(BaseModel):
+    """What one line says: the numbers, and either base_from_tool0 (rows, mm) or what is wrong with it."""
+
+    line: int
+    text: str
+    numbers: list[float]
+    matrix: list[list[float]] | None = None
+    problem: str | None = None
+
+
+class PoseLines(BaseModel):
+    """The lines that are not empty."""
+
+    items: list[PoseLine]
+
+
+class Problem(BaseModel):
+    """Problem details (RFC 9457): what was needed, what was there, what to do."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    need: str
+    got: str
+    to_do: str
+    where: str
+
+
+class Job(BaseModel):
+    """A solve on its way or past."""
+
+    id: str
+    session: str
+    stage: str
+    status: Literal["queued", "running", "done", "failed", "cancelled"]
+    progress: float
+    message: str
+    error: Problem | None
+    created: str
+    finished: str | None
+
+
+class Health(BaseModel):
+    """Whether the server answers, and whether it is ready to solve."""
+
+    status: Literal["ready", "starting"]
+    version: str

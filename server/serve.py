@@ -1,0 +1,44 @@
+"""Serving over HTTP and WebSockets with uvicorn."""
+
+from types import FrameType
+
+import uvicorn
+
+from server.app import create_app
+from server.events import Hub
+from server.settings import Settings
+
+_MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
+
+
+class WorkbenchServer(uvicorn.Server):
+    """The server of the workbench; `run()` serves until it is stopped, `should_exit = True` stops it.
+
+    Its event streams end when it is told to stop; else they would hold it for as long as a page is open.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        app = create_app(settings)
+        self._hub: Hub = app.state.hub
+        config = uvicorn.Config(
+            app,
+            host=settings.host,
+            port=settings.port,
+            log_level="warning",
+            server_header=False,
+            ws_max_size=_MAX_MESSAGE_BYTES,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=5,
+        )
+        super().__init__(config)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End the streams, then everything else."""
+        self._hub.close()
+        super().handle_exit(sig, frame)
+
+    @property
+    def address(self) -> str:
+        """Where it is served, once it has started."""
+        host, port = self.servers[0].sockets[0].getsockname()[:2]
+        return f"http://{f'[{host}]' if ':' in host else host}:{port}"

@@ -1,0 +1,65 @@
+"""The server's settings: arguments, or environment variables that begin with ``SCANCELL_``."""
+
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from calib_core.errors import InputError
+
+MEBIBYTE = 1024 * 1024
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether an address can be reached from this machine alone."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+class Settings(BaseSettings):
+    """Everything that may differ from one installation to the next."""
+
+    model_config = SettingsConfigDict(env_prefix="SCANCELL_", frozen=True)
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8000
+    data: Path = Path("sessions")
+    database_url: str | None = Field(default=None, description="Left out: SQLite in the data folder.")
+    web: Path = Path(__file__).resolve().parents[1] / "web"
+
+    max_json_bytes: Annotated[int, Field(gt=0)] = 4 * MEBIBYTE
+    max_upload_bytes: Annotated[int, Field(gt=0)] = 128 * MEBIBYTE
+    max_files_per_capture: Annotated[int, Field(gt=0)] = 5000
+
+    workers: Annotated[int, Field(ge=1, le=64)] = 1
+    warm_up: bool = Field(default=True, description="Compile and import what solving needs at start-up.")
+    job_timeout_s: Annotated[float, Field(gt=0)] = 3600.0
+    cancel_grace_s: Annotated[float, Field(ge=0)] = 2.0
+
+    allowed_hosts: list[str] = Field(default_factory=list, description="Further names this server is called by.")
+    allow_without_login: bool = Field(
+        default=False, description="Serve beyond this machine, open to everyone there."
+    )
+
+    @model_validator(mode="after")
+    def _stay_on_this_machine(self) -> "Settings":
+        if not is_loopback(self.host) and not self.allow_without_login:
+            raise InputError(
+                "a loopback address to serve on (there is no login yet)",
+                self.host,
+                "Use --host 127.0.0.1; or, on a network that you trust as a whole, set "
+                "SCANCELL_ALLOW_WITHOUT_LOGIN=true and SCANCELL_ALLOWED_HOSTS to this machine's names.",
+                "host",
+            )
+        return self
+
+    @property
+    def sql_url(self) -> str:
+        """The address of the database."""
+        return self.database_url or f"sqlite:///{(self.data / 'scancell.db').resolve()}"

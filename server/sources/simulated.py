@@ -1,0 +1,39 @@
+"""The simulated cell as a source of captures."""
+
+from collections.abc import Collection
+from functools import lru_cache
+
+from calib_core.errors import ConflictError
+from calib_core.records import Capture
+from calib_core.simulation import SimulatedSession, simulate
+
+
+@lru_cache(maxsize=8)
+def simulated_session(scenario: str, seed: int) -> SimulatedSession:
+    """Return everything that a simulated cell will deliver; the same for the same seed.
+
+    Raises
+    ------
+    InputError
+        If there is no such scenario.
+    """
+    return simulate(scenario, seed)
+
+
+def next_capture(scenario: str, seed: int, taken: Collection[str]) -> tuple[Capture, dict[str, bytes]]:
+    """Return the simulated cell's next capture, after those whose ids are taken, and its files by name.
+
+    Raises
+    ------
+    ConflictError
+        If all were taken.
+    """
+    simulated = simulated_session(scenario, seed)
+    for capture in simulated.session.captures:
+        if capture.id not in taken:
+            return capture, {name: simulated.files[name] for name in capture.files}
+    raise ConflictError(
+        "a capture that the simulated cell has not delivered yet",
+        f"all of its {len(simulated.session.captures)} captures in this session",
+        "Solve now; or remove a capture to take it again.",
+    )

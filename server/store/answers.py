@@ -1,0 +1,41 @@
+"""Answers to POSTs that carried an Idempotency-Key, so that a repeated request does nothing twice."""
+
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import delete
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import ConflictError
+from server.store.models import AnswerRow, Data, now
+
+_KEPT = timedelta(days=7)
+
+
+def stored_answer(db: Transaction, scope: str, key: str, fingerprint: str) -> AnswerRow | None:
+    """Return the answer that was given to a key within a scope (method and path), or None.
+
+    Raises
+    ------
+    ConflictError
+        If the key was used there with another content.
+    """
+    row = db.get(AnswerRow, (scope, key))
+    if row is not None and row.fingerprint != fingerprint:
+        raise ConflictError(
+            "a new Idempotency-Key for new content",
+            f"'{key}', which was sent with other content before",
+            "Send a fresh key with each new request; repeat a key only with the very same content.",
+            "Idempotency-Key",
+        )
+    return row
+
+
+def remember_answer(db: Transaction, scope: str, key: str, fingerprint: str, status: int, body: Data) -> None:
+    """Store an answer in the transaction that makes it true."""
+    db.add(AnswerRow(scope=scope, key=key, fingerprint=fingerprint, status=status, body=body, created=now()))
+
+
+def forget_old_answers(db: Transaction) -> None:
+    """Remove answers of more than a week ago."""
+    oldest = (datetime.now(UTC) - _KEPT).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    db.execute(delete(AnswerRow).where(AnswerRow.created < oldest))

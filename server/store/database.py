@@ -1,0 +1,104 @@
+"""The store: transactions on the database, the blobs, and the events that a transaction leaves behind."""
+
+import json
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.orm import Session
+
+from server.settings import Settings
+from server.store.blobs import Blobs
+from server.store.models import EventRow, SessionRow, now
+
+Publish = Callable[[EventRow], None]
+_EVENTS = "events"
+
+
+class Store:
+    """Where sessions are kept.
+
+    Parameters
+    ----------
+    settings : Settings
+    publish : callable
+        Called with every event, in order, once the transaction that recorded it is on the disk.
+    """
+
+    def __init__(self, settings: Settings, publish: Publish) -> None:
+        settings.data.mkdir(parents=True, exist_ok=True)
+        self.blobs = Blobs(settings.data / "blobs")
+        self._publish = publish
+        self._engine = _engine(settings.sql_url)
+        self._writing = self._engine.execution_options(writing=True)
+        self._one_writer = threading.Lock()
+
+    def migrate(self) -> None:
+        """Bring the tables to this version's form, all or nothing."""
+        from alembic import command
+        from alembic.config import Config
+
+        config = Config()
+        config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
+        with self._writing.begin() as connection:
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+
+    @contextmanager
+    def read(self) -> Generator[Session]:
+        """Open a transaction that sees one consistent state."""
+        with Session(self._engine) as db:
+            yield db
+
+    @contextmanager
+    def write(self) -> Generator[Session]:
+        """Open a transaction that changes something: it is committed, and its events published, at the end.
+
+        SQLite has one writer at a time; waiting for this lock is fair, polling the file's lock is not.
+        """
+        with self._one_writer:
+            with Session(self._writing, expire_on_commit=False) as db:
+                yield db
+                db.commit()
+                events: list[EventRow] = db.info.pop(_EVENTS, [])
+            for recorded in events:
+                self._publish(recorded)
+
+    def close(self) -> None:
+        """Give the connections back."""
+        self._engine.dispose()
+
+
+def record_event(db: Session, session: SessionRow, kind: str, data: dict[str, Any]) -> None:
+    """Note in the session's log that something happened, in the transaction that makes it happen.
+
+    The session's row must have been read for change (`locked_session`), so that numbers follow the commits.
+    """
+    session.last_event += 1
+    row = EventRow(session_id=session.id, id=session.last_event, kind=kind, data=data, created=now())
+    db.add(row)
+    db.info.setdefault(_EVENTS, []).append(row)
+
+
+def _engine(url: str) -> Engine:
+    engine = create_engine(url, json_serializer=partial(json.dumps, allow_nan=False, ensure_ascii=False))
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _set_up_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _set_up_sqlite(connection: Any, _: Any) -> None:
+    connection.isolation_level = None  # this module begins transactions itself
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
+        connection.execute(f"PRAGMA {pragma}").close()
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    # A transaction that will write takes the lock at once: it never fails half-way because another was faster.
+    writing = connection.get_execution_options().get("writing")
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")

@@ -1,0 +1,123 @@
+"""The tables: records as JSON beside the few columns that are searched."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import JSON, ForeignKey, ForeignKeyConstraint, Index, String, Text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+Data = dict[str, Any]
+
+
+def now() -> str:
+    """Return the time as ISO 8601 text in UTC, which sorts as it runs."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+class Base(DeclarativeBase):
+    """All tables of the store."""
+
+    type_annotation_map = {Data: JSON(none_as_null=True), str: Text}  # noqa: RUF012
+
+
+class SessionRow(Base):
+    """A session: its record without captures."""
+
+    __tablename__ = "sessions"
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    name: Mapped[str]
+    created: Mapped[str] = mapped_column(String(32))
+    updated: Mapped[str] = mapped_column(String(32))
+    revision: Mapped[int] = mapped_column(default=1)
+    last_event: Mapped[int] = mapped_column(default=0)
+    last_position: Mapped[int] = mapped_column(default=0)
+    record: Mapped[Data]
+    simulated: Mapped[Data | None]
+
+    __table_args__ = (Index("sessions_by_age", "created", "id"),)
+
+
+class CaptureRow(Base):
+    """A capture: its record and what was measured in it; `position` is the order of arrival."""
+
+    __tablename__ = "captures"
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    id: Mapped[str] = mapped_column(String(64), primary_key=True)
+    position: Mapped[int]
+    revision: Mapped[int] = mapped_column(default=1)
+    created: Mapped[str] = mapped_column(String(32))
+    record: Mapped[Data]
+    measured: Mapped[Data]
+
+    __table_args__ = (Index("captures_in_order", "session_id", "position"),)
+
+
+class FileRow(Base):
+    """One file of a capture: the name in its record and the blob with its bytes."""
+
+    __tablename__ = "files"
+    session_id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    capture_id: Mapped[str] = mapped_column(String(64), primary_key=True)
+    name: Mapped[str] = mapped_column(primary_key=True)
+    sha256: Mapped[str] = mapped_column(String(64))
+    size: Mapped[int]
+
+    __table_args__ = (
+        ForeignKeyConstraint(
+            ["session_id", "capture_id"], ["captures.session_id", "captures.id"], ondelete="CASCADE"
+        ),
+        Index("files_by_content", "sha256"),
+        Index("files_by_name", "session_id", "name"),
+    )
+
+
+class ResultRow(Base):
+    """One solve's result; earlier ones of the same stage are kept."""
+
+    __tablename__ = "results"
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"))
+    stage: Mapped[str] = mapped_column(String(32))
+    created: Mapped[str] = mapped_column(String(32))
+    verdict: Mapped[str] = mapped_column(String(8))
+    record: Mapped[Data]
+
+    __table_args__ = (Index("results_by_stage", "session_id", "stage", "number"),)
+
+
+class JobRow(Base):
+    """A solve on its way or past."""
+
+    __tablename__ = "jobs"
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), index=True)
+    stage: Mapped[str] = mapped_column(String(32))
+    status: Mapped[str] = mapped_column(String(16), index=True)
+    progress: Mapped[float] = mapped_column(default=0.0)
+    message: Mapped[str] = mapped_column(default="")
+    error: Mapped[Data | None]
+    created: Mapped[str] = mapped_column(String(32))
+    finished: Mapped[str | None] = mapped_column(String(32))
+
+
+class EventRow(Base):
+    """What happened in a session, numbered from 1 without gaps."""
+
+    __tablename__ = "events"
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    kind: Mapped[str] = mapped_column(String(16))
+    data: Mapped[Data]
+    created: Mapped[str] = mapped_column(String(32))
+
+
+class AnswerRow(Base):
+    """The answer to a POST that carried an Idempotency-Key, to be given again."""
+
+    __tablename__ = "answers"
+    scope: Mapped[str] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(String(255), primary_key=True)
+    fingerprint: Mapped[str] = mapped_column(String(64))
+    status: Mapped[int]
+    body: Mapped[Data]
+    created: Mapped[str] = mapped_column(String(32), index=True)

@@ -1,0 +1,241 @@
+"""Sessions: made, listed, read as a whole, changed, removed."""
+
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import Session as Transaction
+from sqlalchemy.orm import defer
+
+from calib_core.errors import NotFoundError
+from calib_core.records import Measured, Session, parse_session
+from server.errors import OutdatedError
+from server.store.blobs import Blobs
+from server.store.database import record_event
+from server.store.models import CaptureRow, Data, FileRow, ResultRow, SessionRow, now
+from server.store.paging import Page, after_cursor, page_of
+
+
+@dataclass(frozen=True)
+class StoredSession:
+    """All of a session at one moment, for solving, guiding and drawing.
+
+    `digests` maps the file names in the captures' records to the SHA-256 of their content; `results` maps each
+    stage to its latest result, as JSON data.
+    """
+
+    id: str
+    session: Session
+    measured: Mapping[str, Measured]
+    results: Mapping[str, Data]
+    digests: Mapping[str, str]
+    blobs: Blobs
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of a capture's file; raises NotFoundError."""
+        if name not in self.digests:
+            raise NotFoundError(
+                f"a file named {name}", "none in this session", "Check the capture's `files`.", name
+            )
+        return self.blobs.read(self.digests[name])
+
+
+def new_id() -> str:
+    """Return a name that nobody can guess and nothing else has."""
+    return secrets.token_hex(8)
+
+
+def create_session(db: Transaction, record: Data, simulated: Data | None) -> SessionRow:
+    """Store a new session; `record` is a session record without captures."""
+    moment = now()
+    row = SessionRow(
+        id=new_id(),
+        name=record.get("name", ""),
+        created=moment,
+        updated=moment,
+        revision=1,
+        last_event=0,
+        last_position=0,
+        record=record,
+        simulated=simulated,
+    )
+    db.add(row)
+    db.flush()
+    record_event(db, row, "session", {"action": "added"})
+    return row
+
+
+def session_row(db: Transaction, session_id: str) -> SessionRow:
+    """Return a session's row; raises NotFoundError."""
+    return _required(db.get(SessionRow, session_id), session_id)
+
+
+def locked_session(db: Transaction, session_id: str) -> SessionRow:
+    """Return a session's row, locked until this transaction ends; raises NotFoundError."""
+    row = db.get(SessionRow, session_id, with_for_update=True, populate_existing=True)
+    return _required(row, session_id)
+
+
+def _required(row: SessionRow | None, session_id: str) -> SessionRow:
+    if row is None:
+        raise NotFoundError(
+            "the name of a session", repr(session_id), "List the sessions: it may have been removed.", "session"
+        )
+    return row
+
+
+def require_revision(row: SessionRow | CaptureRow, if_match: str | None) -> None:
+    """Refuse a change that was made against another revision.
+
+    Raises
+    ------
+    OutdatedError
+        If `if_match` (the If-Match header) is given and does not name the stored revision.
+    """
+    if (
+        if_match is not None
+        and if_match.strip() != "*"
+        and etag(row) not in {p.strip() for p in if_match.split(",")}
+    ):
+        raise OutdatedError(
+            f"the stored revision {etag(row)} in If-Match",
+            if_match[:80],
+            "Read it again, make the change there, and send it with the new ETag.",
+            row.id,
+        )
+
+
+def etag(row: SessionRow | CaptureRow) -> str:
+    """Return a row's entity tag."""
+    return f'"{row.revision}"'
+
+
+def touch(row: SessionRow) -> None:
+    """Note that a session's record or one of its captures was changed."""
+    row.revision += 1
+    row.updated = now()
+
+
+def session_data(db: Transaction, row: SessionRow) -> Data:
+    """Return a session's record, captures inside, with what the store knows about it."""
+    captures = db.scalars(
+        select(CaptureRow.record).where(CaptureRow.session_id == row.id).order_by(CaptureRow.position)
+    )
+    return {
+        **row.record,
+        "captures": list(captures),
+        "id": row.id,
+        "created": row.created,
+        "updated": row.updated,
+        "revision": row.revision,
+        "scene": f"/scenes/{row.id}/",
+        "simulated": row.simulated is not None,
+    }
+
+
+def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSession:
+    """Return all of a session; raises NotFoundError."""
+    row = session_row(db, session_id)
+    captures = db.scalars(
+        select(CaptureRow).where(CaptureRow.session_id == session_id).order_by(CaptureRow.position)
+    ).all()
+    files = db.execute(select(FileRow.name, FileRow.sha256).where(FileRow.session_id == session_id))
+    return StoredSession(
+        id=session_id,
+        session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),
+        measured={c.id: Measured.model_validate(c.measured) for c in captures},
+        results=latest_results(db, session_id),
+        digests=dict(files.tuples().all()),
+        blobs=blobs,
+    )
+
+
+def latest_results(db: Transaction, session_id: str) -> dict[str, Data]:
+    """Return each stage's latest result, as JSON data."""
+    latest = select(func.max(ResultRow.number)).where(ResultRow.session_id == session_id).group_by(ResultRow.stage)
+    rows = db.scalars(select(ResultRow).where(ResultRow.number.in_(latest)).order_by(ResultRow.number))
+    return {row.stage: row.record for row in rows}
+
+
+def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) -> Page:
+    """Return a page of sessions, the newest first."""
+    query = select(SessionRow).options(defer(SessionRow.simulated))
+    if search:
+        query = query.where(SessionRow.name.icontains(search, autoescape=True))
+    if cursor is not None:
+        created, last_id = after_cursor(cursor, str, str)
+        query = query.where(
+            (SessionRow.created < created) | ((SessionRow.created == created) & (SessionRow.id < last_id))
+        )
+    query = query.order_by(SessionRow.created.desc(), SessionRow.id.desc()).limit(limit + 1)
+    rows = list(db.scalars(query))
+    ids = [row.id for row in rows]
+    counts = _capture_counts(db, ids)
+    verdicts = _verdicts(db, ids)
+    items = [
+        {
+            "id": row.id,
+            "name": row.name,
+            "created": row.created,
+            "updated": row.updated,
+            "cell": row.record["cell"],
+            "capture_count": counts.get(row.id, 0),
+            "verdicts": verdicts.get(row.id, {}),
+        }
+        for row in rows
+    ]
+    return page_of(items, limit, lambda item: [item["created"], item["id"]])
+
+
+def _capture_counts(db: Transaction, ids: list[str]) -> dict[str, int]:
+    query = select(CaptureRow.session_id, func.count()).where(CaptureRow.session_id.in_(ids))
+    return dict(db.execute(query.group_by(CaptureRow.session_id)).tuples().all())
+
+
+def _verdicts(db: Transaction, ids: list[str]) -> dict[str, dict[str, str]]:
+    query = select(ResultRow.session_id, ResultRow.stage, ResultRow.verdict).where(ResultRow.session_id.in_(ids))
+    verdicts: dict[str, dict[str, str]] = {}
+    for session_id, stage, verdict in db.execute(query.order_by(ResultRow.number)):
+        verdicts.setdefault(session_id, {})[stage] = verdict
+    return verdicts
+
+
+def change_session(db: Transaction, row: SessionRow, record: Data, measured: Mapping[str, Data]) -> None:
+    """Replace a session's record (without captures) and, by capture id, what was measured anew."""
+    row.record = record
+    row.name = record.get("name", "")
+    for capture_id, data in measured.items():
+        db.get_one(CaptureRow, (row.id, capture_id)).measured = data
+        record_event(db, row, "capture", {"action": "changed", "capture": capture_id})
+    touch(row)
+    record_event(db, row, "session", {"action": "changed"})
+
+
+def delete_session(db: Transaction, session_id: str) -> set[str]:
+    """Remove a session with all that belongs to it; returns the digests of its files (see `unused`)."""
+    row = locked_session(db, session_id)
+    digests = set(db.scalars(select(FileRow.sha256).where(FileRow.session_id == session_id)))
+    record_event(db, row, "session", {"action": "removed"})
+    db.flush()
+    db.execute(delete(SessionRow).where(SessionRow.id == session_id).execution_options(synchronize_session=False))
+    return digests
+
+
+def unused(db: Transaction, digests: set[str]) -> set[str]:
+    """Return those digests that no capture of any session refers to."""
+    return digests - set(db.scalars(select(FileRow.sha256).where(FileRow.sha256.in_(digests))))
+
+
+def merge_patch(data: Any, changes: Any) -> Any:
+    """Return data with changes merged in (RFC 7396): objects field by field, null removes, all else replaces."""
+    if not isinstance(changes, Mapping):
+        return changes
+    merged = dict(data) if isinstance(data, Mapping) else {}
+    for name, value in changes.items():
+        if value is None:
+            merged.pop(name, None)
+        else:
+            merged[name] = merge_patch(merged.get(name), value)
+    return merged

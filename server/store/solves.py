@@ -1,0 +1,95 @@
+"""Jobs and the results that they leave."""
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import NotFoundError
+from server.store.database import record_event
+from server.store.models import Data, JobRow, ResultRow, SessionRow, now
+from server.store.sessions import locked_session, new_id
+
+ENDED = ("done", "failed", "cancelled")
+
+
+def job_data(row: JobRow) -> Data:
+    """Return a job as JSON data."""
+    return {
+        "id": row.id,
+        "session": row.session_id,
+        "stage": row.stage,
+        "status": row.status,
+        "progress": row.progress,
+        "message": row.message,
+        "error": row.error,
+        "created": row.created,
+        "finished": row.finished,
+    }
+
+
+def job_row(db: Transaction, job_id: str) -> JobRow:
+    """Return a job's row; raises NotFoundError."""
+    row = db.get(JobRow, job_id)
+    if row is None:
+        raise NotFoundError(
+            "the id of a job",
+            repr(job_id),
+            "Take it from the answer to the solve; it goes with its session.",
+            "job",
+        )
+    return row
+
+
+def create_job(db: Transaction, session: SessionRow, stage: str) -> JobRow:
+    """Store a job that waits for its turn."""
+    row = JobRow(
+        id=new_id(),
+        session_id=session.id,
+        stage=stage,
+        status="queued",
+        progress=0.0,
+        message="waiting for its turn",
+        created=now(),
+    )
+    db.add(row)
+    record_event(db, session, "job", job_data(row))
+    return row
+
+
+def update_job(db: Transaction, job_id: str, status: str, message: str, progress: float | None = None) -> bool:
+    """Note how far a job is; returns whether it was still on its way (what has ended stays as it ended)."""
+    row = db.get(JobRow, job_id)
+    if row is None or row.status in ENDED:
+        return False
+    row.status, row.message = status, message
+    if progress is not None:
+        row.progress = progress
+    if status in ENDED:
+        row.finished = now()
+    record_event(db, locked_session(db, row.session_id), "job", job_data(row))
+    return True
+
+
+def fail_job(db: Transaction, job_id: str, error: Data) -> None:
+    """Note why a job failed (problem details), unless it has ended already."""
+    row = db.get(JobRow, job_id)
+    if row is not None and row.status not in ENDED:
+        row.error = error
+        update_job(db, job_id, "failed", error["detail"])
+
+
+def unfinished_jobs(db: Transaction) -> list[str]:
+    """Return the ids of jobs that were waiting or running when the server stopped."""
+    return list(db.scalars(select(JobRow.id).where(JobRow.status.not_in(ENDED))))
+
+
+def add_result(db: Transaction, job_id: str, record: Data) -> None:
+    """Store a job's result and note the job as done, unless it was cancelled or removed meanwhile."""
+    job = db.get(JobRow, job_id)
+    if job is None or not update_job(db, job_id, "done", "done", 1.0):
+        return
+    db.add(
+        ResultRow(
+            session_id=job.session_id, stage=job.stage, created=now(), verdict=record["verdict"], record=record
+        )
+    )
+    record_event(db, locked_session(db, job.session_id), "result", {"stage": job.stage})

@@ -1,0 +1,59 @@
+"""The files of an upload, under the names that the capture's record gives them."""
+
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import PurePosixPath
+from typing import Any
+
+from calib_core.errors import InputError
+
+
+def named_files(record: dict[str, Any], uploads: list[tuple[str, bytes]]) -> dict[str, bytes]:
+    """Return the uploads under the record's file names; a record without `files` is given some.
+
+    Uploads belong to the names whose last part they bear; where none does, to the names in their order.
+
+    Parameters
+    ----------
+    record : dict
+        A capture's record as it came; `files` is filled in where it was left out.
+    uploads : list of (file name, content)
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer uploads than names.
+    """
+    if not record.get("files") and uploads:
+        record["files"] = _invented_names(str(record.get("id")), [name for name, _ in uploads])
+    names = record.get("files") or []
+    where = f"{record.get('id', 'capture')}: files"
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError("a list of file names", repr(names)[:80], "Name each file of the capture.", where)
+    if len(set(names)) != len(names):
+        raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)
+    if len(names) != len(uploads):
+        raise InputError(
+            f"{len(names)} file(s), as the record names",
+            f"{len(uploads)}",
+            "Send each file of the record's `files` as a part named `files`.",
+            where,
+        )
+    by_last_part = {PurePosixPath(name).name: content for name, content in uploads}
+    if set(by_last_part) == {PurePosixPath(name).name for name in names} and len(by_last_part) == len(names):
+        return {name: by_last_part[PurePosixPath(name).name] for name in names}
+    return {name: content for name, (_, content) in zip(names, uploads, strict=True)}
+
+
+def _invented_names(capture_id: str, uploaded: list[str]) -> list[str]:
+    """Return names from the capture's id and the uploads' endings: nothing else of a foreign name is used."""
+    endings = [PurePosixPath(name).suffix.lower() for name in uploaded]
+    endings = [ending if ending[1:].isalnum() and len(ending) <= 6 else "" for ending in endings]
+    if len(endings) == 1:
+        return [f"captures/{capture_id}{endings[0]}"]
+    return [f"captures/{capture_id}-{number:04d}{ending}" for number, ending in enumerate(endings, start=1)]
+
+
+def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
+    """Return the SHA-256 of each file, by name."""
+    return {name: sha256(content).hexdigest() for name, content in contents.items()}
