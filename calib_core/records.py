@@ -4,7 +4,7 @@ Names and nesting are the published session format `scancell-session/1`.  Record
 says beyond these fields is kept and given back, so that nothing is lost in a round trip.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal, TypeVar, get_args
 
@@ -269,8 +269,9 @@ class TcpResult(Result):
 class Measured(Record):
     """What was seen in one capture of the sphere, in the scanner's frame L, and how good it is.
 
-    A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; those of a cloud or a centre
-    are [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the arc seen.
+    A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; those of a cloud or a
+    centre are [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the
+    arc seen.
     """
 
     capture: str
@@ -332,8 +333,13 @@ def _parse(model: type[_R], data: Mapping[str, Any], where: str) -> _R:
 
 def input_error(error: ValidationError, data: Any, where: str) -> InputError:
     """Return a validation error as need, got and what to do, naming the capture it stands in."""
-    first = error.errors(include_url=False)[0]
-    place = _place(first["loc"], data)
+    return input_error_from_details(error.errors(include_url=False), data, where)
+
+
+def input_error_from_details(details: Sequence[Any], data: Any, where: str) -> InputError:
+    """Return the first of pydantic's error details as need, got and what to do (a request's `body` is not named)."""
+    first = details[0]
+    place = _place(first["loc"][1:] if first["loc"][:1] == ("body",) else first["loc"], data)
     value = repr(first["input"])
     got = value if len(value) < 80 else value[:77] + "…"
     to_do = "Correct this field."
@@ -346,7 +352,7 @@ def input_error(error: ValidationError, data: Any, where: str) -> InputError:
         to_do = "Name the controller's convention."
     elif first["type"] == "value_error":
         got = "something else"
-    more = len(error.errors()) - 1
+    more = len(details) - 1
     if more:
         to_do += f" ({more} more field{'s' if more > 1 else ''} will need attention.)"
     return InputError(message[0].lower() + message[1:], got, to_do, f"{where}: {place}" if place else where)
