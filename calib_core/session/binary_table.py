@@ -1,0 +1,86 @@
+"""Rows of typed fields out of bytes: what NPY, PLY and PCD share, with every length checked before it is used."""
+
+import ast
+from typing import Any
+
+import numpy as np
+
+from calib_core.errors import InputError, TooLargeError
+from calib_core.frames import FloatArray
+
+MAX_POINTS = 20_000_000
+
+
+def require_count(count: int, available: int, where: str, unit: str = "points") -> None:
+    """Refuse a count that the file cannot hold or the program will not.
+
+    Raises
+    ------
+    InputError
+        If the header announces more than the file holds.
+    TooLargeError
+        If it is beyond `MAX_POINTS`.
+    """
+    if count > MAX_POINTS:
+        raise TooLargeError(f"at most {MAX_POINTS} {unit}", f"{count} announced", "Thin the capture out.", where)
+    if count < 1:
+        raise InputError(f"at least one of its {unit}", f"{count} announced", "Save the capture again.", where)
+    if available < count:
+        raise InputError(
+            f"the {count} {unit} that the header announces",
+            f"{available} in the file",
+            "The file was cut off: copy it again.",
+            where,
+        )
+
+
+def columns_from_records(
+    data: bytes, offset: int, count: int, dtype: np.dtype[Any], names: tuple[str, ...], where: str
+) -> FloatArray:
+    """Return named fields of `count` packed records, (count, len(names)), as float64."""
+    require_count(count, (len(data) - offset) // dtype.itemsize, where)
+    records = np.frombuffer(data, dtype=dtype, count=count, offset=offset)
+    return np.stack([records[name].astype(np.float64) for name in names], axis=1)
+
+
+def parse_npy(data: bytes, where: str, columns: int) -> FloatArray:
+    """Return the array of an NPY file, (N, columns), as float64; never unpickles.
+
+    Raises
+    ------
+    InputError
+        If it is no NPY file, is cut off, or holds another type or shape.
+    """
+    to_do = f"Save it with numpy.save, an array of shape (N, {columns})."
+    need = f"an NPY file of N×{columns} numbers"
+    header, offset = _npy_header(data, need, to_do, where)
+    try:
+        dtype = np.dtype(header["descr"])
+        shape = tuple(int(n) for n in header["shape"])
+        fortran = bool(header["fortran_order"])
+    except (KeyError, TypeError, ValueError):
+        raise InputError(need, "a header that numpy does not know", to_do, where) from None
+    if dtype.kind not in "fiu" or dtype.itemsize == 0:
+        raise InputError(need, f"values of type {dtype.name}", to_do, where)
+    if len(shape) != 2 or shape[1] < columns or shape[1] > columns + 1:
+        raise InputError(need, f"an array of shape {shape}", to_do, where)
+    require_count(shape[0], (len(data) - offset) // (dtype.itemsize * shape[1]), where, "rows")
+    flat = np.frombuffer(data, dtype=dtype, count=shape[0] * shape[1], offset=offset)
+    return flat.reshape(shape, order="F" if fortran else "C")[:, :columns].astype(np.float64)
+
+
+def _npy_header(data: bytes, need: str, to_do: str, where: str) -> tuple[dict[str, Any], int]:
+    if data[:6] != b"\x93NUMPY" or len(data) < 12:
+        raise InputError(need, "a file that does not begin like one", to_do, where)
+    width = 2 if data[6] == 1 else 4
+    start = 8 + width
+    length = int.from_bytes(data[8:start], "little")
+    if length > 10_000 or start + length > len(data):
+        raise InputError(need, "a header that is cut off", "Copy the file again.", where)
+    try:
+        header = ast.literal_eval(data[start : start + length].decode("latin-1").strip())
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        header = None
+    if not isinstance(header, dict):
+        raise InputError(need, "a header that numpy does not know", to_do, where)
+    return header, start + length
