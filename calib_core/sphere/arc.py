@@ -163,7 +163,7 @@ def fit_arc(
     return ArcFit(
         center_mm=arc.circle[:2].copy(),
         radius_mm=float(arc.circle[2]),
-        covariance=np.asarray(sigma_mm**2 * np.linalg.inv(arc.normal_matrix)),
+        covariance=np.asarray(sigma_mm**2 * np.linalg.inv(arc.normal_matrix), dtype=float),
         rms_mm=arc.rms_mm,
         point_sigma_mm=sigma_mm,
         inliers=inliers,

@@ -31,7 +31,7 @@ def distances_to_circle(points: FloatArray, circle: FloatArray) -> FloatArray:
 
 
 def circles_through(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Return the circles (K, 3), x, z, r, through three points each, (K, 2); not finite where these are in line."""
+    """Return the circles (K, 3), x, z, r, through three points each, (K, 2); not finite where they are in line."""
     ab, ac = b - a, c - a
     twice_area = 2 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
     ab2, ac2 = (ab**2).sum(axis=1), (ac**2).sum(axis=1)

@@ -1,0 +1,89 @@
+"""Profiles without a usable arc: each says what is wrong and what to do."""
+
+import numpy as np
+import pytest
+
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.sphere.arc import fit_arc
+
+
+def arc(
+    radius: float = 18.0, half_extent_deg: float = 60.0, sigma_mm: float = 0.02, count: int = 300
+) -> FloatArray:
+    angle = np.deg2rad(np.linspace(-half_extent_deg, half_extent_deg, count))
+    r = radius + np.random.default_rng(0).normal(0, sigma_mm, count)
+    return np.column_stack([r * np.sin(angle), 200 - r * np.cos(angle)])
+
+
+def flat(sigma_mm: float, seed: int, count: int = 600) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    x = np.linspace(-40, 40, count)
+    return np.column_stack([x, 200 + 0.1 * x + rng.normal(0, sigma_mm, count)])
+
+
+@pytest.mark.parametrize(
+    ("points", "says"),
+    [
+        (np.zeros((0, 2)), "empty"),
+        (np.full((100, 2), np.nan), "all blank"),
+        (arc()[:8], "8 points"),
+        (np.repeat(arc()[:5], 40, axis=0), "5 points"),
+        (arc()[:, :1], "shape"),
+        (np.vstack([arc(), [[np.inf, 1.0]]]), "infinity in row 301"),
+    ],
+)
+def test_profiles_that_hold_too_little(points: FloatArray, says: str) -> None:
+    with pytest.raises(MeasurementError, match=says):
+        fit_arc(points, 38.1)
+
+
+@pytest.mark.parametrize("diameter_mm", [38.1, None])
+@pytest.mark.parametrize("seed", range(6))
+def test_flat_backgrounds_and_scatter_are_no_arc(diameter_mm: float | None, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scatter = rng.uniform([-60, 100], [60, 200], (500, 2))
+    corner = np.concatenate([flat(0.05, seed), [[40.0, z] for z in np.linspace(204, 260, 300)]])
+    for points in (flat(0.02, seed), flat(0.3, seed), scatter, corner):
+        with pytest.raises(MeasurementError):
+            fit_arc(points, diameter_mm)
+
+
+def test_a_short_arc_says_how_short() -> None:
+    with pytest.raises(MeasurementError, match=r"at least 30°, got one of (1[6-9]|2[0-4])°"):
+        fit_arc(arc(half_extent_deg=11, sigma_mm=0.005), 38.1)
+
+
+def test_a_sphere_larger_than_the_cell_says() -> None:
+    with pytest.raises(MeasurementError, match=r"radius ≤ 12.7 mm \(sphere diameter 25.4 mm\)") as error:
+        fit_arc(arc(radius=30), 25.4)
+    assert "radius 30" in error.value.got or "radius 29.9" in error.value.got
+    assert "larger than stated" in error.value.to_do
+
+
+def test_metres_for_millimetres_are_named() -> None:
+    with pytest.raises(MeasurementError, match="points look like metres"):
+        fit_arc(arc() / 1000, 38.1)
+    with pytest.raises(MeasurementError, match=r"diameter looks like metres.*38\.1"):
+        fit_arc(arc(), 0.0381)
+
+
+def test_the_radius_given_for_the_diameter_is_named() -> None:
+    with pytest.raises(MeasurementError, match=r"may be the sphere's radius.*38\.1 mm wide"):
+        fit_arc(arc(), 19.05)
+
+
+def test_the_far_side_is_refused_where_the_side_is_known() -> None:
+    with pytest.raises(MeasurementError, match="far side"):
+        fit_arc(arc(), 38.1, z_axis="toward")
+
+
+@pytest.mark.parametrize("diameter_mm", [0.0, -38.1, np.nan, np.inf])
+def test_impossible_diameters(diameter_mm: float) -> None:
+    with pytest.raises(MeasurementError, match="positive sphere diameter"):
+        fit_arc(arc(), diameter_mm)
+
+
+def test_impossible_sigma() -> None:
+    with pytest.raises(MeasurementError, match="standard deviation"):
+        fit_arc(arc(), 38.1, point_sigma_mm=0.0)
