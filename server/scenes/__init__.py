@@ -1,1 +1,1 @@
-"""Sessions as 3-D scenes; the only place that knows viser."""
+"""Sessions as 3-D scenes: the only place that knows viser."""

@@ -1,0 +1,52 @@
+"""Colours of the scene: residuals on a diverging scale with zero in the middle, one colour for each meaning."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.frames import FloatArray
+
+Rgb = tuple[int, int, int]
+
+USED: Rgb = (86, 128, 180)
+WAITING: Rgb = (140, 140, 145)
+REJECTED: Rgb = (230, 159, 0)
+LIGHT: Rgb = (0, 158, 115)
+SPHERE: Rgb = (150, 155, 165)
+
+# Blue – grey – red at even steps from −limit to +limit; grey stands out from a white and from a black ground.
+DIVERGING: tuple[Rgb, ...] = ((20, 70, 190), (95, 145, 225), (172, 172, 172), (232, 125, 95), (190, 20, 35))
+
+_ROBUST = 0.98
+
+
+def residual_limit_mm(residuals_mm: Sequence[FloatArray]) -> float:
+    """Return the symmetric limit of the scale: the 98 % quantile of |residual|, rounded up.
+
+    It is rounded to 1, 1.5, 2, 3, 5 or 7 · 10ⁿ mm, which keeps the colours as they are while captures come in one
+    by one.  Without residuals it is 0.1 mm.
+    """
+    values = np.abs(np.concatenate([np.zeros(0), *residuals_mm]))
+    quantile = float(np.quantile(values, _ROBUST)) if values.size else 0.1
+    exponent = np.floor(np.log10(max(quantile, 1e-4)))
+    steps = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0]) * 10**exponent
+    return float(np.round(steps[np.searchsorted(steps, quantile * (1 - 1e-9))], 9))
+
+
+def diverging_colors(residuals_mm: FloatArray, limit_mm: float) -> NDArray[np.uint8]:
+    """Return the colours (N, 3) of residuals (N,); beyond the limit the end colours stand."""
+    at = np.linspace(-limit_mm, limit_mm, len(DIVERGING))
+    stops = np.array(DIVERGING, dtype=float)
+    channels = [np.interp(residuals_mm, at, stops[:, channel]) for channel in range(3)]
+    return np.stack(channels, axis=1).round().astype(np.uint8)
+
+
+def css(color: Rgb) -> str:
+    """Return a colour as CSS writes it."""
+    return f"rgb({color[0]} {color[1]} {color[2]})"
+
+
+def length_text(length_mm: float) -> str:
+    """Return a length with the unit that reads best: µm below a millimetre."""
+    return f"{length_mm:g} mm" if length_mm >= 1 else f"{length_mm * 1000:g} µm"

@@ -1,0 +1,160 @@
+"""The layers of a scene, each a function from facts to nodes; a new layer is a new entry in `LAYERS`."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform
+from server.scenes import nodes
+from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors, residual_limit_mm
+from server.scenes.facts import SceneFacts
+from server.scenes.nodes import Node
+
+_STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
+_LONGEST_REASON = 44
+_FAN_MARGIN = 0.15
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a drawing depends on beside the facts: the scale of residuals and the capture that was picked."""
+
+    limit_mm: float
+    picked: str | None = None
+
+
+def look_at(facts: SceneFacts, picked: str | None = None) -> Look:
+    """Return the look of a scene: its scale comes from the captures that the result used."""
+    used = [facts.residuals_mm(c) for c in facts.captures if c.state == "used"]
+    return Look(residual_limit_mm([r for r in used if r is not None and r.size]), picked)
+
+
+def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
+    """Draw the robot's base with named axes and a floor of 100 mm squares."""
+    length = 200.0
+    identity = RigidTransform.identity("base", "base")
+    yield nodes.axes("/base/axes", identity, length, WAITING)
+    for axis, name in enumerate("xyz"):
+        yield nodes.label(f"/base/{name}", np.eye(3)[axis] * length * 1.08, name, anchor="center-center")
+    yield nodes.label("/base/name", [0.0, 0.0, -0.12 * length], "base", anchor="top-center")
+    yield Node(
+        "/base/floor",
+        "add_grid",
+        {
+            "width": 4.0,
+            "height": 4.0,
+            "cell_size": 0.1,
+            "section_size": 1.0,
+            "cell_color": (128, 128, 128),
+            "section_color": (128, 128, 128),
+            "cell_thickness": 0.4,
+            "section_thickness": 0.9,
+            "fade_distance": 6.0,
+            "shadow_opacity": 0.0,
+        },
+    )
+
+
+def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw flange and laser frames at every capture and what joins them; rejected ones are crossed out."""
+    for capture in facts.captures:
+        color = _STATE_COLOR[capture.state]
+        grow = 1.6 if capture.id == look.picked else 1.0
+        flange = capture.base_from_tool0
+        yield nodes.axes(f"/frames/{capture.id}/flange", flange, 36.0 * grow, color)
+        laser = facts.base_from_laser(capture)
+        if laser is not None:
+            yield nodes.axes(f"/frames/{capture.id}/laser", laser, 24.0 * grow, color)
+            joint = np.array([[flange.translation_mm, laser.translation_mm]])
+            yield nodes.lines(f"/frames/{capture.id}/tool", joint, color, 3.0 if grow > 1 else 1.2)
+        if capture.state == "rejected":
+            yield nodes.lines(f"/frames/{capture.id}/cross", _cross(flange, 26.0 * grow), REJECTED, 4.0)
+
+
+def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw the plane of light of every profile, as far as it reached."""
+    for capture in facts.captures:
+        laser = facts.base_from_laser(capture)
+        if laser is None or capture.kind != "profile" or len(capture.points_in_laser_mm) < 2:
+            continue
+        opacity = 0.45 if capture.id == look.picked else 0.06 if look.picked else 0.13
+        color = REJECTED if capture.state == "rejected" else LIGHT
+        corners = _fan(capture.points_in_laser_mm)
+        faces = np.array([[0, 1, 2]], dtype=np.uint32)
+        yield nodes.surface(f"/light/{capture.id}", laser, corners, faces, color, opacity)
+
+
+def residual_points(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw the points that lie on the sphere: used ones by residual, rejected and unplaced ones in one colour."""
+    size = 1.0 if facts.sphere_radius_mm is None else min(max(facts.sphere_radius_mm / 50, 0.3), 1.5)
+    for capture in facts.captures:
+        cloud = facts.points_in_base_mm(capture)
+        if not len(cloud):
+            continue
+        residuals = facts.residuals_mm(capture)
+        if residuals is None or capture.state == "rejected":
+            one = REJECTED if capture.state == "rejected" else WAITING
+            colors = np.tile(np.array(one, dtype=np.uint8), (len(cloud), 1))
+        else:
+            colors = diverging_colors(residuals, look.limit_mm)
+        origin = cloud.mean(axis=0) if facts.sphere_center_in_base_mm is None else facts.sphere_center_in_base_mm
+        grow = 1.8 if capture.id == look.picked else 1.0
+        yield nodes.points(f"/points/{capture.id}", cloud, origin, colors, size * grow)
+
+
+def sphere(facts: SceneFacts, _look: Look) -> Iterator[Node]:
+    """Draw the solved sphere, slightly inside its surface so that the points on it stay visible."""
+    if facts.sphere_center_in_base_mm is not None and facts.sphere_radius_mm is not None:
+        yield nodes.ball(
+            "/sphere/solved", facts.sphere_center_in_base_mm, 0.985 * facts.sphere_radius_mm, SPHERE, 0.45
+        )
+
+
+def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Name every capture, and say why a rejected one is."""
+    for capture in facts.captures:
+        text = capture.id
+        if capture.state == "rejected":
+            text = f"✕ {capture.id} · {_short(capture.reason)}"
+        size = 1.3 if capture.id == look.picked else 0.95
+        above = capture.base_from_tool0.translation_mm + np.array([0.0, 0.0, 14.0])
+        yield nodes.label(f"/labels/{capture.id}", above, text, size)
+
+
+Layer = Callable[[SceneFacts, Look], Iterator[Node]]
+
+LAYERS: dict[str, tuple[str, Layer]] = {
+    "base": ("Base and floor", base_frame),
+    "frames": ("Flange and laser frames", frames),
+    "light": ("Plane of light", light),
+    "points": ("Points by residual", residual_points),
+    "sphere": ("Sphere", sphere),
+    "labels": ("Labels", labels),
+}
+"""Root node of each layer, its name for people, and what draws it."""
+
+
+def draw(facts: SceneFacts, look: Look) -> dict[str, Node]:
+    """Return all nodes of a scene by name."""
+    return {node.name: node for _, layer in LAYERS.values() for node in layer(facts, look)}
+
+
+def _fan(points_in_laser_mm: FloatArray) -> FloatArray:
+    """Return the triangle of light (3, 3) in L: from the scanner's origin past the points, on their side of it."""
+    x, z = points_in_laser_mm[:, 0], points_in_laser_mm[:, 2]
+    margin = _FAN_MARGIN * float(np.ptp(x))
+    far = float(z.max() if np.median(z) >= 0 else z.min())
+    return np.array([[0.0, 0.0, 0.0], [x.min() - margin, 0.0, far], [x.max() + margin, 0.0, far]])
+
+
+def _cross(flange: RigidTransform, size_mm: float) -> FloatArray:
+    """Return a cross in space (4, 2, 3): the diagonals of a cube, a cross from wherever one looks."""
+    corners = np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], dtype=float) * size_mm / np.sqrt(3)
+    return flange.translation_mm + np.stack([corners, -corners], axis=1)
+
+
+def _short(reason: str) -> str:
+    """Return the first clause of a reason, short enough for a label."""
+    first = reason.split(". ")[0].rstrip(".")
+    return first if len(first) <= _LONGEST_REASON else first[: _LONGEST_REASON - 1].rstrip() + "…"

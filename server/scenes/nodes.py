@@ -1,0 +1,146 @@
+"""Scene nodes as plain data, so that two drawings can be compared and only what changed is sent.
+
+Lengths come in mm and leave in metres, which viser's camera speeds, clipping planes and grids are made for.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.frames import FloatArray, RigidTransform
+from server.scenes.colors import Rgb
+
+METRES_PER_MM = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """One node: its path in the scene, the method of viser's scene that makes it, and that method's arguments."""
+
+    name: str
+    method: str
+    arguments: Mapping[str, Any]
+
+    def fingerprint(self) -> str:
+        """Return a hash that changes when anything about the node's looks or place does."""
+        digest = hashlib.sha256(self.method.encode())
+        for key in sorted(self.arguments):
+            value = self.arguments[key]
+            digest.update(key.encode())
+            digest.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
+        return digest.hexdigest()
+
+    def add_to(self, scene: Any) -> Any:
+        """Add the node to viser's scene, in place of one of the same name; return its handle."""
+        return getattr(scene, self.method)(self.name, **self.arguments)
+
+
+def axes(name: str, pose: RigidTransform, length_mm: float, origin: Rgb) -> Node:
+    """Return a frame drawn as three axes (red x, green y, blue z) with a coloured origin."""
+    length = length_mm * METRES_PER_MM
+    return Node(
+        name,
+        "add_frame",
+        {
+            **_place(pose),
+            "axes_length": length,
+            "axes_radius": length * 0.03,
+            "origin_radius": length * 0.11,
+            "origin_color": origin,
+        },
+    )
+
+
+def label(name: str, position_mm: ArrayLike, text: str, size: float = 1.0, anchor: str = "bottom-center") -> Node:
+    """Return a text that always faces the viewer."""
+    position = tuple(float(v) * METRES_PER_MM for v in np.asarray(position_mm, dtype=float))
+    arguments = {"text": text, "position": position, "font_screen_scale": size, "anchor": anchor}
+    return Node(name, "add_label", arguments)
+
+
+def lines(name: str, segments_mm: FloatArray, color: Rgb, width_px: float = 2.0) -> Node:
+    """Return straight pieces (N, 2, 3) of constant width on the screen."""
+    return Node(
+        name,
+        "add_line_segments",
+        {
+            "points": _metres(segments_mm),
+            "colors": color,
+            "thickness": width_px,
+            "thickness_units": "screen",
+        },
+    )
+
+
+def points(
+    name: str, points_mm: FloatArray, origin_mm: ArrayLike, colors: NDArray[np.uint8], size_mm: float
+) -> Node:
+    """Return points (N, 3) with a colour each, in single precision about a local origin."""
+    origin = np.asarray(origin_mm, dtype=float)
+    return Node(
+        name,
+        "add_point_cloud",
+        {
+            "points": _metres(points_mm - origin),
+            "position": tuple((origin * METRES_PER_MM).tolist()),
+            "colors": colors,
+            "point_size": size_mm * METRES_PER_MM,
+            "point_shape": "circle",
+            "point_shading": "flat",
+            "precision": "float32",
+        },
+    )
+
+
+def surface(
+    name: str, pose: RigidTransform, corners_mm: FloatArray, faces: NDArray[np.uint32], color: Rgb, opacity: float
+) -> Node:
+    """Return translucent triangles, seen from both sides, with corners (N, 3) in the pose's own frame."""
+    return Node(
+        name,
+        "add_mesh_simple",
+        {
+            **_place(pose),
+            "vertices": _metres(corners_mm),
+            "faces": faces,
+            "color": color,
+            "opacity": opacity,
+            "side": "double",
+            "cast_shadow": False,
+            "receive_shadow": False,
+        },
+    )
+
+
+def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity: float) -> Node:
+    """Return a translucent sphere."""
+    center = np.asarray(center_mm, dtype=float) * METRES_PER_MM
+    return Node(
+        name,
+        "add_icosphere",
+        {
+            "radius": radius_mm * METRES_PER_MM,
+            "position": tuple(center.tolist()),
+            "color": color,
+            "opacity": opacity,
+            "subdivisions": 4,
+            "cast_shadow": False,
+            "receive_shadow": False,
+        },
+    )
+
+
+def _metres(values_mm: FloatArray) -> NDArray[np.float32]:
+    return np.ascontiguousarray(np.asarray(values_mm) * METRES_PER_MM, dtype=np.float32)
+
+
+def _place(pose: RigidTransform) -> dict[str, tuple[float, ...]]:
+    """Return viser's position (m) and quaternion (scalar first) of a pose."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat().tolist()
+    return {"position": tuple((pose.translation_mm * METRES_PER_MM).tolist()), "wxyz": (w, x, y, z)}

@@ -1,0 +1,31 @@
+"""A session's scene as one HTML file that needs no server and no net."""
+
+import secrets
+
+from server.scenes.facts import SceneInput, scene_facts
+from server.scenes.layers import LAYERS, draw, look_at
+from server.scenes.legend import legend_html
+from server.scenes.live import start_viser
+from server.scenes.page import offline_page
+from server.scenes.views import FIELD_OF_VIEW_RAD, view
+
+
+def scene_html(scene: SceneInput) -> str:
+    """Return the scene as a self-contained HTML page."""
+    facts = scene_facts(scene)
+    look = look_at(facts)
+    first = view("Captures", facts)
+    server = start_viser(secrets.token_urlsafe())
+    try:
+        server.initial_camera.fov = FIELD_OF_VIEW_RAD
+        server.initial_camera.up = first.up
+        server.initial_camera.position = first.position_m
+        server.initial_camera.look_at = first.look_at_m
+        for root in LAYERS:
+            server.scene.add_frame(f"/{root}", show_axes=False)
+        for node in draw(facts, look).values():
+            node.add_to(server.scene)
+        page = server.get_scene_serializer().as_html()
+    finally:
+        server.stop()
+    return offline_page(page, scene.session.name or "Scene", legend_html(facts, look))

@@ -1,0 +1,118 @@
+"""viser's client page as we serve it: cut off from every other address, in our theme, with our legend on it.
+
+The client is one HTML file. Left alone it would follow `?websocket=` to any server on the net and run what that
+server sends, under our origin; so its query is cut to what we know before it starts, and a content security policy
+lets it talk to this origin only.
+"""
+
+from functools import cache
+from pathlib import Path
+
+CONTENT_SECURITY_POLICY = "; ".join(
+    [
+        "default-src 'none'",
+        "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:",
+        "worker-src blob: data:",
+        "connect-src 'self' blob: data:",
+        "img-src 'self' blob: data:",
+        "style-src 'unsafe-inline'",
+        "font-src data:",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'self'",
+    ]
+)
+
+_STYLE = """
+<style>
+html, body, #root { background: #fff; }
+html.dark, html.dark body, html.dark #root { background: #141414; }
+#scancell-legend {
+  position: fixed; left: 12px; bottom: 12px; z-index: 5; max-width: 236px; padding: 8px 12px; border-radius: 6px;
+  pointer-events: none; font: 12px/1.5 system-ui, sans-serif; font-variant-numeric: tabular-nums;
+  color: #24292f; background: rgb(255 255 255 / 0.85); box-shadow: 0 0 0 1px rgb(0 0 0 / 0.1);
+}
+.dark #scancell-legend {
+  color: #e4e6ea; background: rgb(28 29 32 / 0.85); box-shadow: 0 0 0 1px rgb(255 255 255 / 0.12);
+}
+#scancell-legend:empty { display: none; }
+#scancell-legend h2 { margin: 0 0 4px; font-size: 12px; font-weight: 600; }
+#scancell-legend p { margin: 0 0 2px; }
+#scancell-legend .bar { height: 10px; min-width: 210px; border-radius: 2px; }
+#scancell-legend .ticks { display: flex; justify-content: space-between; }
+#scancell-legend .key { margin-right: 10px; white-space: nowrap; display: inline-block; }
+#scancell-legend .key i { font-style: normal; }
+.mantine-Notifications-root { display: none; }
+</style>
+"""
+
+# The theme follows ?theme=dark|light, and the system's where nothing is said.  On narrow screens the client would
+# lay its controls over half of the scene; told that no screen is narrow, it keeps them folded up in the corner.
+_START = """
+<script>
+(() => {
+  const asked = new URLSearchParams(location.search);
+  const theme = asked.get("theme");
+  const system = matchMedia("(prefers-color-scheme: dark)").matches;
+  const dark = theme === "dark" || (theme !== "light" && system);
+  const kept = new URLSearchParams();
+  if (theme === "dark" || theme === "light") kept.set("theme", theme);
+  if (dark) kept.set("darkMode", "");
+  kept.set("hideViserLogo", "");
+  history.replaceState(null, "", location.pathname + "?" + kept);
+  document.documentElement.classList.toggle("dark", dark);
+  const real = window.matchMedia.bind(window);
+  window.matchMedia = (query) => real(query.startsWith("(max-width") ? "not all" : query);
+})();
+</script>
+"""
+
+_LEGEND = '<div id="scancell-legend" role="note" aria-label="Legend">%s</div>'
+
+_FOLLOW = """
+<script>
+(() => {
+  const legend = document.getElementById("scancell-legend");
+  let tag = "";
+  const follow = async () => {
+    if (!document.hidden) {
+      try {
+        const answer = await fetch("legend", tag ? { headers: { "If-None-Match": tag } } : {});
+        if (answer.status === 200) {
+          tag = answer.headers.get("ETag") ?? "";
+          legend.innerHTML = await answer.text();
+        }
+      } catch {
+        // The server is away; the scene itself shows that, and the next round asks again.
+      }
+    }
+    setTimeout(follow, 1500);
+  };
+  follow();
+})();
+</script>
+"""
+
+
+@cache
+def client_page(title: str = "Scene") -> str:
+    """Return the page of a live scene."""
+    import viser
+
+    client = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    return _dressed(client.read_text(encoding="utf-8"), title, _START, _LEGEND % "" + _FOLLOW)
+
+
+def offline_page(scene_page: str, title: str, legend: str) -> str:
+    """Return viser's self-contained page of a recorded scene with a title and a legend that stands still."""
+    return _dressed(scene_page, title, _START, _LEGEND % legend)
+
+
+def _dressed(page: str, title: str, head: str, body: str) -> str:
+    from html import escape
+
+    page = page.replace("<title>Viser</title>", f"<title>{escape(title)}</title>", 1)
+    at = page.index("<head>") + len("<head>")
+    page = page[:at] + '<meta charset="utf-8" />' + _STYLE + head + page[at:]
+    end = page.rindex("</body>")
+    return page[:end] + body + page[end:]

@@ -1,0 +1,84 @@
+"""Addresses of the scenes: viser's page, its WebSocket at the same place, the legend and the picked capture."""
+
+from typing import Annotated
+from zlib import crc32
+
+from fastapi import APIRouter, Depends, Path, Request, Response, WebSocket
+from fastapi.requests import HTTPConnection
+from fastapi.responses import HTMLResponse, RedirectResponse
+from pydantic import BaseModel
+
+from calib_core.errors import NotFoundError
+from server.errors import ForbiddenError
+from server.scenes.bridge import bridge, is_same_origin
+from server.scenes.manager import SceneManager
+from server.scenes.page import CONTENT_SECURITY_POLICY, client_page
+
+scenes_router = APIRouter(prefix="/scenes", tags=["scenes"])
+
+SessionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+
+
+def scene_manager(connection: HTTPConnection) -> SceneManager:
+    """Return the application's scene manager, which stands in `app.state.scenes`."""
+    return connection.app.state.scenes
+
+
+Scenes = Annotated[SceneManager, Depends(scene_manager)]
+
+
+class Highlight(BaseModel):
+    """The capture to light up; null lights up none."""
+
+    capture: str | None = None
+
+
+@scenes_router.get("/{session}", include_in_schema=False)
+def scene_address(session: SessionId, request: Request) -> RedirectResponse:
+    """Send a browser to the address with its slash, on which the client's relative addresses rely."""
+    query = f"?{request.url.query}" if request.url.query else ""
+    return RedirectResponse(f"{request.url.path}/{query}")
+
+
+@scenes_router.get("/{session}/", response_class=HTMLResponse, summary="The 3-D scene of a session")
+def scene_page(session: SessionId, scenes: Scenes) -> HTMLResponse:
+    """Return the page that draws the session's scene, live. `?theme=dark` or `?theme=light` sets its theme."""
+    _require(scenes, session)
+    headers = {"Content-Security-Policy": CONTENT_SECURITY_POLICY, "Cache-Control": "no-cache"}
+    return HTMLResponse(client_page(), headers=headers)
+
+
+@scenes_router.get("/{session}/legend", response_class=HTMLResponse, summary="The legend of a live scene")
+def scene_legend(session: SessionId, scenes: Scenes, request: Request) -> Response:
+    """Return the legend as a piece of HTML; empty while nobody looks at the scene."""
+    legend = scenes.legend(session)
+    tag = f'"{crc32(legend.encode()):08x}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return HTMLResponse(legend, headers=headers)
+
+
+@scenes_router.post("/{session}/highlight", status_code=204, summary="Light up one capture in the scene")
+def highlight(session: SessionId, body: Highlight, scenes: Scenes, request: Request) -> None:
+    """Light up a capture in the scenes of everybody who looks at this session; null ends it."""
+    origin = request.headers.get("origin")
+    if origin is not None and not is_same_origin(origin, request.headers.get("host")):
+        raise ForbiddenError(
+            "a request of this server's own pages", origin, "Use the workbench's own page.", "Origin"
+        )
+    scenes.highlight(session, body.capture)
+
+
+@scenes_router.websocket("/{session}")
+@scenes_router.websocket("/{session}/")
+async def scene_socket(websocket: WebSocket, session: str, scenes: Scenes) -> None:
+    """Carry the scene's messages between a viewer and the session's viser server."""
+    await bridge(websocket, scenes, session)
+
+
+def _require(scenes: SceneManager, session: str) -> None:
+    if not scenes.exists(session):
+        raise NotFoundError(
+            "a session", f"the id '{session}', which none has", "Choose one of the sessions listed."
+        )

@@ -1,0 +1,83 @@
+"""Where the camera stands: a few named views of what the scene holds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+from server.scenes.facts import SceneFacts
+from server.scenes.nodes import METRES_PER_MM
+
+VIEWS = ("Captures", "Cell", "Sphere", "Top", "Side", "Along laser")
+FIELD_OF_VIEW_RAD = 0.75
+
+_ISOMETRIC = np.array([1.0, -1.2, 0.75])
+_SIDE = np.array([0.0, -1.0, 0.08])
+_TOP = np.array([0.0, -1e-3, 1.0])
+_NEAREST_M = 0.12
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera: where it stands and what it looks at, in metres in the base, and which way is up."""
+
+    position_m: FloatArray
+    look_at_m: FloatArray
+    up: FloatArray
+
+
+def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
+    """Return a view by its name.
+
+    "Captures" shows sphere, scanner and flanges, "Cell" the robot's base as well, "Sphere" the sphere from near,
+    and "Along laser" looks as the scanner does at the picked capture, or at the first one.
+    """
+    if name == "Along laser":
+        along = _along_laser(facts, picked)
+        if along is not None:
+            return along
+    if name == "Sphere" and facts.sphere_center_in_base_mm is not None:
+        return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, facts.sphere_radius_mm or 20.0)
+    everything = _places_mm(facts)
+    if name == "Cell" or not len(everything):
+        base = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 250.0]])
+        return _around(np.concatenate([everything, base]), _ISOMETRIC)
+    direction = {"Top": _TOP, "Side": _SIDE}.get(name, _ISOMETRIC)
+    return _around(everything, direction)
+
+
+def _places_mm(facts: SceneFacts) -> FloatArray:
+    """Return the places (N, 3) that a view must hold: flanges, scanners, sphere."""
+    places = [capture.base_from_tool0.translation_mm for capture in facts.captures]
+    for capture in facts.captures:
+        laser = facts.base_from_laser(capture)
+        if laser is not None:
+            places.append(laser.translation_mm)
+    if facts.sphere_center_in_base_mm is not None:
+        places.append(facts.sphere_center_in_base_mm)
+    return np.array(places).reshape(-1, 3)
+
+
+def _around(places_mm: FloatArray, direction: FloatArray, radius_mm: float = 0.0) -> View:
+    """Return the view from a direction that holds all places and a ball about each."""
+    low, high = places_mm.min(axis=0), places_mm.max(axis=0)
+    center = (low + high) / 2 * METRES_PER_MM
+    radius = (float(np.linalg.norm(high - low)) / 2 + radius_mm) * METRES_PER_MM
+    distance = max(radius / np.sin(FIELD_OF_VIEW_RAD / 2) * 0.9, _NEAREST_M)
+    position = center + distance * direction / np.linalg.norm(direction)
+    return View(position, center, np.array([0.0, 0.0, 1.0]))
+
+
+def _along_laser(facts: SceneFacts, picked: str | None) -> View | None:
+    """Return the view from a little behind the scanner's origin towards what it saw."""
+    order = sorted(facts.captures, key=lambda c: (c.id != picked, c.state != "used"))
+    for capture in order:
+        laser = facts.base_from_laser(capture)
+        if laser is None or not len(capture.points_in_laser_mm):
+            continue
+        target = laser.apply(capture.points_in_laser_mm.mean(axis=0)) * METRES_PER_MM
+        back = laser.translation_mm * METRES_PER_MM - target
+        # A little out of the plane of light (y): from within it, it would be a line.
+        aside = laser.rotate([0.0, 1.0, 0.0]) * 0.35 * float(np.linalg.norm(back))
+        return View(target + 1.6 * back + aside, target, laser.rotate([1.0, 0.0, 0.0]))
+    return None

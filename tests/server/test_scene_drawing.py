@@ -1,0 +1,178 @@
+"""What is drawn of a session: every capture in its place, every point in the colour of its residual."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calib_core.records import Session
+from server.scenes.colors import DIVERGING, REJECTED, USED, diverging_colors, length_text, residual_limit_mm
+from server.scenes.facts import MAX_POINTS, SceneFacts, scene_facts
+from server.scenes.layers import draw, look_at
+from server.scenes.legend import legend_html, rejected_html
+from server.scenes.nodes import Node
+from server.scenes.views import FIELD_OF_VIEW_RAD, VIEWS, view
+from tests.server.scene_cell import CENTER_MM, TOOL0_FROM_LASER, make_cell
+
+
+def drawn(facts: SceneFacts, picked: str | None = None) -> dict[str, Node]:
+    return draw(facts, look_at(facts, picked))
+
+
+def changed(before: dict[str, Node], after: dict[str, Node]) -> set[str]:
+    return {n for n in after if n not in before or before[n].fingerprint() != after[n].fingerprint()}
+
+
+def test_every_capture_has_its_flange_its_scanner_its_light_and_its_name() -> None:
+    cell = make_cell()
+    nodes = drawn(scene_facts(cell.scene()))
+    for k, pose in enumerate(cell.poses):
+        name = f"p{k + 1:02d}"
+        flange, laser = nodes[f"/frames/{name}/flange"], nodes[f"/frames/{name}/laser"]
+        np.testing.assert_allclose(flange.arguments["position"], pose.translation_mm / 1000, atol=1e-12)
+        expected = (pose @ TOOL0_FROM_LASER).translation_mm / 1000
+        np.testing.assert_allclose(laser.arguments["position"], expected, atol=1e-9)
+        assert f"/light/{name}" in nodes
+        assert name in nodes[f"/labels/{name}"].arguments["text"]
+    assert {f"/base/{axis}" for axis in "xyz"} <= nodes.keys()
+    np.testing.assert_allclose(nodes["/sphere/solved"].arguments["position"], CENTER_MM / 1000)
+
+
+def test_points_lie_where_they_were_measured_to_a_micrometre_and_carry_their_residuals_colour() -> None:
+    cell = make_cell()
+    facts = scene_facts(cell.scene())
+    look = look_at(facts)
+    nodes = draw(facts, look)
+    used = [k for k, c in enumerate(facts.captures) if c.state == "used"]
+    assert look.limit_mm == residual_limit_mm([cell.residuals[k] for k in used])
+    for k in used:
+        node = nodes[f"/points/p{k + 1:02d}"]
+        true_mm = (cell.poses[k] @ TOOL0_FROM_LASER).apply(cell.points[k])
+        shown_mm = (node.arguments["points"].astype(float) + node.arguments["position"]) * 1000
+        np.testing.assert_allclose(shown_mm, true_mm, atol=1e-3)
+        assert node.arguments["precision"] == "float32"
+        # The cell knows each point's distance from the sphere; one grey level is its rounding.
+        expected = diverging_colors(cell.residuals[k], look.limit_mm).astype(int)
+        assert np.abs(node.arguments["colors"].astype(int) - expected).max() <= 1
+
+
+def test_rejected_captures_are_crossed_out_coloured_and_say_why() -> None:
+    cell = make_cell(rejected=("p05",))
+    facts = scene_facts(cell.scene(failed=("p09",)))
+    nodes = drawn(facts)
+    for name, reason in (("p05", "sphere moved by 3.0 mm"), ("p09", "sphere leaves the stripe at the left")):
+        assert nodes[f"/frames/{name}/flange"].arguments["origin_color"] == REJECTED
+        assert f"/frames/{name}/cross" in nodes
+        label = nodes[f"/labels/{name}"].arguments["text"]
+        assert label.startswith("✕")
+        assert reason in label
+        assert (nodes[f"/points/{name}"].arguments["colors"] == REJECTED).all()
+        assert reason in rejected_html(facts)
+    assert nodes["/frames/p01/flange"].arguments["origin_color"] == USED
+    assert "/frames/p01/cross" not in nodes
+    assert "2 rejected" in legend_html(facts, look_at(facts))
+
+
+def test_before_a_result_only_flanges_are_shown_and_no_file_is_read() -> None:
+    def never(_: object) -> np.ndarray:
+        raise AssertionError("points were read that cannot be placed")
+
+    scene = dataclasses.replace(make_cell().scene(count=5, solved=False), load_points=never)
+    facts = scene_facts(scene)
+    names = drawn(facts).keys()
+    assert sum(name.endswith("/flange") for name in names) == 5
+    assert not [n for n in names if n.startswith(("/light", "/points", "/sphere")) or n.endswith("/laser")]
+    assert "first result" in legend_html(facts, look_at(facts))
+
+
+def test_an_empty_session_still_shows_the_base() -> None:
+    facts = scene_facts(make_cell().scene(count=0, solved=False))
+    assert {name.split("/")[1] for name in drawn(facts)} == {"base"}
+    assert "No captures yet" in legend_html(facts, look_at(facts))
+
+
+def test_a_capture_without_a_usable_pose_is_left_out_and_the_others_stay() -> None:
+    scene = make_cell().scene(count=3)
+    captures = list(scene.session.captures)
+    captures[1] = captures[1].model_copy(update={"pose": [1.0, 2.0]})
+    captures[2] = captures[2].model_copy(update={"pose": None})
+    session = Session.model_validate({**dict(scene.session), "captures": captures})
+    facts = scene_facts(dataclasses.replace(scene, session=session))
+    assert [c.id for c in facts.captures] == ["p01"]
+
+
+def test_one_more_capture_changes_nothing_but_itself() -> None:
+    cell = make_cell()
+    before = drawn(scene_facts(cell.scene(count=8, solved=False)))
+    after = drawn(scene_facts(cell.scene(count=9, solved=False)))
+    assert changed(before, after) == {"/frames/p09/flange", "/labels/p09"}
+    assert before.keys() <= after.keys()
+
+
+def test_picking_a_capture_touches_its_own_nodes_and_dims_the_other_light() -> None:
+    facts = scene_facts(make_cell().scene())
+    touched = changed(drawn(facts), drawn(facts, "p03"))
+    assert {n for n in touched if "p03" not in n} == {f"/light/{c.id}" for c in facts.captures if c.id != "p03"}
+    assert {"/points/p03", "/frames/p03/flange", "/labels/p03", "/light/p03"} <= touched
+
+
+def test_many_points_are_thinned_to_the_bound_evenly() -> None:
+    cell = make_cell(count=4, points=120_000)
+    facts = scene_facts(cell.scene())
+    counts = [len(c.points_in_laser_mm) for c in facts.captures]
+    assert sum(counts) <= MAX_POINTS
+    assert min(counts) == max(counts) >= MAX_POINTS / 4 / 2
+
+
+def test_without_a_diameter_the_points_say_the_radius() -> None:
+    scene = make_cell().scene()
+    cell = scene.session.cell.model_copy(update={"sphere_diameter_mm": None})
+    session = scene.session.model_copy(update={"cell": cell})
+    facts = scene_facts(dataclasses.replace(scene, session=session))
+    assert facts.sphere_radius_mm == pytest.approx(20.0, abs=0.05)  # the captures' own offsets have sigma 0.05
+
+
+def test_names_from_outside_cannot_become_markup() -> None:
+    scene = make_cell(rejected=("p01",)).scene(count=2)
+    tcp = scene.results["tcp"]
+    rows = [r.model_copy(update={"reason": "<img src=x onerror=alert(1)>"}) for r in tcp.residuals]  # pyright: ignore
+    facts = scene_facts(dataclasses.replace(scene, results={"tcp": tcp.model_copy(update={"residuals": rows})}))
+    assert "<img" not in rejected_html(facts)
+    assert "&lt;img" in rejected_html(facts)
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_every_view_holds_what_it_is_for(name: str) -> None:
+    facts = scene_facts(make_cell().scene())
+    camera = view(name, facts)
+    ahead = camera.look_at_m - camera.position_m
+    ahead /= np.linalg.norm(ahead)
+    to_sphere = CENTER_MM / 1000 - camera.position_m
+    angle = np.arccos(to_sphere @ ahead / np.linalg.norm(to_sphere))
+    assert angle < FIELD_OF_VIEW_RAD / 2
+    assert np.linalg.norm(np.cross(ahead, camera.up)) > 1e-4  # up is not along the view
+
+
+@given(st.floats(1e-4, 5.0), st.lists(st.floats(-10, 10), min_size=1, max_size=50))
+def test_the_scale_has_grey_at_zero_is_monotone_and_ends_in_its_end_colours(
+    limit: float, values: list[float]
+) -> None:
+    colors = diverging_colors(np.array([-limit * 2, 0.0, limit * 2]), limit)
+    assert [tuple(c) for c in colors.tolist()] == [DIVERGING[0], DIVERGING[2], DIVERGING[4]]
+    assert len(set(DIVERGING[2])) == 1
+    warmth = np.diff(diverging_colors(np.sort(values), limit)[:, [0, 2]].astype(int) @ [1, -1])
+    assert (warmth >= -1).all()  # from blue to red, but for rounding
+
+
+@given(st.lists(st.floats(-5, 5), min_size=1, max_size=80))
+def test_the_limit_covers_98_percent_and_is_at_most_twice_too_wide(values: list[float]) -> None:
+    quantile = float(np.quantile(np.abs(values), 0.98))
+    limit = residual_limit_mm([np.array(values)])
+    assert limit >= quantile * (1 - 1e-6)
+    assert limit <= max(2 * quantile, 1e-4)
+
+
+def test_lengths_read_well() -> None:
+    assert [length_text(v) for v in (0.05, 0.0015, 1.5)] == ["50 µm", "1.5 µm", "1.5 mm"]
