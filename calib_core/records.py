@@ -42,6 +42,11 @@ Matrix4 = Annotated[
 Rows = list[list[float]]
 
 
+def _mismatch(need: str, got: str, to_do: str) -> ValueError:
+    """Return what a validator raises: `input_error_from_details` takes the three parts out again."""
+    return ValueError(f"need {need}, got {got}. {to_do}", need, got, to_do)
+
+
 class Record(BaseModel):
     """A frozen record that keeps fields it does not know."""
 
@@ -156,16 +161,16 @@ class Capture(Record):
         for name in files:
             path = PurePosixPath(name)
             if not name or path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name or ":" in name:
-                raise ValueError(f"a file inside the session folder is needed, got {name!r}")
+                raise _mismatch("a file inside the session folder", repr(name)[:80], "Copy it into captures/.")
         return files
 
     @model_validator(mode="after")
     def _has_its_data(self) -> "Capture":
         if self.kind == "center":
             if self.center_mm is None:
-                raise ValueError("a capture of kind 'center' needs center_mm [x, y, z]")
+                raise _mismatch("center_mm [x, y, z] in a capture of kind 'center'", "none", "Add it.")
         elif not self.files:
-            raise ValueError(f"a capture of kind '{self.kind}' needs at least one file in `files`")
+            raise _mismatch(f"at least one file in `files` of a '{self.kind}' capture", "none", "Add it.")
         return self
 
 
@@ -182,7 +187,7 @@ class Session(Record):
         seen: set[str] = set()
         for capture in self.captures:
             if capture.id in seen:
-                raise ValueError(f"capture ids must differ: '{capture.id}' stands twice; rename or remove one")
+                raise _mismatch("capture ids that differ", f"'{capture.id}' twice", "Rename or remove one.")
             seen.add(capture.id)
         return self
 
@@ -300,6 +305,55 @@ class Finding(Record):
     sentence: str
 
 
+GuideStatus = Literal["done", "working", "todo", "later", "stale", "failing", "known", "not-needed"]
+
+
+class GuideStep(Record):
+    """One step of the way and how far it is; computed, never stored."""
+
+    step: Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan", "merge"]
+    status: GuideStatus
+    note: str | None = None
+
+
+class GuideNow(Record):
+    """The one thing to do now.
+
+    `drawing` names the picture beside it.  `suggested_pose` is base_from_tool0 of a capture that would help, and
+    `suggested_pose_numbers` the same as the controller writes it.
+    """
+
+    step: str
+    stage: Stage | None = None
+    action: Literal["capture", "solve", "review"]
+    instruction: str
+    why: str
+    exit: str
+    drawing: str
+    progress: str | None = None
+    still_needed: int = 0
+    suggested_pose: Matrix4 | None = None
+    suggested_pose_numbers: list[float] | None = None
+    suggested_note: str | None = None
+
+
+class GuideLast(Record):
+    """How the last capture was, and what to do where it was not good."""
+
+    capture: str
+    verdict: Verdict
+    reason: str | None = None
+    to_do: str | None = None
+
+
+class Guide(Record):
+    """What to do now and why, how much is still needed, and where every step stands."""
+
+    steps: list[GuideStep]
+    current: GuideNow
+    last_capture: GuideLast | None = None
+
+
 def parse_session(data: Mapping[str, Any], where: str = "session.json") -> Session:
     """Return the session that JSON data describes.
 
@@ -337,21 +391,21 @@ def input_error(error: ValidationError, data: Any, where: str) -> InputError:
 
 
 def input_error_from_details(details: Sequence[Any], data: Any, where: str) -> InputError:
-    """Return the first of pydantic's error details as need, got and what to do (a request's `body` is not named)."""
+    """Return the first of pydantic's error details as need, got and to_do (a request's `body` is left out)."""
     first = details[0]
     place = _place(first["loc"][1:] if first["loc"][:1] == ("body",) else first["loc"], data)
     value = repr(first["input"])
     got = value if len(value) < 80 else value[:77] + "…"
     to_do = "Correct this field."
-    message = first["msg"].removeprefix("Value error, ")
+    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if first["type"] == "missing":
         got, message = "nothing", f"the field '{first['loc'][-1]}'"
         to_do = "Add it."
     elif first["loc"] and first["loc"][-1] == "pose_convention":
         message = "one of the pose conventions " + ", ".join(get_args(PoseConvention))
         to_do = "Name the controller's convention."
-    elif first["type"] == "value_error":
-        got = "something else"
+    elif first["type"] == "value_error" and len(parts := first["ctx"]["error"].args) == 4:
+        _, message, got, to_do = parts  # of a `_mismatch`
     more = len(details) - 1
     if more:
         to_do += f" ({more} more field{'s' if more > 1 else ''} will need attention.)"

@@ -1,0 +1,163 @@
+"""What to do now: computed from the captures, what was measured in them, and the results; nothing is stored."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, get_args
+
+from calib_core.records import (
+    Guide,
+    GuideLast,
+    GuideNow,
+    GuideStatus,
+    GuideStep,
+    Measured,
+    Result,
+    Session,
+    Stage,
+)
+from calib_core.session.guide_tcp import tcp_now
+
+StepName = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan", "merge"]
+STEPS: tuple[StepName, ...] = get_args(StepName)
+_ENDED: tuple[GuideStatus, ...] = ("done", "known", "not-needed")
+_STAGES: tuple[Stage, ...] = get_args(Stage)
+
+
+def guide(
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Result | Mapping[str, Any]]
+) -> Guide:
+    """Return what to do now and why, how much is still needed, and where every step stands.
+
+    Parameters
+    ----------
+    session : Session
+    measured : sequence of Measured
+        What was seen in the captures; those without count as good.
+    results : mapping of stage to result
+        Records or their JSON data.  A result is stale where its data says ``stale: true``, or where it was computed
+        from other captures than the session has now.
+    """
+    data = {stage: _with_stale(session, stage, result) for stage, result in results.items()}
+    statuses: dict[StepName, GuideStatus] = {}
+    for step in STEPS:
+        statuses[step] = _status(session, step, data, blocked=_blocked(step, statuses))
+    steps = [GuideStep(step=s, status=statuses[s], note=_note(session, s, statuses[s])) for s in STEPS]
+    return Guide(
+        steps=steps, current=_now(session, measured, data, statuses), last_capture=_last(session, measured)
+    )
+
+
+def _with_stale(session: Session, stage: str, result: Result | Mapping[str, Any]) -> dict[str, Any]:
+    data: dict[str, Any] = dict(result.to_json() if isinstance(result, Result) else result)
+    rows: list[dict[str, Any]] = data.get("residuals") or []
+    now = {c.id for c in session.captures if c.step == stage and not c.excluded}
+    if rows and stage in ("camera", "laser-plane", "tcp", "turntable", "verify"):
+        data["stale"] = bool(data.get("stale")) or {row["capture"] for row in rows} != now
+    return data
+
+
+def _status(session: Session, step: StepName, data: Mapping[str, dict[str, Any]], *, blocked: bool) -> GuideStatus:
+    known = session.cell.known
+    brought = {
+        "camera": known.camera,
+        "laser-plane": known.laser_plane,
+        "tcp": known.tool0_from_laser,
+        "turntable": known.base_from_turntable,
+    }.get(step)
+    if brought is not None:
+        return "known"
+    if step in ("camera", "laser-plane") and not _uses_frames(session):
+        return "not-needed"
+    result = data.get("merge" if step == "scan" else step)
+    if result is None and step in ("tcp", "turntable"):
+        result = data.get("chain")  # the whole chain answers both
+    if result is not None:
+        if result.get("stale"):
+            return "stale"
+        return "failing" if result.get("verdict") == "fail" else "done"
+    wanted = "scan" if step == "merge" else step
+    if any(c.step == wanted and not c.excluded for c in session.captures):
+        return "todo" if step == "merge" else "working"
+    return "later" if blocked else "todo"
+
+
+def _uses_frames(session: Session) -> bool:
+    """Whether the scanner delivers camera frames, so that camera and laser plane must be calibrated first."""
+    if session.cell.scanner.kind is not None:
+        return session.cell.scanner.kind == "frame"
+    return any(c.kind == "frame" or c.step in ("camera", "laser-plane") for c in session.captures)
+
+
+def _blocked(step: StepName, before: Mapping[StepName, GuideStatus]) -> bool:
+    """Whether a step waits for one before it; the turntable is not needed for verifying and scanning."""
+    return any(
+        status not in _ENDED for earlier, status in before.items() if earlier != "turntable" or step == "merge"
+    )
+
+
+def _note(session: Session, step: StepName, status: GuideStatus) -> str | None:
+    if status == "not-needed":
+        return f"the scanner delivers {'centres' if session.cell.scanner.kind == 'center' else 'points'} already"
+    if status == "known":
+        return "given with the cell"
+    count = sum(c.step == step and not c.excluded for c in session.captures)
+    return f"{count} capture{'' if count == 1 else 's'}" if count else None
+
+
+def _now(
+    session: Session,
+    measured: Sequence[Measured],
+    data: Mapping[str, dict[str, Any]],
+    statuses: Mapping[StepName, GuideStatus],
+) -> GuideNow:
+    step = next((s for s in STEPS[:3] if statuses[s] not in _ENDED), "tcp")
+    if step == "tcp" and statuses["tcp"] != "known":
+        return tcp_now(session, measured, data.get("tcp") or data.get("chain"))
+    if step == "tcp":
+        return GuideNow(
+            step="verify",
+            stage="verify",
+            action="capture",
+            instruction="Take captures of the sphere from poses that were not used for the TCP.",
+            why="The TCP was given with the cell; only captures of its own show how good it is here.",
+            exit="Ten captures from different sides.",
+            drawing="tcp-first",
+        )
+    return _camera_now(session, step, solved=statuses[step] == "stale")
+
+
+def _camera_now(session: Session, step: StepName, *, solved: bool) -> GuideNow:
+    """Return the instruction of the camera's or the laser plane's step."""
+    wanted = {"camera": 15, "laser-plane": 8}[step]
+    count = sum(c.step == step and not c.excluded for c in session.captures)
+    stage: Stage = next(s for s in _STAGES if s == step)
+    enough = count >= wanted
+    if enough:
+        instruction = "Solve again: the captures have changed." if solved else "Solve this step."
+    elif step == "camera":
+        instruction = "Show the board to the camera, tilted and at another distance each time."
+    else:
+        instruction = "Lay the stripe on the board; take the lit board and the stripe without moving it."
+    whys = {
+        "camera": "Views that fill the image and the depth range fix the lens.",
+        "laser-plane": "Stripes at different distances and tilts fix the plane of light.",
+    }
+    return GuideNow(
+        step=step,
+        stage=stage,
+        action="solve" if enough else "capture",
+        instruction=instruction,
+        why=whys[step],
+        exit=f"{wanted} captures that cover the image and the depth range.",
+        drawing="cell",
+        progress=f"{count} of {wanted} captures",
+        still_needed=max(wanted - count, 0),
+    )
+
+
+def _last(session: Session, measured: Sequence[Measured]) -> GuideLast | None:
+    """Return how the last capture of the session was, if it was measured."""
+    if not session.captures:
+        return None
+    last = session.captures[-1].id
+    seen = next((m for m in measured if m.capture == last), None)
+    return seen and GuideLast(capture=last, verdict=seen.verdict, reason=seen.reason, to_do=seen.to_do)

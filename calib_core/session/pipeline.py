@@ -1,0 +1,126 @@
+"""The paper's calibrations in their order: which captures each stage takes, and what solves it."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import get_args
+
+from calib_core.errors import InputError
+from calib_core.records import Capture, Known, Result, Session, Stage, Step
+from calib_core.session.measure import ReadFile
+from calib_core.session.stage_tcp import Progress, StageInput, solve_tcp_stage
+
+
+@dataclass(frozen=True)
+class StageEntry:
+    """One stage: the steps whose captures it takes, what it gives that a user may bring, and its solver."""
+
+    steps: tuple[Step, ...]
+    known: Callable[[Known], object | None]
+    solve: Callable[[StageInput], Result]
+
+
+STAGES: dict[Stage, StageEntry] = {
+    "tcp": StageEntry(("tcp",), lambda known: known.tool0_from_laser, solve_tcp_stage),
+}
+
+
+def run(
+    session: Session, read: ReadFile, stage: str = "all", progress: Progress | None = None
+) -> dict[str, Result]:
+    """Return the results of a stage, or of all that the session has captures for, by stage.
+
+    Raises
+    ------
+    InputError
+        If the stage is unknown, brought by the user, or has no captures.
+    CalibrationError
+        What a stage's solver says.
+    """
+    if stage != "all":
+        return {stage: solve_stage(session, stage, read, progress)}
+    results: dict[str, Result] = {}
+    todo = [name for name, entry in STAGES.items() if entry.known(session.cell.known) is None]
+    with_captures = [name for name in todo if stage_captures(session, name)]
+    if todo and not with_captures:
+        _require_captures([], todo[0])
+    for name in with_captures:
+        results[name] = solve_stage(session, name, read, progress)
+    return results
+
+
+def solve_stage(session: Session, stage: str, read: ReadFile, progress: Progress | None = None) -> Result:
+    """Return the result of one stage.
+
+    Parameters
+    ----------
+    session : Session
+    stage : str
+        A name in `STAGES`.
+    read : callable
+        Returns the bytes of a file by its name in the capture.
+    progress : callable, optional
+        Called with the fraction done and what is being done.
+
+    Raises
+    ------
+    InputError
+        If the stage is unknown, brought by the user, or has no captures; or a file or pose is of no use.
+    CalibrationError
+        What the stage's solver says.
+    """
+    entry = _entry(stage)
+    if entry.known(session.cell.known) is not None:
+        raise InputError(
+            f"a stage to solve, not '{stage}'",
+            "its result in cell.known",
+            "Remove it from cell.known to solve it.",
+            "cell.known",
+        )
+    captures = stage_captures(session, stage)
+    _require_captures(captures, stage)
+    inputs = inputs_sha256(session, stage, read)
+    return entry.solve(StageInput(session, captures, read, inputs, progress or (lambda _fraction, _message: None)))
+
+
+def stage_captures(session: Session, stage: str) -> list[Capture]:
+    """Return the captures that a stage takes, the excluded ones too."""
+    steps = _entry(stage).steps
+    return [capture for capture in session.captures if capture.step in steps]
+
+
+def inputs_sha256(session: Session, stage: str, read: ReadFile) -> str:
+    """Return the hash of all that a stage's result depends on: cell, captures, and their files' contents.
+
+    A stored result is stale where this differs from the one it carries.
+    """
+    captures = stage_captures(session, stage)
+    names = [name for capture in captures if not capture.excluded for name in capture.files]
+    inputs = {
+        "stage": stage,
+        "cell": session.cell.model_dump(mode="json", exclude_defaults=True),
+        "captures": [capture.model_dump(mode="json", exclude_defaults=True) for capture in captures],
+        "files": {name: hashlib.sha256(read(name)).hexdigest() for name in names},
+    }
+    text = json.dumps(inputs, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _entry(stage: str) -> StageEntry:
+    for name, entry in STAGES.items():
+        if name == stage:
+            return entry
+    got = f"'{stage}', which a later version will solve" if stage in get_args(Stage) else f"'{stage}'"
+    raise InputError("a stage among all, " + ", ".join(STAGES), got, "Name one of these.", "stage")
+
+
+def _require_captures(captures: list[Capture], stage: str) -> None:
+    if not captures:
+        steps = " or ".join(f"'{step}'" for step in _entry(stage).steps)
+        raise InputError(
+            f"captures with step {steps}",
+            "none",
+            "Capture the sphere from several robot poses and add them to the session.",
+            "captures",
+        )
