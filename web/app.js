@@ -1,0 +1,51 @@
+// The page: a frame that stays, and in it what its address names.
+
+import "./theme.js";
+import { h } from "./dom.js";
+import { icon } from "./icons.js";
+import { route } from "./router.js";
+import { switchTheme, theme, whenThemeChanges } from "./theme.js";
+import { t } from "./texts.js";
+import { install } from "./components/toasts.js";
+import { StartPage } from "./pages/start.js";
+import { SessionPage } from "./pages/session.js";
+
+/** @import {Place} from "./router.js" */
+
+const middle = h("div", { class: "top-middle", id: "top-middle" });
+const main = h("main", { id: "main", tabindex: -1 });
+
+function themeButton() {
+  const button = h("button", { type: "button", class: "plain icon", onclick: switchTheme });
+  const show = () => {
+    const label = t(theme() === "dark" ? "theme.to_light" : "theme.to_dark");
+    button.setAttribute("aria-label", label);
+    button.title = label;
+    button.replaceChildren(icon(theme() === "dark" ? "sun" : "moon"));
+  };
+  whenThemeChanges(show);
+  show();
+  return button;
+}
+
+/**
+ * @param {Place} place
+ * @returns {HTMLElement}
+ */
+function pageOf(place) {
+  if (place.page === "start") return new StartPage();
+  if (place.page === "session") return Object.assign(new SessionPage(), { sessionId: place.id, top: middle });
+  return h("section", { class: "lost" }, h("h1", {}, t("lost.title")), h("p", {}, t("lost.words")), h("a", { href: "/" }, t("lost.back")));
+}
+
+document.body.append(
+  h("a", { class: "skip", href: "#main" }, t("skip")),
+  h("header", { class: "top" }, h("a", { class: "name", href: "/" }, "scancell"), middle, themeButton()),
+  main,
+);
+install(document.body);
+route((place) => {
+  middle.replaceChildren();
+  main.replaceChildren(pageOf(place));
+  document.title = "scancell";
+});

@@ -1,0 +1,95 @@
+// The two things one does here, again and again: capture and solve. The primary button says what will happen.
+
+import { api } from "../api.js";
+import { h } from "../dom.js";
+import { t } from "../texts.js";
+import { StateElement } from "./base.js";
+import { attempt, notify, say } from "./toasts.js";
+
+/** @import {IntakeElement} from "./intake.js" */
+
+export class ActionsElement extends StateElement {
+  /** @type {IntakeElement | null} */ intake = null;
+  #capture = h("button", { type: "button", class: "capture", onclick: () => void this.capture() }, t("actions.capture"), h("kbd", { "aria-hidden": "true" }, t("key.space")));
+  #solve = h("button", { type: "button", class: "solve", onclick: () => void this.solve() }, t("actions.solve"), h("kbd", { "aria-hidden": "true" }, "S"));
+  #progress = h("div", { class: "job", hidden: true });
+  #capturing = false;
+  #followed = "";
+
+  get parts() {
+    return /** @type {const} */ (["session", "guide", "job", "captures"]);
+  }
+
+  build() {
+    this.append(
+      h("div", { class: "row" }, this.#capture, this.#solve,
+        h("button", { type: "button", onclick: () => this.intake?.chooseFiles() }, t("actions.files")),
+        h("button", { type: "button", onclick: () => this.intake?.chooseFolder() }, t("actions.folder")),
+        h("button", { type: "button", onclick: () => this.intake?.open() }, t("actions.poses"))),
+      this.#progress,
+    );
+  }
+
+  update() {
+    const { session, guide, job, captures } = this.state;
+    const simulated = session?.simulated === true;
+    const ready = guide?.current?.action === "solve";
+    this.#capture.hidden = !simulated;
+    this.#capture.classList.toggle("primary", !ready);
+    this.#solve.classList.toggle("primary", ready || (!simulated && captures.length > 2));
+    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working));
+    this.#showJob();
+    if (job && job.id === this.#followed) this.#ended();
+  }
+
+  #showJob() {
+    const { job, working } = this.state;
+    this.#progress.hidden = !working;
+    if (!job || !working) return;
+    const cancel = () => attempt(() => api.cancelJob(job.id));
+    this.#progress.replaceChildren(
+      h("progress", { max: 1, value: job.progress, "aria-label": t("actions.solving") }),
+      h("span", { class: "small" }, job.message || t("actions.solving")),
+      h("button", { type: "button", onclick: cancel }, t("actions.cancel")),
+    );
+  }
+
+  /** The job that this page started has ended: say how. */
+  #ended() {
+    const { job } = this.state;
+    if (!job || this.state.working) return;
+    this.#followed = "";
+    if (job.status === "done") {
+      this.state.show("result");
+      say(t("actions.solved"));
+    } else if (job.status === "failed") notify(job.error?.detail ?? t("actions.failed"), { bad: true });
+    else notify(t("actions.cancelled"));
+  }
+
+  /** Let the simulated cell take its next capture. */
+  async capture() {
+    if (this.#capturing || this.#capture.hidden) return;
+    this.#capturing = true;
+    this.#capture.setAttribute("aria-disabled", "true");
+    this.state.show("measure");
+    await attempt(async () => {
+      const capture = await api.captureSimulated(this.state.id);
+      const { verdict, reason } = capture.measured;
+      say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: reason ?? "" }));
+      if (this.state.selected) this.state.select(null);
+    });
+    this.#capture.removeAttribute("aria-disabled");
+    this.#capturing = false;
+  }
+
+  async solve() {
+    if (this.state.working || !this.state.captures.length) return;
+    await attempt(async () => {
+      const job = await api.solve(this.state.id, this.state.guide?.current?.stage ?? "tcp");
+      this.#followed = job.id;
+      this.state.follows(job);
+    });
+  }
+}
+
+customElements.define("sc-actions", ActionsElement);

@@ -1,0 +1,140 @@
+// The captures of the session: what each gave, whether it counts, and the ways to leave it out or take it back.
+
+import { api } from "../api.js";
+import { h, keyed } from "../dom.js";
+import { fixed, small } from "../format.js";
+import { icon, mark } from "../icons.js";
+import { maybe, plural, t } from "../texts.js";
+import { StateElement } from "./base.js";
+import { profilePlot } from "./profile-plot.js";
+import { attempt, notify } from "./toasts.js";
+
+/** @import {CaptureOut, TcpResidual} from "../model.js" */
+
+export class CapturesElement extends StateElement {
+  #count = h("h2", { id: "captures-title" });
+  #body = h("tbody");
+  #table = h(
+    "table", { class: "captures", "aria-labelledby": "captures-title" },
+    h("thead", {}, h("tr", {}, ...columns())), this.#body,
+  );
+
+  get parts() {
+    return /** @type {const} */ (["captures", "results", "selection"]);
+  }
+
+  build() {
+    this.append(this.#count, this.#table);
+  }
+
+  update() {
+    const { captures } = this.state;
+    this.hidden = captures.length === 0;
+    this.#count.textContent = plural(captures.length, "captures.one", "captures.many");
+    const residuals = this.#residuals();
+    keyed(this.#body, captures, (capture) => capture.id, () => h("tr"), (row, capture) => this.#fill(row, capture, residuals.get(capture.id)));
+  }
+
+  #residuals() {
+    const rows = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : result.residuals ?? []));
+    return new Map(rows.map((row) => [row.capture, row]));
+  }
+
+  /**
+   * Rows are filled again only when what they show has changed, so that the focus stays.
+   * @param {Element} row
+   * @param {CaptureOut} capture
+   * @param {TcpResidual | undefined} residual
+   */
+  #fill(row, capture, residual) {
+    const picked = this.state.selected === capture.id;
+    row.classList.toggle("picked", picked);
+    row.querySelector(".pick")?.setAttribute("aria-pressed", String(picked));
+    const content = JSON.stringify([capture, residual]);
+    if (row.getAttribute("data-content") === content) return;
+    const focused = row.contains(document.activeElement) ? document.activeElement?.className : "";
+    row.setAttribute("data-content", content);
+    row.classList.toggle("out", capture.excluded === true || residual?.used === false);
+    row.replaceChildren(...this.#cells(capture, residual, picked));
+    if (focused) /** @type {HTMLElement | null} */ (row.querySelector(`.${focused.split(" ").at(-1)}`))?.focus();
+  }
+
+  /**
+   * @param {CaptureOut} capture
+   * @param {TcpResidual | undefined} residual
+   * @param {boolean} picked
+   */
+  #cells(capture, residual, picked) {
+    const { measured } = capture;
+    const rms = residual?.surface_rms_mm ?? measured.rms_mm;
+    return [
+      h("td", { class: "thumb" }, (measured.preview ?? []).length > 0 && thumbnail(capture)),
+      h("td", {}, h("button", { type: "button", class: "plain pick", "aria-pressed": String(picked), onclick: () => this.state.select(capture.id) }, capture.id)),
+      h("td", { class: "pose" }, pose(capture)),
+      h("td", { class: "right number" }, measured.zone === null || measured.zone === undefined ? "–" : fixed(measured.zone, 2)),
+      h("td", { class: "right number" }, rms === null || rms === undefined ? "–" : `±${small(rms)}`),
+      h("td", { class: "state" }, status(capture, residual)),
+      h("td", { class: "use" }, this.#toggle(capture)),
+      h("td", { class: "right" }, h("button", { type: "button", class: "plain icon remove", "aria-label": t("captures.remove", { capture: capture.id }), title: t("captures.remove", { capture: capture.id }), onclick: () => this.#remove(capture) }, icon("trash"))),
+    ];
+  }
+
+  /** @param {CaptureOut} capture */
+  #toggle(capture) {
+    const change = () => attempt(() => api.changeCapture(this.state.id, capture.id, { excluded: !capture.excluded }));
+    return h("input", { type: "checkbox", class: "toggle", "aria-label": t("captures.use", { capture: capture.id }), ".checked": !capture.excluded, onchange: change });
+  }
+
+  /** @param {CaptureOut} capture */
+  async #remove(capture) {
+    const { id } = this.state;
+    await attempt(async () => {
+      const { measured: _, ...record } = capture;
+      const files = await Promise.all((capture.files ?? []).map((name) => api.captureFile(id, capture.id, name)));
+      await api.removeCapture(id, capture.id);
+      notify(t("captures.removed", { capture: capture.id }), { undo: async () => void (await api.addCapture(id, record, files)) });
+    });
+  }
+}
+
+function columns() {
+  const heads = /** @type {const} */ (["picture", "id", "pose", "zone", "rms", "state", "counts", "delete"]);
+  const hidden = new Set(["picture", "delete"]);
+  const right = new Set(["zone", "rms"]);
+  return heads.map((head) => {
+    const text = t(`column.${head}`);
+    return h("th", { scope: "col", class: right.has(head) && "right" }, hidden.has(head) ? h("span", { class: "visually-hidden" }, text) : text);
+  });
+}
+
+/** @param {CaptureOut} capture */
+function thumbnail(capture) {
+  const plot = profilePlot(capture.measured, { width: 48, height: 28, scale: false });
+  plot.removeAttribute("role");
+  plot.removeAttribute("aria-label");
+  plot.setAttribute("aria-hidden", "true");
+  return plot;
+}
+
+/** @param {CaptureOut} capture */
+function pose({ pose: numbers }) {
+  if (!numbers) return h("span", { class: "soft" }, t("captures.no_pose"));
+  const text = numbers.map((number) => fixed(number, Math.abs(number) < 4 ? 3 : 1)).join("  ");
+  return h("span", { class: "number", title: numbers.join(" ") }, text);
+}
+
+/**
+ * @param {CaptureOut} capture
+ * @param {TcpResidual | undefined} residual
+ */
+function status(capture, residual) {
+  if (capture.excluded) return mark("todo", t("captures.excluded"));
+  if (residual?.used === false) {
+    return h("span", { title: residual.reason ?? "" }, mark("fail", t("captures.rejected")), residual.reason && h("span", { class: "why" }, residual.reason));
+  }
+  if (residual) return mark("pass", t("captures.used"));
+  const { verdict } = capture.measured;
+  return mark(verdict, maybe(`quality.${verdict}`, verdict));
+}
+
+customElements.define("sc-captures", CapturesElement);

@@ -1,0 +1,39 @@
+// One of the page's own drawings, put into the document so that it wears the theme's colours.
+
+const FALLBACK = "cell";
+/** @type {Map<string, Promise<string>>} */
+const known = new Map();
+
+/** @param {string} name */
+function load(name) {
+  let text = known.get(name);
+  if (!text) {
+    text = fetch(`/web/drawings/${encodeURIComponent(name)}.svg`).then((response) => {
+      if (!response.ok) throw new Error(`the drawing ${name} is missing`);
+      return response.text();
+    });
+    known.set(name, text);
+  }
+  return text;
+}
+
+export class DrawingElement extends HTMLElement {
+  static names = new Set(["cell", "files", "rest", "tcp-first", "tcp-shift", "tcp-turn", "tcp-solve", "tcp-done"]);
+  #shown = "";
+
+  /** @param {string} name */
+  set name(name) {
+    const chosen = DrawingElement.names.has(name) ? name : FALLBACK;
+    if (chosen === this.#shown) return;
+    this.#shown = chosen;
+    this.setAttribute("aria-hidden", "true");
+    void load(chosen).then((text) => {
+      if (this.#shown !== chosen) return;
+      const parsed = new DOMParser().parseFromString(text, "image/svg+xml").documentElement;
+      parsed.removeAttribute("role");
+      this.replaceChildren(document.importNode(parsed, true));
+    });
+  }
+}
+
+customElements.define("sc-drawing", DrawingElement);

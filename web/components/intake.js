@@ -1,0 +1,200 @@
+// Getting captures in: files dropped or chosen, pose lines pasted, both laid side by side before anything is stored.
+
+import { api } from "../api.js";
+import { h } from "../dom.js";
+import { chosen, dropped, isMeasurement, kindOf, match, sessionFolder, stemOf } from "../files.js";
+import { fixed } from "../format.js";
+import { mark } from "../icons.js";
+import { plural, t } from "../texts.js";
+import { freeId, send } from "../upload.js";
+import { StateElement } from "./base.js";
+import { attempt, notify } from "./toasts.js";
+
+/** @import {Found} from "../files.js" */
+/** @import {ParsedPose} from "../model.js" */
+/** @import {Outcome, Parcel} from "../upload.js" */
+
+const READ_AFTER_MS = 200;
+const ACCEPT = ".csv,.txt,.npy,.ply,.pcd,.xyz,.json";
+
+export class IntakeElement extends StateElement {
+  /** @type {Found[]} */ #files = [];
+  /** @type {ParsedPose[]} */ #poses = [];
+  #timer = 0;
+  #reading = 0;
+  #picker = h("input", { type: "file", multiple: true, accept: ACCEPT, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
+  #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
+  #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
+  #table = h("div", { class: "match", "aria-live": "polite" });
+  #add = h("button", { type: "button", class: "primary", onclick: () => void this.#send() }, t("intake.add_none"));
+  #panel = h(
+    "section", { class: "panel intake-panel", "aria-labelledby": "intake-title", hidden: true },
+    h("div", { class: "row spread" }, h("h2", { id: "intake-title" }, t("intake.title")), h("button", { type: "button", class: "plain", onclick: () => this.close() }, t("close"))),
+    h("p", { class: "soft" }, t("intake.how")),
+    h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }), this.#text),
+    this.#table,
+    h("div", { class: "row end" }, this.#add),
+  );
+
+  get parts() {
+    return /** @type {const} */ (["session"]);
+  }
+
+  build() {
+    this.#text.setAttribute("aria-describedby", "pose-hint");
+    this.append(this.#picker, this.#folderPicker, this.#panel);
+  }
+
+  update() {
+    const hint = this.querySelector("#pose-hint");
+    const convention = this.state.session?.cell.pose_convention;
+    if (hint && convention) hint.textContent = t("intake.convention", { convention });
+  }
+
+  chooseFiles() {
+    this.#picker.click();
+  }
+
+  chooseFolder() {
+    this.#folderPicker.click();
+  }
+
+  /** Open the panel for pose lines. */
+  open() {
+    this.#panel.hidden = false;
+    this.#draw();
+    this.#text.focus();
+  }
+
+  close() {
+    this.#files = [];
+    this.#poses = [];
+    this.#text.value = "";
+    this.#panel.hidden = true;
+  }
+
+  /** @param {DataTransfer} transfer */
+  async drop(transfer) {
+    await this.#take(await dropped(transfer));
+  }
+
+  /** @param {HTMLInputElement} input */
+  #chosen(input) {
+    const found = chosen(input);
+    input.value = "";
+    void this.#take(found);
+  }
+
+  /** @param {Found[]} found */
+  async #take(found) {
+    const folder = await sessionFolder(found).catch(() => undefined);
+    if (folder === undefined) {
+      notify(t("intake.bad_json"), { bad: true });
+    } else if (folder) {
+      const { cell, name } = /** @type {{cell?: unknown, name?: string}} */ (folder.record);
+      // A session that holds nothing yet becomes the one in the folder; a filled one keeps its cell.
+      const taken = this.state.captures.length > 0 || await attempt(() => api.changeSession(this.state.id, { cell, ...(name ? { name } : {}) }));
+      if (taken) this.#tell(await send(this.state.id, folder.captures, this.#progress));
+    } else {
+      const measurements = found.filter(isMeasurement);
+      if (measurements.length < found.length) notify(t("intake.unknown", { names: found.filter((one) => !isMeasurement(one)).map((one) => one.path).slice(0, 3).join(", ") }), { bad: true });
+      if (!measurements.length) return;
+      this.#files.push(...measurements);
+      this.open();
+    }
+  }
+
+  #later() {
+    window.clearTimeout(this.#timer);
+    this.#timer = window.setTimeout(() => void this.#read(), READ_AFTER_MS);
+  }
+
+  async #read() {
+    const reading = ++this.#reading;
+    const text = this.#text.value;
+    await attempt(async () => {
+      const poses = text.trim() ? await api.readPoseLines(this.state.id, text) : [];
+      if (reading === this.#reading) this.#poses = poses;
+    });
+    this.#draw();
+  }
+
+  #rows() {
+    return match(this.#files.map(({ path }) => path), this.#poses.map(({ text }) => text));
+  }
+
+  /** What can be sent: a file with a pose that could be read. @returns {Parcel[]} */
+  #parcels() {
+    const taken = new Set(this.state.captures.map((capture) => capture.id));
+    return this.#rows().flatMap(({ file, line }) => {
+      const found = file === null ? undefined : this.#files[file];
+      const pose = line === null ? undefined : this.#poses[line];
+      if (!found || !pose?.matrix) return [];
+      const id = freeId(taken, stemOf(found.path));
+      taken.add(id);
+      const kind = kindOf(found.path, this.state.session?.cell.scanner?.kind);
+      const ending = found.path.slice(found.path.lastIndexOf("."));
+      const record = { id, step: /** @type {const} */ ("tcp"), kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: pose.numbers };
+      return [{ record, files: [found.file] }];
+    });
+  }
+
+  #draw() {
+    const rows = this.#rows();
+    const ready = this.#parcels().length;
+    this.#add.textContent = ready ? plural(ready, "intake.add_one", "intake.add_many") : t("intake.add_none");
+    this.#add.setAttribute("aria-disabled", String(ready === 0));
+    if (!rows.length) return this.#table.replaceChildren();
+    const heads = /** @type {const} */ (["file", "line", "flange", "look"]);
+    this.#table.replaceChildren(h("table", {},
+      h("thead", {}, h("tr", {}, ...heads.map((head) => h("th", { scope: "col" }, t(`match.${head}`))))),
+      h("tbody", {}, ...rows.map(({ file, line }) => matchRow(file === null ? undefined : this.#files[file], line === null ? undefined : this.#poses[line])))));
+  }
+
+  /** @param {number} sent @param {number} all */
+  #progress = (sent, all) => {
+    this.#add.textContent = t("intake.sending", { sent, all });
+  };
+
+  async #send() {
+    const parcels = this.#parcels();
+    if (!parcels.length) return;
+    const outcome = await send(this.state.id, parcels, this.#progress);
+    this.#tell(outcome);
+    if (outcome.problems.length) this.#draw();
+    else this.close();
+  }
+
+  /** @param {Outcome} outcome */
+  #tell({ sent, problems }) {
+    if (sent) notify(plural(sent, "intake.sent_one", "intake.sent_many"));
+    for (const problem of problems.slice(0, 2)) notify(problem, { bad: true });
+    if (problems.length > 2) notify(t("intake.more_problems", { count: problems.length - 2 }), { bad: true });
+  }
+}
+
+/**
+ * @param {Found | undefined} found
+ * @param {ParsedPose | undefined} pose
+ */
+function matchRow(found, pose) {
+  const matrix = pose?.matrix;
+  return h(
+    "tr", {},
+    h("td", {}, found ? found.path : mark("warn", t("match.no_file"))),
+    h("td", { class: "mono" }, pose ? pose.text : mark("warn", t("match.no_line"))),
+    h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", pose.problem ?? "")),
+    h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),
+  );
+}
+
+/** Where the flange's z axis looks, in words: the quickest check of a convention. @param {number[]} axis */
+function direction(axis) {
+  const names = [["match.minus_x", "match.plus_x"], ["match.minus_y", "match.plus_y"], ["match.down", "match.up"]];
+  const largest = axis.reduce((best, value, index) => (Math.abs(value) > Math.abs(axis[best] ?? 0) ? index : best), 0);
+  const value = axis[largest] ?? 0;
+  const key = /** @type {"match.up"} */ (names[largest]?.[value > 0 ? 1 : 0]);
+  return t("match.z_looks", { where: t(key), angle: fixed((Math.acos(Math.min(Math.abs(value), 1)) * 180) / Math.PI, 0) });
+}
+
+customElements.define("sc-intake", IntakeElement);

@@ -1,0 +1,152 @@
+// A new session in three fields; the rest is asked where it is needed, or stands under "more".
+
+import { api, Problem } from "../api.js";
+import { h } from "../dom.js";
+import { go } from "../router.js";
+import { t } from "../texts.js";
+
+/** @import {Kind, PoseConvention, SessionBody} from "../model.js" */
+
+/** @type {readonly (readonly [string, PoseConvention])[]} */
+const BRANDS = [
+  ["ABB", "abb"], ["FANUC", "fanuc"], ["Kawasaki", "kawasaki"], ["KUKA", "kuka"], ["Mitsubishi", "mitsubishi"], ["Nachi", "nachi"],
+  ["Stäubli", "staubli"], ["Universal Robots", "ur"], ["Yaskawa", "yaskawa"], ["ROS", "ros"],
+];
+/** @type {readonly PoseConvention[]} */
+const NEUTRAL = ["quaternion-xyzw", "quaternion-wxyz", "matrix"];
+/** @type {readonly Kind[]} */
+const KINDS = ["profile", "cloud", "center"];
+
+/** @param {string} id @param {string} label @param {HTMLElement} control @param {string} [hint] */
+function field(id, label, control, hint) {
+  control.id = id;
+  if (hint) control.setAttribute("aria-describedby", `${id}-hint`);
+  return h("div", { class: "field" }, h("label", { for: id }, label), control, hint ? h("span", { class: "hint", id: `${id}-hint` }, hint) : null);
+}
+
+/** @param {string} name @param {Record<string, unknown>} [rest] */
+function number(name, rest = {}) {
+  return h("input", { name, type: "text", inputmode: "decimal", autocomplete: "off", ...rest });
+}
+
+function kindField() {
+  return h("select", { name: "kind" }, ...KINDS.map((kind) => h("option", { value: kind }, t(/** @type {"kind.profile"} */ (`kind.${kind}`)))));
+}
+
+function brandField() {
+  return h(
+    "select", { name: "convention", required: true },
+    h("option", { value: "" }, t("new.choose")),
+    h("optgroup", { label: t("new.brands") }, ...BRANDS.map(([brand, value]) => h("option", { value }, `${brand} (${t(/** @type {"numbers.abb"} */ (`numbers.${value}`))})`))),
+    h("optgroup", { label: t("new.neutral") }, ...NEUTRAL.map((value) => h("option", { value }, t(/** @type {"convention.matrix"} */ (`convention.${value}`))))),
+  );
+}
+
+/**
+ * A number as people type it, with a decimal comma too; `undefined` where nothing was typed.
+ * @param {FormData} form
+ * @param {string} name
+ */
+function typed(form, name) {
+  const text = String(form.get(name) ?? "").trim().replace(",", ".").replace(/\s*(mm|°|deg)$/, "");
+  return text === "" ? undefined : Number(text);
+}
+
+/** @param {FormData} form @returns {SessionBody} */
+function bodyOf(form) {
+  const brand = BRANDS.find(([, value]) => value === form.get("convention"))?.[0];
+  const z = form.get("z_axis");
+  return {
+    name: String(form.get("name") ?? "").trim(),
+    cell: {
+      pose_convention: /** @type {PoseConvention} */ (form.get("convention")),
+      sphere_diameter_mm: typed(form, "diameter"),
+      sphere_diameter_sigma_mm: typed(form, "diameter_sigma"),
+      scanner: { kind: /** @type {Kind} */ (form.get("kind")), point_sigma_mm: typed(form, "point_sigma"), ...(z === "away" || z === "toward" ? { z_axis: z } : {}) },
+      robot: { ...(brand ? { brand } : {}), position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma") },
+    },
+  };
+}
+
+/** Fields that a first look finds at fault: name and sentence. @param {FormData} form */
+function faults(form) {
+  /** @type {Record<string, string>} */
+  const found = {};
+  if (!form.get("convention")) found["convention"] = t("new.need_convention");
+  const diameter = typed(form, "diameter");
+  if (diameter === undefined && form.get("kind") === "profile") found["diameter"] = t("new.need_diameter");
+  for (const name of ["diameter", "diameter_sigma", "point_sigma", "position_sigma", "orientation_sigma"]) {
+    const value = typed(form, name);
+    if (value !== undefined && !(value > 0 || (value === 0 && name.endsWith("_sigma") && name !== "point_sigma"))) found[name] = t("new.need_number");
+  }
+  if (diameter !== undefined && diameter > 0 && diameter < 1) found["diameter"] = t("new.metres", { diameter: String(diameter), millimetres: String(diameter * 1000) });
+  return found;
+}
+
+export function newSessionDialog() {
+  const alarm = h("p", { class: "form-problem", role: "alert", hidden: true });
+  const form = h(
+    "form", { method: "dialog", novalidate: true },
+    h("h2", { id: "new-title" }, t("new.title")),
+    field("new-kind", t("new.kind"), kindField()),
+    field("new-convention", t("new.brand"), brandField(), t("new.brand_hint")),
+    field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
+    h("details", {}, h("summary", {}, t("new.more")), h("div", { class: "more-fields" },
+      field("new-name", t("new.name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
+      field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
+      field("new-point-sigma", t("new.point_sigma"), number("point_sigma")),
+      field("new-position-sigma", t("new.position_sigma"), number("position_sigma")),
+      field("new-orientation-sigma", t("new.orientation_sigma"), number("orientation_sigma")),
+      field("new-z", t("new.z_axis"), h("select", { name: "z_axis" }, h("option", { value: "" }, t("new.z_data")), h("option", { value: "away" }, t("new.z_away")), h("option", { value: "toward" }, t("new.z_toward")))),
+      h("p", { class: "hint soft small" }, t("new.sigma_hint")))),
+    alarm,
+    h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t("new.go"))),
+  );
+  const dialog = h("dialog", { "aria-labelledby": "new-title" }, form);
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    void submit(form, alarm, dialog);
+  });
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+}
+
+/**
+ * @param {HTMLFormElement} form
+ * @param {HTMLElement} alarm
+ * @param {HTMLDialogElement} dialog
+ */
+async function submit(form, alarm, dialog) {
+  const data = new FormData(form);
+  const found = faults(data);
+  mark(form, found);
+  alarm.textContent = Object.values(found)[0] ?? "";
+  alarm.hidden = alarm.textContent === "";
+  if (!alarm.hidden) return;
+  try {
+    const session = await api.createSession(bodyOf(data));
+    dialog.close();
+    go(`/sessions/${session.id}`);
+  } catch (error) {
+    if (!(error instanceof Problem)) throw error;
+    alarm.textContent = error.message;
+    alarm.hidden = false;
+  }
+}
+
+/** @param {HTMLFormElement} form @param {Record<string, string>} found */
+function mark(form, found) {
+  let first = true;
+  for (const control of form.querySelectorAll("input, select")) {
+    const fault = found[control.getAttribute("name") ?? ""];
+    control.closest(".field")?.toggleAttribute("data-invalid", fault !== undefined);
+    if (fault) control.setAttribute("aria-invalid", "true");
+    else control.removeAttribute("aria-invalid");
+    if (!fault || !first) continue;
+    first = false;
+    const more = control.closest("details");
+    if (more) more.open = true;
+    /** @type {HTMLElement} */ (control).focus();
+  }
+}

@@ -1,0 +1,81 @@
+// What was seen in one capture: the last one, or the one picked in list, plot or scene.
+
+import { h } from "../dom.js";
+import { fixed, integer, small } from "../format.js";
+import { mark } from "../icons.js";
+import { maybe, t } from "../texts.js";
+import { StateElement } from "./base.js";
+import { profilePlot, zoneBar } from "./profile-plot.js";
+
+/** @import {CaptureOut} from "../model.js" */
+
+export class QualityElement extends StateElement {
+  get parts() {
+    return /** @type {const} */ (["captures", "selection"]);
+  }
+
+  update() {
+    const capture = this.state.shown;
+    this.hidden = capture === null;
+    if (capture) this.replaceChildren(heading(capture, this.state.selected === capture.id), body(capture));
+  }
+}
+
+/**
+ * @param {CaptureOut} capture
+ * @param {boolean} picked
+ */
+function heading(capture, picked) {
+  const verdict = capture.measured.verdict;
+  return h(
+    "h2", {}, h("span", { class: "soft" }, t(picked ? "quality.picked" : "quality.last")), ` ${capture.id} `,
+    mark(verdict, maybe(`quality.${verdict}`, verdict)),
+  );
+}
+
+/** @param {CaptureOut} capture */
+function body(capture) {
+  const { measured } = capture;
+  return h(
+    "div", { class: "quality-body" },
+    (measured.preview ?? []).length > 0 && h("figure", {}, profilePlot(measured, { width: 280, height: 160 })),
+    h("div", { class: "quality-words" }, reason(capture), figures(capture)),
+  );
+}
+
+/** @param {CaptureOut} capture */
+function reason({ measured }) {
+  if (!measured.reason) return null;
+  // The reason ends with what to do already where it comes from an error; never say it twice.
+  const toDo = measured.to_do && !measured.reason.includes(measured.to_do) ? ` ${measured.to_do}` : "";
+  return h("p", { class: `reason reason-${measured.verdict}` }, sentence(measured.reason) + toDo);
+}
+
+/** @param {string} text */
+function sentence(text) {
+  const start = text.charAt(0).toUpperCase() + text.slice(1);
+  return /[.!?…]$/.test(start) ? start : `${start}.`;
+}
+
+/** @param {CaptureOut} capture */
+function figures({ measured }) {
+  const { zone, rms_mm, points, on_sphere, extent_deg } = measured;
+  return h(
+    "dl", { class: "figures" },
+    zone !== null && zone !== undefined && figure(t("quality.zone"), fixed(zone, 2), zoneBar(zone)),
+    rms_mm !== null && rms_mm !== undefined && figure(t("quality.rms"), `±${small(rms_mm)}`),
+    (points ?? 0) > 0 && figure(t("quality.points"), on_sphere ? t("quality.points_of", { on: integer(on_sphere), all: integer(points ?? 0) }) : integer(points ?? 0)),
+    extent_deg !== null && extent_deg !== undefined && figure(t("quality.extent"), `${fixed(extent_deg, 0)}°`),
+  );
+}
+
+/**
+ * @param {string} name
+ * @param {string} value
+ * @param {Node} [extra]
+ */
+function figure(name, value, extra) {
+  return h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, value, extra));
+}
+
+customElements.define("sc-quality", QualityElement);

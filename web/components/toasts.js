@@ -1,0 +1,86 @@
+// Short notices with an optional way back, and the one place that screen readers are told of changes.
+
+import { h } from "../dom.js";
+import { icon } from "../icons.js";
+import { t } from "../texts.js";
+import { Problem } from "../api.js";
+
+const SHOWN_MS = 9000;
+
+class ToastsElement extends HTMLElement {
+  #spoken = h("p", { class: "visually-hidden", "aria-live": "polite" });
+  #alarm = h("p", { class: "visually-hidden", role: "alert" });
+  #list = h("ol", { class: "toasts" });
+
+  connectedCallback() {
+    if (!this.firstChild) this.append(this.#spoken, this.#alarm, this.#list);
+  }
+
+  /** @param {string} text */
+  say(text) {
+    this.#spoken.textContent = text;
+  }
+
+  /**
+   * @param {string} text
+   * @param {{ undo?: () => Promise<void>, bad?: boolean }} [options]
+   */
+  show(text, { undo, bad = false } = {}) {
+    (bad ? this.#alarm : this.#spoken).textContent = text;
+    const close = () => item.remove();
+    const item = h("li", { class: bad ? "toast bad" : "toast" }, h("p", {}, text));
+    if (undo) {
+      const act = () => {
+        close();
+        void attempt(undo);
+      };
+      item.append(h("button", { type: "button", class: "undo", onclick: act }, t("undo")));
+    }
+    item.append(h("button", { type: "button", class: "plain icon", "aria-label": t("close"), onclick: close }, icon("close")));
+    this.#list.append(item);
+    while (this.#list.children.length > 3) this.#list.firstElementChild?.remove();
+    if (!bad) window.setTimeout(close, SHOWN_MS);
+  }
+
+  /** Take back what was done last, if it can be. */
+  undo() {
+    const buttons = this.#list.querySelectorAll("button.undo");
+    const last = buttons[buttons.length - 1];
+    if (last instanceof HTMLButtonElement) last.click();
+  }
+}
+
+customElements.define("sc-toasts", ToastsElement);
+
+const toasts = new ToastsElement();
+
+/** @param {Element} parent */
+export function install(parent) {
+  parent.append(toasts);
+}
+
+/** @param {string} text */
+export const say = (text) => toasts.say(text);
+
+/**
+ * @param {string} text
+ * @param {{ undo?: () => Promise<void>, bad?: boolean }} [options]
+ */
+export const notify = (text, options) => toasts.show(text, options);
+
+export const undoLast = () => toasts.undo();
+
+/**
+ * Do something that may fail; a problem is shown with what to do about it. Answers whether it went well.
+ * @param {() => Promise<unknown>} action
+ */
+export async function attempt(action) {
+  try {
+    await action();
+    return true;
+  } catch (error) {
+    if (!(error instanceof Problem)) throw error;
+    toasts.show(error.message, { bad: true });
+    return false;
+  }
+}

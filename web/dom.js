@@ -1,0 +1,114 @@
+// Building elements without a template language: `h` makes one, `keyed` keeps a list of them in step with data.
+
+/** @typedef {Node | string | number | null | undefined | false} Child */
+/** @typedef {Record<string, unknown>} Props */
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/**
+ * Set attributes, listeners (`onclick`) and properties (`.value`) of an element.
+ * @param {Element} element
+ * @param {Props} props
+ */
+function assign(element, props) {
+  for (const [name, value] of Object.entries(props)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), /** @type {EventListener} */ (value));
+    else if (name.startsWith(".")) Reflect.set(element, name.slice(1), value);
+    else element.setAttribute(name, value === true ? "" : String(value));
+  }
+}
+
+/**
+ * @param {Element} element
+ * @param {Child[]} children
+ */
+function fill(element, children) {
+  for (const child of children) {
+    if (child === null || child === undefined || child === false) continue;
+    element.append(child instanceof Node ? child : String(child));
+  }
+}
+
+/**
+ * @template {keyof HTMLElementTagNameMap} K
+ * @param {K} tag
+ * @param {Props} [props]
+ * @param {...Child} children
+ * @returns {HTMLElementTagNameMap[K]}
+ */
+export function h(tag, props = {}, ...children) {
+  const element = document.createElement(tag);
+  assign(element, props);
+  fill(element, children);
+  return element;
+}
+
+/**
+ * @template {keyof SVGElementTagNameMap} K
+ * @param {K} tag
+ * @param {Props} [props]
+ * @param {...Child} children
+ * @returns {SVGElementTagNameMap[K]}
+ */
+export function s(tag, props = {}, ...children) {
+  const element = document.createElementNS(SVG, tag);
+  assign(element, props);
+  fill(element, children);
+  return element;
+}
+
+/**
+ * A custom element of this page, with its properties set.
+ * @template {HTMLElement} T
+ * @param {new () => T} type
+ * @param {Partial<T>} [properties]
+ * @returns {T}
+ */
+export function make(type, properties = {}) {
+  return Object.assign(new type(), properties);
+}
+
+/**
+ * Keep the children of `parent` in step with `items`: an item with a known key keeps its element, and the focus in it.
+ * @template T
+ * @param {Element} parent
+ * @param {readonly T[]} items
+ * @param {(item: T) => string} key
+ * @param {(item: T) => Element} create
+ * @param {(element: Element, item: T) => void} update
+ */
+export function keyed(parent, items, key, create, update) {
+  /** @type {Map<string, Element>} */
+  const old = new Map();
+  for (const child of parent.children) old.set(child.getAttribute("data-key") ?? "", child);
+  let previous = /** @type {Element | null} */ (null);
+  for (const item of items) {
+    const name = key(item);
+    let element = old.get(name);
+    if (!element) {
+      element = create(item);
+      element.setAttribute("data-key", name);
+    }
+    old.delete(name);
+    update(element, item);
+    const place = previous ? previous.nextElementSibling : parent.firstElementChild;
+    if (place !== element) parent.insertBefore(element, place);
+    previous = element;
+  }
+  for (const element of old.values()) element.remove();
+}
+
+/**
+ * The one element that `selector` finds; its absence is a defect of the page.
+ * @template {Element} T
+ * @param {ParentNode} parent
+ * @param {string} selector
+ * @param {new () => T} type
+ * @returns {T}
+ */
+export function find(parent, selector, type) {
+  const element = parent.querySelector(selector);
+  if (!(element instanceof type)) throw new Error(`the page lacks ${selector}`);
+  return element;
+}

@@ -1,0 +1,92 @@
+// Numbers as an instrument shows them: always a unit, and only the digits that the uncertainty allows.
+
+const THIN = "\u202f";
+const MINUS = "\u2212";
+
+/**
+ * @param {number} value
+ * @param {number} decimals
+ */
+export function fixed(value, decimals) {
+  const text = Math.abs(value).toFixed(decimals);
+  return value < 0 && Number(text) !== 0 ? MINUS + text : text;
+}
+
+/**
+ * Decimals that show an uncertainty: two digits where it starts with 1 or 2, one otherwise.
+ * @param {number} uncertainty
+ */
+export function decimalsFor(uncertainty) {
+  if (!(uncertainty > 0) || !Number.isFinite(uncertainty)) return 3;
+  const exponent = Math.floor(Math.log10(uncertainty));
+  const leading = uncertainty / 10 ** exponent;
+  return Math.min(9, Math.max(0, (leading < 2.95 ? 1 : 0) - exponent));
+}
+
+/**
+ * `140.32 ± 0.08 mm`.
+ * @param {number} value
+ * @param {number | null | undefined} uncertainty expanded, k = 2
+ * @param {string} unit
+ */
+export function measured(value, uncertainty, unit) {
+  if (!uncertainty || !Number.isFinite(uncertainty)) return `${fixed(value, 3)}${THIN}${unit}`;
+  const decimals = decimalsFor(uncertainty);
+  return `${fixed(value, decimals)} ± ${fixed(uncertainty, decimals)}${space(unit)}${unit}`;
+}
+
+/**
+ * An uncertainty alone: `±0.08 mm`.
+ * @param {number} uncertainty
+ * @param {string} unit
+ */
+export function plusMinus(uncertainty, unit) {
+  return `±${fixed(uncertainty, decimalsFor(uncertainty))}${space(unit)}${unit}`;
+}
+
+/** @param {string} unit */
+function space(unit) {
+  return unit === "°" ? "" : THIN;
+}
+
+/**
+ * A value to so many significant digits, never in exponents.
+ * @param {number} value
+ * @param {number} digits
+ */
+export function significant(value, digits) {
+  if (value === 0 || !Number.isFinite(value)) return fixed(value, 0);
+  const exponent = Math.floor(Math.log10(Math.abs(value)));
+  return fixed(value, Math.min(9, Math.max(0, digits - 1 - exponent)));
+}
+
+/**
+ * A small length: micrometres below one millimetre. Two digits, three where the first is a 1.
+ * @param {number | null | undefined} value_mm
+ */
+export function small(value_mm) {
+  if (value_mm === null || value_mm === undefined || !Number.isFinite(value_mm)) return "–";
+  const digits = /^[0.]*1/.test(String(Math.abs(value_mm))) ? 3 : 2;
+  if (Math.abs(value_mm) < 0.9995) return `${significant(value_mm * 1000, digits)}${THIN}µm`;
+  return `${significant(value_mm, digits)}${THIN}mm`;
+}
+
+/** @param {number | null | undefined} value_mm */
+export function millimetres(value_mm, decimals = 1) {
+  return value_mm === null || value_mm === undefined ? "–" : `${fixed(value_mm, decimals)}${THIN}mm`;
+}
+
+/** @param {number} count */
+export function integer(count) {
+  return String(Math.round(count)).replace(/\B(?=(\d{3})+(?!\d))/g, THIN);
+}
+
+/** @param {string | null | undefined} iso */
+export function when(iso) {
+  if (!iso) return "";
+  const date = new Date(iso);
+  if (Number.isNaN(date.getTime())) return iso;
+  const pad = (/** @type {number} */ number) => String(number).padStart(2, "0");
+  const day = `${date.getFullYear()}-${pad(date.getMonth() + 1)}-${pad(date.getDate())}`;
+  return `${day} ${pad(date.getHours())}:${pad(date.getMinutes())}`;
+}

@@ -1,0 +1,127 @@
+// A session: what to do now, the evidence, and the scene beside it all.
+
+import { ActionsElement } from "../components/actions.js";
+import { CapturesElement } from "../components/captures.js";
+import { GuideElement } from "../components/guide.js";
+import { IntakeElement } from "../components/intake.js";
+import { LiveElement } from "../components/live.js";
+import { QualityElement } from "../components/quality.js";
+import { RailElement } from "../components/rail.js";
+import { ResultElement } from "../components/result.js";
+import { SceneElement } from "../components/scene.js";
+import { attempt, undoLast } from "../components/toasts.js";
+import { h, make } from "../dom.js";
+import { SessionState } from "../state.js";
+import { t } from "../texts.js";
+import { cellWords } from "./start.js";
+import { viewTabs } from "../components/view-tabs.js";
+
+const INTERACTIVE = "a, button, input, select, textarea, summary, dialog, [role=button], [role=tab], [tabindex='0']";
+
+export class SessionPage extends HTMLElement {
+  sessionId = "";
+  /** @type {HTMLElement | null} */ top = null;
+  /** @type {SessionState | null} */ #state = null;
+  #name = h("h1", { class: "session-name" });
+  #cell = h("p", { class: "soft small" });
+  #problem = h("section", { class: "lost", hidden: true });
+  /** @type {ActionsElement | null} */ #actions = null;
+
+  connectedCallback() {
+    const state = new SessionState(this.sessionId);
+    this.#state = state;
+    state.view = window.location.hash === "#result" ? "result" : "measure";
+    const intake = make(IntakeElement, { state });
+    this.#actions = make(ActionsElement, { state, intake });
+    this.#build(state, intake, this.#actions);
+    document.addEventListener("keydown", this.#key);
+    window.addEventListener("hashchange", this.#hash);
+    state.watch(["session", "problem"], () => this.#update(state));
+    state.watch(["view"], () => this.#address(state));
+    void attempt(() => state.start());
+  }
+
+  disconnectedCallback() {
+    this.#state?.stop();
+    document.removeEventListener("keydown", this.#key);
+    window.removeEventListener("hashchange", this.#hash);
+  }
+
+  /**
+   * @param {SessionState} state
+   * @param {IntakeElement} intake
+   * @param {ActionsElement} actions
+   */
+  #build(state, intake, actions) {
+    const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
+      make(GuideElement, { state }), make(QualityElement, { state }), actions, intake, make(CapturesElement, { state }));
+    const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" }, make(ResultElement, { state }));
+    state.watch(["view"], () => {
+      measure.hidden = state.view !== "measure";
+      result.hidden = state.view !== "result";
+    });
+    const work = h("div", { class: "work" }, viewTabs(state), measure, result);
+    this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell), make(LiveElement, { state }));
+    this.append(this.#problem, h("div", { class: "session" }, make(RailElement, { state }), work, make(SceneElement, { state })));
+    this.#listenForDrops(intake);
+  }
+
+  /** @param {IntakeElement} intake */
+  #listenForDrops(intake) {
+    this.addEventListener("dragover", (event) => {
+      event.preventDefault();
+      this.classList.add("dropping");
+    });
+    this.addEventListener("dragleave", (event) => {
+      if (!(event.relatedTarget instanceof Node && this.contains(event.relatedTarget))) this.classList.remove("dropping");
+    });
+    this.addEventListener("drop", (event) => {
+      event.preventDefault();
+      this.classList.remove("dropping");
+      if (event.dataTransfer) void intake.drop(event.dataTransfer);
+    });
+  }
+
+  /** @param {SessionState} state */
+  #update(state) {
+    const { session, problem } = state;
+    this.#problem.hidden = !problem || session !== null;
+    if (problem && !session) {
+      this.#problem.replaceChildren(h("h1", {}, problem.body.title ?? ""), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back")));
+    }
+    this.classList.toggle("without-session", !session);
+    if (!session) return;
+    this.#name.textContent = session.name || session.id;
+    this.#cell.textContent = (session.simulated ? `${t("cell.simulated")} · ` : "") + cellWords(session.cell);
+    document.title = `${session.name || session.id} · scancell`;
+  }
+
+  /** @param {SessionState} state */
+  #address(state) {
+    const hash = state.view === "result" ? "#result" : "";
+    if (window.location.hash !== hash) window.history.replaceState(null, "", window.location.pathname + hash);
+  }
+
+  #hash = () => this.#state?.show(window.location.hash === "#result" ? "result" : "measure");
+
+  /** @param {KeyboardEvent} event */
+  #key = (event) => {
+    if (event.defaultPrevented || event.altKey || document.querySelector("dialog[open]")) return;
+    const target = event.target instanceof Element ? event.target : document.body;
+    const typing = target.closest("input:not([type=checkbox]), textarea, select") !== null;
+    if (typing) return;
+    if ((event.ctrlKey || event.metaKey) && event.key === "z") return act(event, () => undoLast());
+    if (event.ctrlKey || event.metaKey) return;
+    const free = target.closest(INTERACTIVE) === null;
+    if (event.key === " " && free) act(event, () => void this.#actions?.capture());
+    else if (event.key.toLowerCase() === "s" || (event.key === "Enter" && free)) act(event, () => void this.#actions?.solve());
+  };
+}
+
+/** @param {KeyboardEvent} event @param {() => void} action */
+function act(event, action) {
+  event.preventDefault();
+  if (!event.repeat) action();
+}
+
+customElements.define("sc-session", SessionPage);

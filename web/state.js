@@ -1,0 +1,186 @@
+// What the page knows of one session. The server is the truth; this follows it, whoever changes it.
+
+import { api, Problem } from "./api.js";
+import { follow } from "./events.js";
+
+/** @import {CaptureOut, Guide, Job, Results, SessionOut} from "./model.js" */
+/** @import {Liveness} from "./events.js" */
+/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "problem"} Part */
+
+const EVENTS = ["capture", "result", "job", "session"];
+const GATHER_MS = 40;
+
+export class SessionState extends EventTarget {
+  /** @type {SessionOut | null} */ session = null;
+  /** @type {CaptureOut[]} */ captures = [];
+  /** @type {Guide | null} */ guide = null;
+  /** @type {Results} */ results = {};
+  /** @type {Job | null} */ job = null;
+  /** @type {Liveness} */ live = "connecting";
+  /** @type {string | null} */ selected = null;
+  /** @type {"measure" | "result"} */ view = "measure";
+  /** @type {Problem | null} */ problem = null;
+  /** @type {Set<Part>} */ #stale = new Set();
+  /** @type {Set<string>} */ #staleCaptures = new Set();
+  #timer = 0;
+  /** @type {(() => void) | null} */ #stop = null;
+
+  /** @param {string} id */
+  constructor(id) {
+    super();
+    this.id = id;
+  }
+
+  /** Load everything, then follow. */
+  async start() {
+    await this.reload();
+    this.#stop = follow(
+      api.eventsAddress(this.id), EVENTS,
+      (name, data) => this.#heard(name, /** @type {Record<string, any>} */ (data)),
+      (live, again) => {
+        this.live = live;
+        this.#tell("live");
+        if (again) void this.reload();
+      },
+    );
+  }
+
+  stop() {
+    this.#stop?.();
+    window.clearTimeout(this.#timer);
+  }
+
+  async reload() {
+    await this.#load(new Set(/** @type {Part[]} */ (["session", "captures", "guide", "results"])));
+  }
+
+  /** The capture that the page shows: the one picked, otherwise the newest. */
+  get shown() {
+    return this.captures.find((capture) => capture.id === this.selected) ?? this.captures.at(-1) ?? null;
+  }
+
+  get working() {
+    return this.job !== null && (this.job.status === "queued" || this.job.status === "running");
+  }
+
+  /** @param {string | null} id */
+  select(id) {
+    this.selected = this.selected === id ? null : id;
+    this.#tell("selection");
+  }
+
+  /** @param {"measure" | "result"} view */
+  show(view) {
+    if (this.view === view) return;
+    this.view = view;
+    this.#tell("view");
+  }
+
+  /** @param {Job} job */
+  follows(job) {
+    this.job = job;
+    this.#tell("job");
+  }
+
+  /**
+   * Call `listener` now and whenever one of `parts` changes.
+   * @param {readonly Part[]} parts
+   * @param {(changed: ReadonlySet<Part>) => void} listener
+   * @returns {() => void} stop
+   */
+  watch(parts, listener) {
+    /** @param {Event} event */
+    const heard = (event) => {
+      const changed = /** @type {CustomEvent<Set<Part>>} */ (event).detail;
+      if (parts.some((part) => changed.has(part))) listener(changed);
+    };
+    this.addEventListener("change", heard);
+    listener(new Set(parts));
+    return () => this.removeEventListener("change", heard);
+  }
+
+  /** @param {...Part} parts */
+  #tell(...parts) {
+    this.dispatchEvent(new CustomEvent("change", { detail: new Set(parts) }));
+  }
+
+  /**
+   * @param {string} name
+   * @param {Record<string, any>} data
+   */
+  #heard(name, data) {
+    if (name === "job") {
+      this.job = /** @type {Job} */ (data);
+      this.#tell("job");
+      return;
+    }
+    if (name === "capture") {
+      if (data.action === "removed") this.#drop(data.capture);
+      else this.#staleCaptures.add(data.capture);
+      this.#later("guide", "results");
+    } else if (name === "result") this.#later("guide", "results");
+    else this.#later("session", "guide", "results");
+  }
+
+  /** @param {string} id */
+  #drop(id) {
+    this.captures = this.captures.filter((capture) => capture.id !== id);
+    if (this.selected === id) this.selected = null;
+    this.#tell("captures", "selection");
+  }
+
+  /** @param {...Part} parts */
+  #later(...parts) {
+    for (const part of parts) this.#stale.add(part);
+    window.clearTimeout(this.#timer);
+    this.#timer = window.setTimeout(() => {
+      const stale = this.#stale;
+      this.#stale = new Set();
+      void this.#load(stale);
+    }, GATHER_MS);
+  }
+
+  /** @param {Set<Part>} parts */
+  async #load(parts) {
+    const captures = parts.has("captures") ? api.captures(this.id) : this.#loadStaleCaptures();
+    try {
+      const [session, list, guide, results] = await Promise.all([
+        parts.has("session") ? api.session(this.id) : this.session,
+        captures,
+        parts.has("guide") ? api.guide(this.id) : this.guide,
+        parts.has("results") ? api.results(this.id) : this.results,
+      ]);
+      Object.assign(this, { session, captures: list, guide, results, problem: null });
+      this.#tell(...parts, "captures", "problem");
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+      this.problem = error;
+      this.#tell("problem");
+    }
+  }
+
+  /** @returns {Promise<CaptureOut[]>} */
+  async #loadStaleCaptures() {
+    const ids = [...this.#staleCaptures];
+    this.#staleCaptures.clear();
+    if (ids.length > 8) return api.captures(this.id);
+    const fresh = await Promise.all(ids.map((id) => api.capture(this.id, id).catch(gone)));
+    const list = [...this.captures];
+    for (const capture of fresh) {
+      if (!capture) continue;
+      const place = list.findIndex((known) => known.id === capture.id);
+      if (place >= 0) list[place] = capture;
+      else list.push(capture);
+    }
+    return list;
+  }
+}
+
+/**
+ * A capture that was removed in the meantime is no problem.
+ * @param {unknown} error
+ */
+function gone(error) {
+  if (error instanceof Problem && error.status === 404) return null;
+  throw error;
+}

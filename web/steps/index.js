@@ -1,0 +1,15 @@
+// What a step of the calibration adds to the session page; another step is another file beside tcp.js.
+
+import { tcp } from "./tcp.js";
+
+/** @import {StageResult} from "../model.js" */
+/** @import {SessionState} from "../state.js" */
+
+/**
+ * @typedef {object} StepPage
+ * @property {(result: StageResult, state: SessionState) => HTMLElement[]} summary what stands in the rail
+ * @property {(result: StageResult, state: SessionState) => HTMLElement[]} result the sections of the result view
+ */
+
+/** @type {Record<string, StepPage>} */
+export const steps = { tcp };

@@ -1,0 +1,49 @@
+// What a pose's covariance (rx ry rz tx ty tz, perturbing on the right, in L; rad and mm) says about its numbers.
+
+/** @import {TcpResult} from "./model.js" */
+
+const DEGREE = Math.PI / 180;
+
+/** @param {readonly (readonly number[])[]} matrix @param {number} row @param {number} column */
+const entry = (matrix, row, column) => matrix[row]?.[column] ?? 0;
+
+/**
+ * Standard deviations of the translation along the flange's axes: the covariance stands in L and is turned there.
+ * @param {Pick<TcpResult, "tool0_from_laser" | "covariance">} result
+ */
+export function positionSigmas_mm({ tool0_from_laser: pose, covariance }) {
+  return [0, 1, 2].map((axis) => {
+    let variance = 0;
+    for (let i = 0; i < 3; i++) {
+      for (let j = 0; j < 3; j++) variance += entry(pose, axis, i) * entry(covariance, 3 + i, 3 + j) * entry(pose, axis, j);
+    }
+    return Math.sqrt(Math.max(variance, 0));
+  });
+}
+
+/** Standard deviations of small turns about L's axes. @param {readonly (readonly number[])[]} covariance */
+export function rotationSigmas_deg(covariance) {
+  return [0, 1, 2].map((axis) => Math.sqrt(Math.max(entry(covariance, axis, axis), 0)) / DEGREE);
+}
+
+/** @param {readonly number[]} sigmas */
+export const worst = (sigmas) => Math.max(...sigmas);
+
+/**
+ * How far another answer is turned against this one, also in units of this one's standard deviation about that axis.
+ * @param {Pick<TcpResult, "tool0_from_laser" | "covariance">} result
+ * @param {readonly (readonly number[])[]} other
+ */
+export function differenceInSigmas({ tool0_from_laser: pose, covariance }, other) {
+  // laser_from_other = Rᵀ R': its antisymmetric part is the small turn between them.
+  const turn = (/** @type {number} */ i, /** @type {number} */ j) => [0, 1, 2].reduce((sum, k) => sum + entry(pose, k, i) * entry(other, k, j), 0);
+  const vector = [(turn(2, 1) - turn(1, 2)) / 2, (turn(0, 2) - turn(2, 0)) / 2, (turn(1, 0) - turn(0, 1)) / 2];
+  const sine = Math.hypot(...vector);
+  const cosine = (turn(0, 0) + turn(1, 1) + turn(2, 2) - 1) / 2;
+  const angle = Math.atan2(sine, cosine);
+  if (sine === 0) return { angle_deg: 0, sigmas: 0 };
+  const axis = vector.map((part) => part / sine);
+  let variance = 0;
+  for (let i = 0; i < 3; i++) for (let j = 0; j < 3; j++) variance += (axis[i] ?? 0) * entry(covariance, i, j) * (axis[j] ?? 0);
+  return { angle_deg: angle / DEGREE, sigmas: variance > 0 ? angle / Math.sqrt(variance) : 0 };
+}

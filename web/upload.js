@@ -1,0 +1,61 @@
+// Sending captures one after another, so that their order stays and one bad file stops nothing but itself.
+
+import { api, Problem } from "./api.js";
+
+/** @import {Capture} from "./model.js" */
+/** @import {Folder} from "./files.js" */
+/** @typedef {{ record: Capture, files: File[], missing?: string[] }} Parcel */
+/** @typedef {{ sent: number, problems: string[] }} Outcome */
+
+/**
+ * @param {string} sessionId
+ * @param {readonly Parcel[]} parcels
+ * @param {(sent: number, all: number) => void} progress
+ * @returns {Promise<Outcome>}
+ */
+export async function send(sessionId, parcels, progress) {
+  /** @type {string[]} */
+  const problems = [];
+  let sent = 0;
+  for (const [index, parcel] of parcels.entries()) {
+    progress(index, parcels.length);
+    if (parcel.missing?.length) {
+      problems.push(`${parcel.record.id}: the folder lacks ${parcel.missing.join(", ")}. Add the file, then drop it again.`);
+      continue;
+    }
+    try {
+      await api.addCapture(sessionId, parcel.record, parcel.files);
+      sent += 1;
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+      problems.push(`${parcel.record.id}: ${error.message}`);
+      if (error.status === 0) break;
+    }
+  }
+  progress(parcels.length, parcels.length);
+  return { sent, problems };
+}
+
+/**
+ * A new session from a folder that was dropped.
+ * @param {Folder} folder
+ * @param {(sent: number, all: number) => void} progress
+ */
+export async function createFromFolder(folder, progress) {
+  const session = await api.createSession(/** @type {import("./model.js").SessionBody} */ (folder.record));
+  return { session, outcome: await send(session.id, folder.captures, progress) };
+}
+
+/**
+ * The first free id in a row of names like p01, p02, …
+ * @param {ReadonlySet<string>} taken
+ * @param {string} wanted
+ */
+export function freeId(taken, wanted) {
+  const clean = wanted.replace(/[^A-Za-z0-9._-]/g, "-").replace(/^[^A-Za-z0-9]+/, "").slice(0, 56);
+  if (clean && !taken.has(clean)) return clean;
+  for (let number = 1; ; number++) {
+    const id = `p${String(number).padStart(2, "0")}`;
+    if (!taken.has(id)) return id;
+  }
+}
