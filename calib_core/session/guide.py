@@ -18,6 +18,7 @@ from calib_core.session.guide_tcp import tcp_now
 
 StepName = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan", "merge"]
 STEPS: tuple[StepName, ...] = get_args(StepName)
+_TO_THE_TCP: tuple[StepName, ...] = ("camera", "laser-plane", "tcp")
 _ENDED: tuple[GuideStatus, ...] = ("done", "known", "not-needed")
 _STAGES: tuple[Stage, ...] = get_args(Stage)
 
@@ -33,8 +34,8 @@ def guide(
     measured : sequence of Measured
         What was seen in the captures; those without count as good.
     results : mapping of stage to result
-        Records or their JSON data.  A result is stale where its data says ``stale: true``, or where it was computed
-        from other captures than the session has now.
+        Records or their JSON data.  A result is stale where its data says ``stale: true``, or where it was
+        computed from other captures than the session has now.
     """
     data = {stage: _with_stale(session, stage, result) for stage, result in results.items()}
     statuses: dict[StepName, GuideStatus] = {}
@@ -109,7 +110,8 @@ def _now(
     data: Mapping[str, dict[str, Any]],
     statuses: Mapping[StepName, GuideStatus],
 ) -> GuideNow:
-    step = next((s for s in STEPS[:3] if statuses[s] not in _ENDED), "tcp")
+    open_steps = [s for s in _TO_THE_TCP if statuses[s] not in _ENDED]
+    step: StepName = open_steps[0] if open_steps else "tcp"
     if step == "tcp" and statuses["tcp"] != "known":
         return tcp_now(session, measured, data.get("tcp") or data.get("chain"))
     if step == "tcp":

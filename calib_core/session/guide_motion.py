@@ -72,7 +72,7 @@ def motion_of(poses: Sequence[RigidTransform]) -> Motion:
 
 
 def next_shift(motion: Motion, home: RigidTransform, length_mm: float) -> RigidTransform:
-    """Return the pose, shifted along a flange axis from `home`, that differs most from the shifts taken already."""
+    """Return the pose, shifted from `home` along a flange axis, that differs most from the shifts taken."""
     taken = _units(motion.shifts_mm)
     likeness = np.abs(_SHIFTS @ taken.T).max(axis=1, initial=0.0)
     shift = _SHIFTS[int(np.argmin(likeness))] * length_mm
@@ -88,8 +88,8 @@ def next_turn(motion: Motion, home: RigidTransform, sphere_center_in_base: Float
     home : RigidTransform
         The pose of the reference capture.
     sphere_center_in_base : (3,) or None
-        Where the sphere is, mm: the flange then turns about it, so that the scanner goes on seeing it.  Where it is
-        not known yet the flange turns in its place.
+        Where the sphere is, mm: the flange then turns about it, so that the scanner goes on seeing it.  Where
+        it is not known yet the flange turns in its place.
     """
     taken = [np.zeros(3), *motion.turns_rad]
     gains = [_nearest_turn_rad(turn, taken) for turn in _TURNS_RAD]
