@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
+from functools import partial
 
 from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
@@ -13,6 +14,9 @@ from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
 from server.routes import captures, health, pages, sessions, solves
+from server.scenes.manager import SceneManager
+from server.scenes.router import scenes_router
+from server.scenes.stored import follow_scene, stored_scene
 from server.schemas import Problem
 from server.settings import Settings
 from server.store.answers import forget_old_answers
@@ -34,12 +38,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         store = Store(settings, hub.publish)
         jobs = Jobs(settings, store)
-        app.state.store, app.state.jobs = store, jobs
+        scenes = SceneManager(partial(stored_scene, store), partial(follow_scene, hub))
+        app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         try:
             await run_in_threadpool(_start, store, jobs)
             yield
         finally:
             hub.close()
+            await run_in_threadpool(scenes.stop)
             await run_in_threadpool(jobs.stop)
             store.close()
 
@@ -60,6 +66,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(pages.router)
+    app.include_router(scenes_router)
     app.mount("/web", StaticFiles(directory=settings.web, check_dir=False), name="web")
     app.add_middleware(Guard, settings=settings)
     return app

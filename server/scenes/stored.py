@@ -1,0 +1,70 @@
+"""Where scenes get their sessions from: the store, or a session folder that was read."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calib_core.errors import CalibrationError, NotFoundError
+from calib_core.frames import FloatArray
+from calib_core.records import Capture, Measured, Result, Session, TcpResult
+from calib_core.session.measure import ReadFile, observe_capture
+from server.scenes.facts import SceneInput
+
+if TYPE_CHECKING:
+    from server.events import Hub
+    from server.store.database import Store
+    from server.store.models import EventRow
+
+_OF_THE_SPHERE = ("tcp", "turntable", "verify")
+
+
+def scene_input(
+    session: Session, read: ReadFile, measured: Iterable[Measured], results: Mapping[str, Mapping[str, Any]]
+) -> SceneInput:
+    """Return what a session's scene is drawn from.
+
+    Parameters
+    ----------
+    session : Session
+    read : callable
+        Returns the bytes of a file by its name in a capture.
+    measured : iterable of Measured
+    results : mapping
+        From stage to the result, as JSON data.
+    """
+
+    def points_on_sphere(capture: Capture) -> FloatArray:
+        if capture.step not in _OF_THE_SPHERE or capture.kind not in ("profile", "cloud"):
+            return np.zeros((0, 3))
+        try:
+            return observe_capture(session, capture, read).points_in_laser_mm
+        except CalibrationError:
+            return np.zeros((0, 3))  # its measurement has said why, and the scene shows that
+
+    solved: dict[str, Result] = {}
+    if "tcp" in results:
+        solved["tcp"] = TcpResult.model_validate(results["tcp"])
+    return SceneInput(session, points_on_sphere, tuple(measured), solved)
+
+
+def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
+    """Return a stored session as its scene needs it, None where there is none."""
+    from server.store.sessions import load_session
+
+    try:
+        with store.read() as db:
+            stored = load_session(db, store.blobs, session_id)
+    except NotFoundError:
+        return None
+    return scene_input(stored.session, stored.read, stored.measured.values(), stored.results)
+
+
+def follow_scene(hub: "Hub", session_id: str, changed: Callable[[], None]) -> Callable[[], None]:
+    """Call `changed` at each event that a session's scene shows; returns what ends that."""
+
+    def listen(event: "EventRow") -> None:
+        if event.kind in ("capture", "result", "session"):
+            changed()
+
+    return hub.subscribe(session_id, listen)
