@@ -110,7 +110,7 @@ def _now(
     data: Mapping[str, dict[str, Any]],
     statuses: Mapping[StepName, GuideStatus],
 ) -> GuideNow:
-    open_steps = [s for s in _TO_THE_TCP if statuses[s] not in _ENDED]
+    open_steps: list[StepName] = [s for s in _TO_THE_TCP if statuses[s] not in _ENDED]
     step: StepName = open_steps[0] if open_steps else "tcp"
     if step == "tcp" and statuses["tcp"] != "known":
         return tcp_now(session, measured, data.get("tcp") or data.get("chain"))
