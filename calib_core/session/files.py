@@ -1,6 +1,8 @@
 """Profiles and clouds from files, byte for byte as the scanner's program wrote them."""
 
+import re
 from pathlib import PurePosixPath
+from typing import Literal
 
 import numpy as np
 
@@ -96,8 +98,10 @@ def parse_cloud(data: bytes, name: str) -> FloatArray:
     return _finite(points, name, "cloud")
 
 
-def kind_of_file(data: bytes, name: str) -> str:
-    """Return whether a file holds a "profile" or a "cloud", by its ending; an NPY file by its columns.
+def kind_of_file(data: bytes, name: str) -> Literal["profile", "cloud"]:
+    """Return whether a file holds a profile or a cloud, by its ending; NPY, CSV and TXT by their columns too.
+
+    Three columns of a CSV are a profile with intensities, unless its header names y.
 
     Raises
     ------
@@ -111,8 +115,12 @@ def kind_of_file(data: bytes, name: str) -> str:
         except InputError:
             return "profile"
         return "cloud"
-    if suffix == ".csv":
-        return "profile"
+    if suffix in (".csv", ".txt"):
+        first = data[:200].split(b"\n")[0].decode("latin-1").lower()
+        words = re.split(r"[,;\s]+", first.strip())
+        if suffix == ".csv":
+            return "cloud" if any(word in ("y", "y_mm", '"y"') for word in words) else "profile"
+        return "profile" if len(words) == 2 else "cloud"
     if suffix in CLOUD_SUFFIXES:
         return "cloud"
     raise _unknown(name, PROFILE_SUFFIXES + CLOUD_SUFFIXES, "file")

@@ -1,0 +1,110 @@
+"""The calibrated tool frame for other programs."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from calib_core.errors import ConflictError, InputError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Record, Session
+from calib_core.robot_pose import CONVENTIONS, to_pose
+from calib_core.session.folder import result_data
+
+FORMATS = ("json",)
+
+_ORDER = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
+_STEP_RAD, _STEP_MM = 1e-5, 1e-2
+
+
+def export(session: Session, results: Mapping[str, Record | Mapping[str, Any]], name: str) -> tuple[str, str]:
+    """Return the calibrated tool frame in a format, and the format's media type.
+
+    Parameters
+    ----------
+    session : Session
+    results : mapping
+        The stages' results by stage, as records or as their JSON data.
+    name : str
+        One of `FORMATS`.
+
+    Raises
+    ------
+    InputError
+        If the format is unknown.
+    ConflictError
+        If the tcp stage is not solved yet.
+    """
+    if name not in FORMATS:
+        raise InputError(
+            "an export format among " + ", ".join(FORMATS), f"'{name}'", "Name one of these.", "format"
+        )
+    found = results.get("tcp")
+    if found is None:
+        raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
+    result = result_data(found) if isinstance(found, Record) else dict(found)
+    text = json.dumps(tool_frame(session, result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text, "application/json"
+
+
+def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the frame tool0_from_laser in every pose convention, with its uncertainty, as JSON data."""
+    tool0_from_laser = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+    covariance = np.array(result["covariance"], dtype=float)
+    sigmas = np.sqrt(np.diag(covariance)[:6])
+    return {
+        "format": "scancell-tool/1",
+        "session": session.name,
+        "stage": "tcp",
+        "verdict": result["verdict"],
+        "warnings": result["warnings"],
+        "software": result["software"],
+        "inputs_sha256": result["inputs_sha256"],
+        "frame": "tool0_from_laser: maps points of the scanner's frame into the flange's, mm",
+        "tool0_from_laser": result["tool0_from_laser"],
+        "covariance": result["covariance"],
+        "covariance_order": list(_ORDER),
+        "standard_deviation": dict(zip(_ORDER, sigmas.tolist(), strict=True)),
+        "confidence_95": result.get("confidence_95", {}),
+        "undetermined": result.get("undetermined", []),
+        "pose_convention": session.cell.pose_convention,
+        "conventions": {name: _in_convention(name, tool0_from_laser, covariance[:6, :6]) for name in CONVENTIONS},
+    }
+
+
+def tool_numbers(convention: str, tool0_from_laser: RigidTransform) -> list[float]:
+    """Return a tool frame as a controller's numbers: a tool is written like any pose."""
+    return to_pose(convention, RigidTransform(tool0_from_laser.matrix, "base", "tool0"))
+
+
+def tool_number_sigmas(convention: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> list[float]:
+    """Return the standard deviations of a tool frame's numbers, in their units.
+
+    The covariance (6, 6) of rx ry rz tx ty tz is carried over by the numbers' derivatives (central differences).
+    """
+    steps = np.array([_STEP_RAD] * 3 + [_STEP_MM] * 3)
+    columns: list[FloatArray] = []
+    for k, step in enumerate(steps):
+        xi = np.zeros(6)
+        xi[k] = step
+        ahead = np.array(tool_numbers(convention, tool0_from_laser.perturbed(xi)))
+        behind = np.array(tool_numbers(convention, tool0_from_laser.perturbed(-xi)))
+        difference = ahead - behind
+        if CONVENTIONS[convention].form in ("ZYX", "XYZ", "ZYZ"):
+            difference[3:] = (difference[3:] + 180) % 360 - 180  # angles jump at ±180°
+        columns.append(difference / (2 * step))
+    jacobian = np.stack(columns, axis=1)
+    return np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)).tolist()
+
+
+def _in_convention(name: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> dict[str, Any]:
+    convention = CONVENTIONS[name]
+    return {
+        "names": convention.numbers.split(),
+        "numbers": tool_numbers(name, tool0_from_laser),
+        "standard_deviations": tool_number_sigmas(name, tool0_from_laser, covariance),
+        "units": convention.units,
+        "formula": convention.formula,
+        "controllers": convention.brands,
+    }
