@@ -1,0 +1,137 @@
+"""How a frame is looked at for its stripe: which channel, which direction, what is saturated."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError
+
+Axis = Literal["columns", "rows"]
+Color = Literal["grey", "red", "green", "blue"]
+ImageArray = NDArray[np.uint8 | np.uint16]
+
+_CHANNEL: dict[Color, int] = {"blue": 0, "green": 1, "red": 2}
+_SMALLEST_PX = 32
+_SAMPLED_LINES = 64
+
+
+@dataclass(frozen=True, eq=False)
+class StripeView:
+    """One channel of a frame, turned so that the stripe runs from left to right.
+
+    Parameters
+    ----------
+    image : (H, W)
+        Contiguous, 8 or 16 bit.
+    axis : {"columns", "rows"}
+        "rows": the image is the frame turned over its diagonal.
+    saturation : float
+        Grey value from which a pixel is saturated.
+    """
+
+    image: ImageArray
+    axis: Axis
+    saturation: float
+
+
+def view_of(
+    image: ImageArray, dark: ImageArray | None, axis: Axis | None, color: Color | None, saturation: float | None
+) -> StripeView:
+    """Return the view of a frame in which its stripe stands out most, as far as axis and colour are left open.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3)
+    dark : like image, or None
+        Taken off.
+    axis, color, saturation : see `StripeOptions`
+
+    Raises
+    ------
+    InputError
+        If the image has the wrong type or shape, or the dark frame differs from it.
+    """
+    _require_image(image, "frame")
+    level = saturation if saturation is not None else _saturation(image)
+    if dark is not None:
+        _require_image(dark, "dark frame")
+        if dark.shape != image.shape or dark.dtype != image.dtype:
+            raise InputError(
+                f"a dark frame like the lit one, {_words(image)}",
+                _words(dark),
+                "Take both frames with the same camera settings.",
+            )
+        image, level = _difference(image, dark, level)
+    channels = _channels(image, color)
+    axes: list[Axis] = [axis] if axis else ["columns", "rows"]
+    candidates: list[tuple[ImageArray, Axis]] = [(channel, a) for channel in channels for a in axes]
+    best = candidates[0]
+    if len(candidates) > 1:
+        best = max(candidates, key=lambda c: _prominence(c[0] if c[1] == "columns" else c[0].T))
+    channel = best[0] if best[1] == "columns" else best[0].T
+    return StripeView(np.ascontiguousarray(channel), best[1], level)
+
+
+def _require_image(image: ImageArray, where: str) -> None:
+    if str(image.dtype) not in ("uint8", "uint16"):
+        raise InputError(
+            "an image of 8 or 16 bit",
+            f"numbers of type {image.dtype}",
+            "Save frames as PNG or TIFF of 8 or 16 bit.",
+            where,
+        )
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
+        raise InputError(
+            "a grey or a three-colour image", f"an array of shape {image.shape}", "Give one frame.", where
+        )
+    if min(image.shape[:2]) < _SMALLEST_PX or max(image.shape[:2]) > 65_535:
+        raise InputError(
+            f"an image at least {_SMALLEST_PX} pixels high and wide", _words(image), "Give the whole frame.", where
+        )
+
+
+def _words(image: ImageArray) -> str:
+    color = "colour" if image.ndim == 3 else "grey"
+    return f"{image.shape[1]}×{image.shape[0]} pixels, {color}, {8 * image.dtype.itemsize} bit"
+
+
+def _saturation(image: ImageArray) -> float:
+    """Return the largest grey value of the camera; 16-bit files often hold 10, 12 or 14 bits."""
+    if image.dtype == np.uint8:
+        return 255.0
+    largest = int(image.max())
+    return float(next(level for level in (1023, 4095, 16_383, 65_535) if largest <= level))
+
+
+def _difference(image: ImageArray, dark: ImageArray, saturation: float) -> tuple[ImageArray, float]:
+    """Return lit minus dark, above an offset that keeps the noise's negative half, and its saturation."""
+    offset = 64 if image.dtype == np.uint8 else 1024
+    difference = image.astype(np.int32) - dark.astype(np.int32) + offset
+    usual = float(np.percentile(dark[::8, ::8], 95))
+    return np.clip(difference, 0, 65_535).astype(np.uint16), saturation - usual + offset
+
+
+def _channels(image: ImageArray, color: Color | None) -> list[ImageArray]:
+    if image.ndim == 2:
+        return [image]
+    if color is None:
+        return [image[..., k] for k in (2, 1, 0)]
+    if color == "grey":
+        return [np.rint(image.mean(axis=2)).astype(image.dtype)]
+    return [image[..., _CHANNEL[color]]]
+
+
+def _prominence(image: ImageArray) -> float:
+    """Return how much a narrow ridge stands out in a typical column: the upper-middle column's best rise."""
+    step = max(1, image.shape[1] // _SAMPLED_LINES)
+    lines = image[:, ::step].astype(np.float32)
+    box, gap = 6, 8
+    sums = np.cumsum(np.pad(lines, ((1, 0), (0, 0))), axis=0)
+    sums = sums[box:] - sums[:-box]
+    if len(sums) <= 2 * gap:
+        return 0.0
+    middle, above, below = sums[gap:-gap], sums[: -2 * gap], sums[2 * gap :]
+    rise = (middle - np.maximum(above, below)).max(axis=0)
+    return float(np.percentile(rise, 40))
