@@ -1,6 +1,6 @@
 // The one file that speaks HTTP. Types come from the server's OpenAPI document (api-types.d.ts).
 
-/** @import {Capture, CaptureOut, Guide, Job, Page, ParsedPose, ProblemBody, Results, SessionBody, SessionOut, SessionSummary} from "./model.js" */
+/** @import {Capture, CaptureOut, Guide, Job, Page, ParsedPose, ProblemBody, Results, SessionBody, SessionOut, SessionSummary, ToolFrame} from "./model.js" */
 
 const ROOT = "/api/v1";
 const PATIENCE_MS = [400, 1200, 3000];
@@ -169,7 +169,7 @@ export const api = {
   captureSimulated: async (id) => (await request(`${session(id)}/sources/simulated/capture`, json("POST"))).json(),
 
   /** @param {string} id @param {string} text @returns {Promise<ParsedPose[]>} */
-  readPoseLines: async (id, text) => (await request(`${session(id)}/pose-lines`, json("POST", { text }))).json(),
+  readPoseLines: async (id, text) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text }))).json()).items,
 
   /** @param {string} id @param {string} stage @returns {Promise<Job>} */
   solve: async (id, stage) => (await request(`${session(id)}/solve/${stage}`, json("POST"))).json(),
@@ -179,6 +179,9 @@ export const api = {
 
   /** @param {string} jobId */
   cancelJob: async (jobId) => void (await request(`/jobs/${encodeURIComponent(jobId)}/cancel`, json("POST"))),
+
+  /** The tool frame in every convention, with its uncertainty. @param {string} id @returns {Promise<ToolFrame>} */
+  toolFrame: (id) => get(`${session(id)}/exports/json`),
 
   /** @param {string} id @param {string} format */
   exportAddress: (id, format) => `${ROOT}${session(id)}/exports/${encodeURIComponent(format)}`,

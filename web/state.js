@@ -3,7 +3,7 @@
 import { api, Problem } from "./api.js";
 import { follow } from "./events.js";
 
-/** @import {CaptureOut, Guide, Job, Results, SessionOut} from "./model.js" */
+/** @import {CaptureOut, Guide, Job, Results, SessionOut, ToolFrame} from "./model.js" */
 /** @import {Liveness} from "./events.js" */
 /** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "problem"} Part */
 
@@ -15,6 +15,7 @@ export class SessionState extends EventTarget {
   /** @type {CaptureOut[]} */ captures = [];
   /** @type {Guide | null} */ guide = null;
   /** @type {Results} */ results = {};
+  /** @type {ToolFrame | null} */ tool = null;
   /** @type {Job | null} */ job = null;
   /** @type {Liveness} */ live = "connecting";
   /** @type {string | null} */ selected = null;
@@ -150,13 +151,24 @@ export class SessionState extends EventTarget {
         parts.has("guide") ? api.guide(this.id) : this.guide,
         parts.has("results") ? api.results(this.id) : this.results,
       ]);
-      Object.assign(this, { session, captures: list, guide, results, problem: null });
+      const tool = results["tcp"] ? await this.#tool(results, parts) : null;
+      Object.assign(this, { session, captures: list, guide, results, tool, problem: null });
       this.#tell(...parts, "captures", "problem");
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       this.problem = error;
       this.#tell("problem");
     }
+  }
+
+  /**
+   * The tool frame in the controllers' numbers: asked for again only when the result is another one.
+   * @param {Results} results
+   * @param {ReadonlySet<Part>} parts
+   */
+  async #tool(results, parts) {
+    const same = this.results["tcp"]?.inputs_sha256 === results["tcp"]?.inputs_sha256 && !parts.has("session");
+    return same && this.tool ? this.tool : api.toolFrame(this.id);
   }
 
   /** @returns {Promise<CaptureOut[]>} */

@@ -23,9 +23,10 @@ export class ActionsElement extends StateElement {
   build() {
     this.append(
       h("div", { class: "row" }, this.#capture, this.#solve,
-        h("button", { type: "button", onclick: () => this.intake?.chooseFiles() }, t("actions.files")),
-        h("button", { type: "button", onclick: () => this.intake?.chooseFolder() }, t("actions.folder")),
-        h("button", { type: "button", onclick: () => this.intake?.open() }, t("actions.poses"))),
+        h("span", { class: "ways-in" },
+          wayIn(t("actions.files"), () => this.intake?.chooseFiles()),
+          wayIn(t("actions.folder"), () => this.intake?.chooseFolder()),
+          wayIn(t("actions.poses"), () => this.intake?.open()))),
       this.#progress,
     );
   }
@@ -90,6 +91,11 @@ export class ActionsElement extends StateElement {
       this.state.follows(job);
     });
   }
+}
+
+/** @param {string} text @param {() => void} action */
+function wayIn(text, action) {
+  return h("button", { type: "button", class: "plain wide", onclick: action }, text);
 }
 
 customElements.define("sc-actions", ActionsElement);

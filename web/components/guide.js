@@ -1,12 +1,12 @@
 // One thing to do now: its drawing, its reason, how much of it is left, and when it is enough.
 
 import { h, make } from "../dom.js";
-import { maybe } from "../texts.js";
-import { t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
+import { copyButton } from "./copy.js";
 import { DrawingElement } from "./drawing.js";
 
-/** @import {Guide} from "../model.js" */
+/** @import {GuideNow} from "../model.js" */
 
 export class GuideElement extends StateElement {
   #drawing = make(DrawingElement);
@@ -22,24 +22,43 @@ export class GuideElement extends StateElement {
 
   update() {
     const { guide } = this.state;
-    if (!guide?.current) return;
-    this.#drawing.name = guide.current.drawing ?? "cell";
+    if (!guide) return;
+    this.#drawing.name = guide.current.drawing;
     this.#words.replaceChildren(...words(guide.current));
   }
 }
 
-/** @param {NonNullable<Guide["current"]>} current */
-function words(current) {
-  const parts = [h("p", { class: "guide-progress" }, maybe(`step.${current.step}`, current.step), needed(current))];
-  parts.push(h("h1", {}, current.instruction));
-  if (current.why) parts.push(h("p", { class: "guide-why" }, h("strong", {}, t("guide.why")), " ", current.why));
-  if (current.exit) parts.push(h("p", { class: "guide-exit soft" }, h("strong", {}, t("guide.exit")), " ", current.exit));
-  return parts;
+/** @param {GuideNow} now */
+function words(now) {
+  return [
+    h("p", { class: "guide-progress" }, maybe(`step.${now.step}`, now.step), rest(now)),
+    h("h1", {}, now.instruction),
+    reason(t("guide.why"), now.why),
+    reason(t("guide.exit"), now.exit),
+    suggestion(now),
+  ].filter((part) => part !== null);
 }
 
-/** @param {NonNullable<Guide["current"]>} current */
-function needed(current) {
-  return current.still_needed ? h("span", { class: "soft" }, ` · ${t("guide.needed", { count: current.still_needed })}`) : null;
+/** @param {GuideNow} now */
+function rest({ progress, still_needed: needed }) {
+  const parts = [progress, needed ? t("guide.needed", { count: needed }) : null].filter(Boolean);
+  return h("span", { class: "soft" }, ...parts.map((part) => ` · ${part}`));
+}
+
+/** @param {string} name @param {string} text */
+function reason(name, text) {
+  return text ? h("p", { class: "soft" }, h("strong", {}, name), " ", text) : null;
+}
+
+/** A pose that would help, as the controller writes it. @param {GuideNow} now */
+function suggestion({ suggested_pose_numbers: numbers, suggested_note: note }) {
+  if (!numbers) return null;
+  const text = numbers.join(" ");
+  return h(
+    "details", { class: "suggestion" }, h("summary", {}, t("guide.pose")),
+    h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
+    note ? h("p", { class: "soft small" }, note) : null,
+  );
 }
 
 customElements.define("sc-guide", GuideElement);

@@ -134,7 +134,7 @@ export class IntakeElement extends StateElement {
       taken.add(id);
       const kind = kindOf(found.path, this.state.session?.cell.scanner?.kind);
       const ending = found.path.slice(found.path.lastIndexOf("."));
-      const record = { id, step: /** @type {const} */ ("tcp"), kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: pose.numbers };
+      const record = { id, step: /** @type {const} */ ("tcp"), kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose) };
       return [{ record, files: [found.file] }];
     });
   }
@@ -186,6 +186,11 @@ function matchRow(found, pose) {
     h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", pose.problem ?? "")),
     h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),
   );
+}
+
+/** A pose that could be read has only numbers. @param {ParsedPose} pose */
+function numbersOf(pose) {
+  return (pose.numbers ?? []).filter((number) => number !== null);
 }
 
 /** Where the flange's z axis looks, in words: the quickest check of a convention. @param {number[]} axis */

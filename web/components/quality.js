@@ -38,7 +38,7 @@ function body(capture) {
   const { measured } = capture;
   return h(
     "div", { class: "quality-body" },
-    (measured.preview ?? []).length > 0 && h("figure", {}, profilePlot(measured, { width: 280, height: 160 })),
+    (measured.preview ?? []).length > 0 && h("figure", {}, profilePlot(measured, { width: 232, height: 152 })),
     h("div", { class: "quality-words" }, reason(capture), figures(capture)),
   );
 }

@@ -9,7 +9,7 @@ import { StateElement } from "./base.js";
 /** @import {GuideStep} from "../model.js" */
 
 const SIGNS = /** @type {Record<string, string>} */ ({
-  done: "pass", working: "working", todo: "todo", stale: "stale", failing: "fail", later: "todo",
+  done: "pass", working: "working", todo: "todo", stale: "stale", failing: "fail", later: "todo", known: "pass", "not-needed": "skipped",
 });
 
 export class RailElement extends StateElement {
@@ -44,7 +44,7 @@ function item(step, current) {
   return h(
     "li", { class: `rail-step status-${step.status}`, "aria-current": current && "step" },
     mark(SIGNS[step.status] ?? "todo", name),
-    h("span", { class: "status" }, maybe(`status.${step.status}`, step.status)),
+    h("span", { class: "status", title: step.note ?? false }, maybe(`status.${step.status}`, step.status)),
   );
 }
 

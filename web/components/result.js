@@ -14,7 +14,7 @@ export class ResultElement extends StateElement {
   update(changed) {
     if (!changed.has("results")) return this.#markPicked();
     const sections = Object.entries(this.state.results).flatMap(([stage, result]) => steps[stage]?.result(result, this.state) ?? []);
-    if (sections.length) this.replaceChildren(...sections.filter(Boolean));
+    if (sections.length) this.replaceChildren(...sections.filter((section) => section !== null));
     else this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
   }
 

@@ -1,6 +1,6 @@
 // The first page: the sessions there are, and the three ways to begin one.
 
-import { api, Problem } from "../api.js";
+import { api } from "../api.js";
 import { DrawingElement } from "../components/drawing.js";
 import { newSessionDialog } from "../components/new-session.js";
 import { copyButton } from "../components/copy.js";

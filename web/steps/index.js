@@ -8,7 +8,7 @@ import { tcp } from "./tcp.js";
 /**
  * @typedef {object} StepPage
  * @property {(result: StageResult, state: SessionState) => HTMLElement[]} summary what stands in the rail
- * @property {(result: StageResult, state: SessionState) => HTMLElement[]} result the sections of the result view
+ * @property {(result: StageResult, state: SessionState) => (HTMLElement | null)[]} result the sections of the result view
  */
 
 /** @type {Record<string, StepPage>} */

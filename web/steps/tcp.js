@@ -8,7 +8,7 @@ import { residualPlot } from "../components/residual-plot.js";
 import { copyButton } from "../components/copy.js";
 import { differenceInSigmas, positionSigmas_mm, rotationSigmas_deg, worst } from "../uncertainty.js";
 
-/** @import {TcpResult} from "../model.js" */
+/** @import {TcpResult, ToolFrame} from "../model.js" */
 /** @import {SessionState} from "../state.js" */
 
 const K = 2;
@@ -38,7 +38,7 @@ function verdictWord(result) {
 function sections(result, state) {
   return [
     banner(result),
-    h("div", { class: "result-pair" }, frame(result), evidence(result)),
+    h("div", { class: "result-pair" }, frame(result, state), evidence(result)),
     plot(result, state),
     comparison(result),
     rawNumbers(result),
@@ -57,8 +57,12 @@ function banner(result) {
   );
 }
 
-/** The tool frame with its uncertainty, axis by axis of the flange. @param {TcpResult} result */
-function frame(result) {
+/**
+ * The tool frame with its uncertainty, axis by axis of the flange, and as the controller wants it.
+ * @param {TcpResult} result
+ * @param {SessionState} state
+ */
+function frame(result, state) {
   const translation = result.tool0_from_laser.slice(0, 3).map((row) => row[3] ?? 0);
   const sigmas = positionSigmas_mm(result);
   const axes = ["x", "y", "z"];
@@ -68,19 +72,29 @@ function frame(result) {
     h("p", { class: "soft small" }, t("frame.what")),
     h("dl", { class: "frame-numbers number" }, ...axes.map((axis, index) =>
       h("div", {}, h("dt", {}, axis), h("dd", {}, measured(translation[index] ?? 0, (sigmas[index] ?? 0) * K, "mm"))))),
-    pose(result),
+    state.tool && controller(state.tool),
   );
 }
 
-/** The same as the robot's controller wants it typed in. @param {TcpResult} result */
-function pose(result) {
-  const controller = result.in_convention;
-  if (!controller) return null;
+/** What is typed into the controller, with each number's own uncertainty. @param {ToolFrame} tool */
+function controller(tool) {
+  const convention = tool.pose_convention;
+  const { names, numbers, standard_deviations: sigmas } = tool.conventions[convention];
+  const text = numbers.map((number) => String(Number(number.toFixed(6)))).join(" ");
   return h(
     "div", { class: "controller" },
-    h("h3", {}, t("frame.controller", { convention: controller.convention, numbers: controller.names })),
-    h("div", { class: "copy-row" }, h("code", {}, controller.text), copyButton(controller.text, t("frame.copy"))),
+    h("h3", {}, t("frame.controller", { convention: maybe(`convention.${convention}`, convention) })),
+    convention !== "matrix" && h("dl", { class: "controller-numbers number" }, ...names.map((name, index) =>
+      h("div", {}, h("dt", {}, name), h("dd", {}, measured(numbers[index] ?? 0, (sigmas[index] ?? 0) * K, unitOf(name, convention)))))),
+    h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
   );
+}
+
+/** @param {string} name @param {string} convention */
+function unitOf(name, convention) {
+  if (/^q|^[xyz]?w$/.test(name)) return "";
+  if (/^[xyz]$/.test(name)) return convention === "ur" || convention === "ros" ? "m" : "mm";
+  return convention === "ur" ? "rad" : "°";
 }
 
 /** @param {TcpResult} result */

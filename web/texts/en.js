@@ -40,7 +40,7 @@ export const en = Object.freeze({
   "way.rest": "Send from my robot",
   "way.rest_words": "A program of yours posts each capture; the page follows live.",
   "way.rest_go": "Copy the program",
-  "way.rest_docs": "API documentation",
+  "way.rest_docs": "API",
   "way.rest_snippet": "Shell commands that make a session, add a capture and solve",
 
   "new.title": "New session",
@@ -119,6 +119,7 @@ export const en = Object.freeze({
   "status.done": "done",
   "status.working": "in work",
   "status.todo": "to do",
+  "status.later": "later",
   "status.stale": "out of date",
   "status.failing": "failing",
   "status.known": "given",
@@ -130,6 +131,7 @@ export const en = Object.freeze({
 
   "guide.why": "Why:",
   "guide.exit": "Enough when:",
+  "guide.pose": "A pose that would help",
   "guide.needed": "{count} still needed",
 
   "view.label": "View",
@@ -141,7 +143,7 @@ export const en = Object.freeze({
   "quality.pass": "good",
   "quality.warn": "usable",
   "quality.fail": "refused",
-  "quality.zone": "r/R, useful from 0.45 to 0.95",
+  "quality.zone": "r/R (good 0.45–0.95)",
   "quality.rms": "Residuals, RMS",
   "quality.points": "Points",
   "quality.points_of": "{on} of {all} on the sphere",
@@ -153,7 +155,7 @@ export const en = Object.freeze({
   "actions.capture": "Capture",
   "actions.solve": "Solve",
   "actions.files": "Add files",
-  "actions.folder": "Add a folder",
+  "actions.folder": "Add folder",
   "actions.poses": "Paste poses",
   "actions.solving": "Solving",
   "actions.cancel": "Cancel",
@@ -231,7 +233,7 @@ export const en = Object.freeze({
   "tcp.name": "TCP",
   "frame.title": "Scanner on the flange",
   "frame.what": "Origin of the laser frame in the flange frame, with its expanded uncertainty (k = 2).",
-  "frame.controller": "As {convention} wants it: {numbers}",
+  "frame.controller": "For the controller ({convention})",
   "frame.copy": "Copy",
 
   "evidence.title": "How we know",

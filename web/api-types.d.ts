@@ -1,0 +1,312 @@
+// Generated from the API's OpenAPI document by tests/web/api_types.py; do not edit.
+
+export interface Board {
+  kind: "chessboard" | "charuco" | "circles" | "asymmetric-circles";
+  columns: number;
+  rows: number;
+  pitch_mm: number;
+  marker_mm?: number | null;
+  dictionary?: string | null;
+}
+
+export interface Capture {
+  id: string;
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  kind: "frame" | "profile" | "cloud" | "sweep" | "center";
+  files?: string[];
+  pose?: number[] | null;
+  table_deg?: number | null;
+  mount?: string | null;
+  center_mm?: number[] | null;
+  poses?: number[][] | null;
+  timestamps_s?: number[] | null;
+  pose_track?: TimedPose[] | null;
+  excluded?: boolean;
+  side?: 1 | -1 | null;
+}
+
+export interface CaptureChanges {
+  excluded?: boolean | null;
+  side?: 1 | -1 | null;
+  table_deg?: number | null;
+  mount?: string | null;
+  pose?: number[] | null;
+}
+
+export interface CapturePage {
+  items: StoredCapture[];
+  next: string | null;
+}
+
+export interface Cell {
+  pose_convention: "matrix" | "quaternion-xyzw" | "quaternion-wxyz" | "abb" | "kuka" | "fanuc" | "ur" | "staubli" | "kawasaki" | "yaskawa" | "mitsubishi" | "nachi" | "ros";
+  sphere_diameter_mm?: number | null;
+  sphere_diameter_sigma_mm?: number | null;
+  scanner?: Scanner;
+  robot?: Robot;
+  turntable?: Turntable;
+  board?: Board | null;
+  known?: Known;
+}
+
+export interface Guide {
+  steps: GuideStep[];
+  current: GuideNow;
+  last_capture?: GuideLast | null;
+}
+
+export interface GuideLast {
+  capture: string;
+  verdict: "pass" | "warn" | "fail";
+  reason?: string | null;
+  to_do?: string | null;
+}
+
+export interface GuideNow {
+  step: string;
+  stage?: "camera" | "laser-plane" | "tcp" | "turntable" | "chain" | "verify" | "merge" | null;
+  action: "capture" | "solve" | "review";
+  instruction: string;
+  why: string;
+  exit: string;
+  drawing: string;
+  progress?: string | null;
+  still_needed?: number;
+  suggested_pose?: number[][] | null;
+  suggested_pose_numbers?: number[] | null;
+  suggested_note?: string | null;
+}
+
+export interface GuideStep {
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan" | "merge";
+  status: "done" | "working" | "todo" | "later" | "stale" | "failing" | "known" | "not-needed";
+  note?: string | null;
+}
+
+export interface Health {
+  status: "ready" | "starting";
+  version: string;
+}
+
+export interface Highlight {
+  capture?: string | null;
+}
+
+export interface Job {
+  id: string;
+  session: string;
+  stage: string;
+  status: "queued" | "running" | "done" | "failed" | "cancelled";
+  progress: number;
+  message: string;
+  error: Problem | null;
+  created: string;
+  finished: string | null;
+}
+
+export interface Known {
+  camera?: KnownCamera | null;
+  laser_plane?: KnownPlane | null;
+  tool0_from_laser?: number[][] | null;
+  base_from_turntable?: number[][] | null;
+}
+
+export interface KnownCamera {
+  camera_matrix: number[][];
+  distortion?: Record<string, number>;
+}
+
+export interface KnownPlane {
+  normal: number[];
+  distance_mm: number;
+}
+
+export interface Measured {
+  capture: string;
+  kind: "frame" | "profile" | "cloud" | "sweep" | "center";
+  verdict: "pass" | "warn" | "fail";
+  reason?: string | null;
+  to_do?: string | null;
+  points?: number;
+  on_sphere?: number;
+  center_mm?: number[] | null;
+  radius_mm?: number | null;
+  rms_mm?: number | null;
+  point_sigma_mm?: number | null;
+  covariance?: number[][] | null;
+  zone?: number | null;
+  extent_deg?: number | null;
+  preview?: number[][];
+  preview_on_sphere?: boolean[];
+}
+
+export interface NewSession {
+  format?: "scancell-session/1";
+  name?: string;
+  cell?: Cell | null;
+  simulated?: SimulatedCell | null;
+}
+
+export interface PoseLine {
+  line: number;
+  text: string;
+  numbers?: (number | null)[] | null;
+  matrix?: number[][] | null;
+  problem?: string | null;
+}
+
+export interface PoseLines {
+  items: PoseLine[];
+}
+
+export interface PoseText {
+  text: string;
+  convention?: string | null;
+}
+
+export interface Problem {
+  type: string;
+  title: string;
+  status: number;
+  detail: string;
+  need: string;
+  got: string;
+  to_do: string;
+  where: string;
+}
+
+export interface Robot {
+  position_sigma_mm?: number | null;
+  orientation_sigma_deg?: number | null;
+  brand?: string | null;
+}
+
+export interface Scanner {
+  kind?: "frame" | "profile" | "cloud" | "sweep" | "center" | null;
+  point_sigma_mm?: number | null;
+  z_axis?: "away" | "toward" | null;
+}
+
+export interface SessionChanges {
+  name?: string | null;
+  cell?: Record<string, unknown> | null;
+}
+
+export interface SessionPage {
+  items: SessionSummary[];
+  next: string | null;
+}
+
+export interface SessionSummary {
+  id: string;
+  name: string;
+  created: string;
+  updated: string;
+  cell: Cell;
+  capture_count: number;
+  verdicts: Record<string, "pass" | "warn" | "fail">;
+}
+
+export interface SimulatedCell {
+  scenario?: string;
+  seed?: number;
+}
+
+export interface StoredCapture {
+  id: string;
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  kind: "frame" | "profile" | "cloud" | "sweep" | "center";
+  files?: string[];
+  pose?: number[] | null;
+  table_deg?: number | null;
+  mount?: string | null;
+  center_mm?: number[] | null;
+  poses?: number[][] | null;
+  timestamps_s?: number[] | null;
+  pose_track?: TimedPose[] | null;
+  excluded?: boolean;
+  side?: 1 | -1 | null;
+  measured: Measured;
+}
+
+export interface StoredSession {
+  format?: "scancell-session/1";
+  name?: string;
+  cell: Cell;
+  captures?: Capture[];
+  id: string;
+  created: string;
+  updated: string;
+  revision: number;
+  scene: string;
+  simulated: boolean;
+}
+
+export interface TcpResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  points?: number;
+  surface_rms_mm?: number | null;
+  center_distance_mm?: number | null;
+  center_offset_in_base_mm?: number[] | null;
+  leave_one_out_rms_mm?: number | null;
+  mahalanobis?: number | null;
+  side?: number | null;
+  zone?: number | null;
+}
+
+export interface TcpResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "tcp";
+  tool0_from_laser: number[][];
+  covariance: number[][];
+  sphere_center_in_base_mm: number[];
+  sphere_center_covariance: number[][];
+  surface_rms_mm: number;
+  leave_one_out_surface_rms_mm: number | null;
+  center_scatter_rms_mm: number;
+  undetermined?: Undetermined[];
+  two_step: TwoStep;
+  variance_components: VarianceComponents;
+  confidence_95?: Record<string, number>;
+  residuals: TcpResidual[];
+}
+
+export interface TimedPose {
+  t_s: number;
+  pose: number[];
+}
+
+export interface Turntable {
+  direction?: 1 | -1 | null;
+  angle_sigma_deg?: number | null;
+}
+
+export interface TwoStep {
+  tool0_from_laser?: number[][] | null;
+  sphere_center_in_base_mm?: number[] | null;
+  surface_rms_mm?: number | null;
+  leave_one_out_surface_rms_mm?: number | null;
+  center_scatter_rms_mm?: number | null;
+  covariance?: number[][] | null;
+  translations?: string[][];
+  reason?: string | null;
+}
+
+export interface Undetermined {
+  direction: number[];
+  description: string;
+}
+
+export interface VarianceComponents {
+  point_sigma_mm: number;
+  position_sigma_mm: number;
+  orientation_sigma_rad: number;
+  orientation_sigma_deg: number;
+  estimated?: string[];
+}
