@@ -9,7 +9,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 
 from calib_core import __version__
-from server import errors
+from server import errors, openapi
 from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
@@ -17,7 +17,6 @@ from server.routes import captures, health, pages, sessions, solves
 from server.scenes.manager import SceneManager
 from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene, stored_scene
-from server.schemas import Problem
 from server.settings import Settings
 from server.store.answers import forget_old_answers
 from server.store.database import Store
@@ -57,10 +56,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         separate_input_output_schemas=False,
-        responses={"default": {"model": Problem, "description": "What went wrong and what to do."}},
+        responses=openapi.ERRORS,
+        generate_unique_id_function=openapi.operation_id,
     )
     app.state.settings, app.state.hub = settings, hub
     errors.install(app)
+    openapi.install(app)
     api = APIRouter(prefix="/api/v1")
     for module in (sessions, captures, solves, health):
         api.include_router(module.router)

@@ -41,7 +41,6 @@ class _Pool:
     def close(self) -> None:
         self.executor.shutdown(wait=False, cancel_futures=True)
         self.queue.put(None)  # ends the thread that listens
-        self.queue.close()
 
 
 @dataclass
@@ -154,6 +153,7 @@ class Jobs:
                 self._note(job_id, kind, value)
             except Exception:  # the next report may be stored again: a full disk, a locked database
                 log.exception("the progress of job %s could not be stored", job_id)
+        queue.close()
 
     def _note(self, job_id: str, kind: str, value: Any) -> None:
         if kind == "started":

@@ -9,6 +9,20 @@ from calib_core.records import Capture, Measured, Session
 log = logging.getLogger("scancell")
 
 
+def check_poses(session: Session, capture: Capture) -> None:
+    """Refuse a capture whose poses the robot's convention does not understand.
+
+    Raises
+    ------
+    InputError
+    """
+    from calib_core.robot_pose import parse_pose
+
+    track = [timed.pose for timed in capture.pose_track or []]
+    for pose in [*([capture.pose] if capture.pose is not None else []), *(capture.poses or []), *track]:
+        parse_pose(session.cell.pose_convention, pose, f"{capture.id}: pose")
+
+
 def measure(session: Session, capture: Capture, read: Callable[[str], bytes]) -> Measured:
     """Return what was measured; where nothing could be, the verdict `fail` and why: the capture is kept.
 

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.records import Capture, Cell, Finite, Measured, Record, Session, Stage, Verdict
+from calib_core.records import Capture, Cell, Finite, Measured, Record, Session, Stage, TcpResult, Verdict
 
 
 class SimulatedCell(Record):
@@ -127,7 +127,7 @@ class PoseLine(BaseModel):
 
     line: int
     text: str
-    numbers: list[float]
+    numbers: list[float | None] | None = None
     matrix: list[list[float]] | None = None
     problem: str | None = None
 
@@ -163,6 +163,12 @@ class Job(BaseModel):
     error: Problem | None
     created: str
     finished: str | None
+
+
+class StoredTcpResult(TcpResult):
+    """A result as the server keeps it; `stale` where captures or cell have changed since."""
+
+    stale: bool
 
 
 class Health(BaseModel):

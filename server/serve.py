@@ -12,7 +12,7 @@ _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one We
 
 
 class WorkbenchServer(uvicorn.Server):
-    """The server of the workbench; `run()` serves until it is stopped, `should_exit = True` stops it.
+    """The server of the workbench; `run()` serves until a signal or `stop()`.
 
     Its event streams end when it is told to stop; else they would hold it for as long as a page is open.
     """
@@ -32,8 +32,13 @@ class WorkbenchServer(uvicorn.Server):
         )
         super().__init__(config)
 
+    def stop(self) -> None:
+        """End the streams, then everything else; may be called from any thread."""
+        self._hub.close()
+        self.should_exit = True
+
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """End the streams, then everything else."""
+        """Stop because of a signal."""
         self._hub.close()
         super().handle_exit(sig, frame)
 

@@ -6,10 +6,12 @@ from collections.abc import Callable, Coroutine
 from typing import Any, NoReturn
 
 from fastapi.routing import APIRoute
+from pydantic_core import to_json
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
-from calib_core.errors import InputError, TooLargeError
+from calib_core.errors import CalibrationError, InputError, TooLargeError
 
 MAX_DEPTH = 32
 _LARGEST_INTEGER = 2**63
@@ -33,6 +35,11 @@ def parse_json(text: str | bytes, where: str) -> Any:
         raise InputError("JSON (UTF-8)", f"something else: {error}", "Correct the text.", where) from None
     _check(data, where)
     return data
+
+
+def plain_json(data: Any) -> Any:
+    """Return data as plain JSON data, in which NaN and infinities have become null."""
+    return json.loads(to_json(data, inf_nan_mode="null"))
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -95,6 +102,12 @@ class StrictRoute(APIRoute):
         handle = super().get_route_handler()
 
         async def strict(request: Request) -> Response:
-            return await handle(StrictRequest(request.scope, request.receive))
+            try:
+                return await handle(StrictRequest(request.scope, request.receive))
+            except HTTPException as error:
+                # FastAPI turns errors of reading a body into 400s without their words.
+                if isinstance(error.__cause__, CalibrationError):
+                    raise error.__cause__ from None
+                raise
 
         return strict

@@ -37,7 +37,6 @@ def _end_with_the_server() -> None:
 def warm_up() -> None:
     """Import and compile what a solve needs, by solving a small simulated session."""
     from calib_core.session.pipeline import solve_stage
-
     from calib_core.simulation import simulate
 
     simulated = simulate("tcp", 1)
@@ -60,10 +59,9 @@ def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[st
     assert _queue is not None
     queue = _queue
     queue.put((job_id, "started", os.getpid()))
-    from calib_core.session.pipeline import solve_stage
-    from pydantic_core import to_jsonable_python
-
     from calib_core.records import parse_session
+    from calib_core.session.pipeline import solve_stage
+    from server.strict_json import plain_json
 
     told_s = 0.0
 
@@ -76,5 +74,5 @@ def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[st
     def read(name: str) -> bytes:
         return Path(paths[name]).read_bytes()
 
-    result = solve_stage(parse_session(session), stage, read, progress)  # pyright: ignore[reportArgumentType]
-    return to_jsonable_python(result, inf_nan_mode="null")
+    result = solve_stage(parse_session(session), stage, read, progress)
+    return plain_json(result)

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import ConflictError, InputError, TooLargeError
 from calib_core.records import Capture, parse_capture
 from server.deps import CaptureId, Cursor, IfMatch, Limit, Once, OnceDep, SessionId, SettingsDep, StoreDep
-from server.measuring import measure
+from server.measuring import check_poses, measure
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.sources.simulated import next_capture
 from server.store.captures import (
@@ -36,10 +36,10 @@ from server.store.sessions import (
     session_row,
     unused,
 )
-from server.strict_json import parse_json
+from server.strict_json import StrictRoute, parse_json
 from server.uploads import digests_of, named_files
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"])
+router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
 
 _RECORD_EXAMPLE = (
     '{"id": "p01", "step": "tcp", "kind": "profile", "files": ["captures/p01.csv"], '
@@ -111,6 +111,7 @@ def _store(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         require_free(db, session_id, capture, digests)
+    check_poses(stored.session, capture)
     measured = measure(stored.session, capture, contents.__getitem__)
     for part in contents.values():
         store.blobs.put(part)
@@ -151,6 +152,7 @@ def change(
         before = capture_row(db, session_id, capture_id)
         record, revision = before.record, before.revision
     capture = _changed(record, changes)
+    check_poses(stored.session, capture)
     measured = measure(stored.session, capture, stored.read)
     with store.write() as db:
         session = locked_session(db, session_id)
@@ -188,7 +190,11 @@ def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_mat
     store.blobs.remove(digests)
 
 
-@router.get("/captures/{capture_id}/files/{name:path}", response_class=FileResponse)
+@router.get(
+    "/captures/{capture_id}/files/{name:path}",
+    response_class=FileResponse,
+    responses={200: {"description": "The file.", "content": {"application/octet-stream": {}}}},
+)
 def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: StoreDep) -> FileResponse:
     """Return a file as it came, byte for byte; `name` as in the record's `files`, or its last part."""
     with store.read() as db:

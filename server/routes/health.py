@@ -7,8 +7,9 @@ from sqlalchemy import select
 from calib_core import __version__
 from server.deps import JobsDep, StoreDep
 from server.schemas import Health
+from server.strict_json import StrictRoute
 
-router = APIRouter(tags=["server"])
+router = APIRouter(tags=["server"], route_class=StrictRoute)
 
 
 @router.get("/health", response_model=Health)

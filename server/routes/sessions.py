@@ -8,12 +8,11 @@ from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from calib_core.errors import ConflictError, InputError
-from calib_core.records import Session, parse_session
+from calib_core.records import Guide, Session, parse_session
 from server.deps import Cursor, HubDep, IfMatch, Limit, OnceDep, SessionId, StoreDep
 from server.events import follow, to_sse
-from server.measuring import measure
-from server.pose_lines import parse_pose_lines
-from server.schemas import NewSession, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
+from server.measuring import check_poses, measure
+from server.schemas import NewSession, PoseLine, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
 from server.sources.simulated import simulated_session
 from server.store.models import Data
 from server.store.sessions import (
@@ -30,8 +29,9 @@ from server.store.sessions import (
     session_row,
     unused,
 )
+from server.strict_json import StrictRoute, plain_json
 
-router = APIRouter(prefix="/sessions", tags=["sessions"])
+router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=StrictRoute)
 
 # What measuring a capture depends on, beside the capture.
 _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner")
@@ -40,12 +40,13 @@ _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner")
 @router.post("", status_code=201, response_model=StoredSession)
 def create(body: NewSession, once: OnceDep, store: StoreDep) -> Response:
     """Make a session, of a real cell or of the simulated one."""
-    record = body.to_json()
-    simulated = record.pop("simulated", None)
+    record = {name: value for name, value in body.to_json().items() if name != "simulated"}
+    simulated = None
     if body.simulated is not None:
         simulated = body.simulated.model_dump()
-        record = {**simulated_session(**simulated).session.to_json(), **record}
-    if record.get("captures"):
+        device = simulated_session(body.simulated.scenario, body.simulated.seed).session
+        record = {**device.to_json(), **record, "captures": []}
+    elif record.get("captures"):
         raise InputError("a session without captures", "some", "Post each capture by itself.", "captures")
     session = parse_session({**record, "captures": []}, "request").to_json()
     del session["captures"]
@@ -88,6 +89,8 @@ def change(session_id: SessionId, body: SessionChanges, store: StoreDep, if_matc
         revision = session_row(db, session_id).revision
     record = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
     session = parse_session({**record, "captures": [c.to_json() for c in before.session.captures]}, "request")
+    for capture in session.captures:
+        check_poses(session, capture)
     measured: dict[str, Data] = {}
     if any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM):
         measured = {c.id: measure(session, c, before.read).to_json() for c in session.captures}
@@ -113,23 +116,35 @@ def delete(session_id: SessionId, store: StoreDep, if_match: IfMatch = None) -> 
     store.blobs.remove(digests)
 
 
-@router.get("/{session_id}/guide", response_model=dict[str, Any])
+@router.get("/{session_id}/guide", response_model=Guide)
 def guidance(session_id: SessionId, store: StoreDep) -> Response:
     """Return what to do now and why, how many captures are still needed, and each step's status."""
     from calib_core.session.guide import guide
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-    record = guide(stored.session, list(stored.measured.values()), stored.results)
+    record = guide(stored.session, list(stored.measured.values()), stored.results_with_stale())
     return JSONResponse(record.to_json())
 
 
 @router.post("/{session_id}/pose-lines", response_model=PoseLines)
 def pose_lines(session_id: SessionId, body: PoseText, _: OnceDep, store: StoreDep) -> Response:
     """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
+    from calib_core.robot_pose import parse_pose_lines
+
     with store.read() as db:
         convention = body.convention or session_row(db, session_id).record["cell"]["pose_convention"]
-    return JSONResponse({"items": parse_pose_lines(body.text, convention)})
+    items = [
+        PoseLine(
+            line=row.line,
+            text=row.text,
+            numbers=None if row.numbers is None else list(row.numbers),
+            matrix=row.pose.to_rows() if row.pose else None,
+            problem=row.problem,
+        ).model_dump(exclude_none=True)
+        for row in parse_pose_lines(convention, body.text)
+    ]
+    return JSONResponse(plain_json({"items": items}))
 
 
 def existing_session(session_id: SessionId, store: StoreDep) -> str:

@@ -2,24 +2,24 @@
 
 import json
 from collections.abc import AsyncIterator
-from typing import Annotated, Any, get_args
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import InputError, NotFoundError
-from calib_core.records import Stage
+from calib_core.errors import NotFoundError
 from server.deps import HubDep, JobsDep, OnceDep, SessionId, StageName, StoreDep
 from server.events import follow, to_sse
 from server.routes.sessions import LastEventId
-from server.schemas import Job
+from server.schemas import Job, StoredTcpResult
 from server.store.models import Data
-from server.store.sessions import StoredSession, load_session, locked_session
+from server.store.sessions import load_session, locked_session
 from server.store.solves import ENDED, create_job, job_data, job_row
+from server.strict_json import StrictRoute
 
-router = APIRouter(tags=["solves"])
+router = APIRouter(tags=["solves"], route_class=StrictRoute)
 
 JobId = Annotated[str, Path(description="A job's `id`.", max_length=64)]
 
@@ -27,12 +27,10 @@ JobId = Annotated[str, Path(description="A job's `id`.", max_length=64)]
 @router.post("/sessions/{session_id}/solve/{stage}", status_code=202, response_model=Job)
 def solve(session_id: SessionId, stage: StageName, once: OnceDep, store: StoreDep, jobs: JobsDep) -> Response:
     """Start solving a stage; answers at once with the job, whose end brings the result."""
-    if stage not in get_args(Stage):
-        raise InputError(
-            f"one of the stages {', '.join(get_args(Stage))}", repr(stage), "Name one of these.", "stage"
-        )
+    from calib_core.session.pipeline import stage_captures
 
     def act(db: Transaction) -> Data:
+        stage_captures(load_session(db, store.blobs, session_id).session, stage)  # refuses an unknown stage
         return job_data(create_job(db, locked_session(db, session_id), stage))
 
     answer, first = once.run(store, "solve", 202, act)
@@ -73,15 +71,15 @@ async def job_events(
                 return
 
 
-@router.get("/sessions/{session_id}/results", response_model=dict[str, Any])
+@router.get("/sessions/{session_id}/results", response_model=dict[str, StoredTcpResult])
 def list_results(session_id: SessionId, store: StoreDep) -> Response:
     """Return each stage's latest result; `stale` where captures or cell changed since."""
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-    return JSONResponse({stage: with_stale(stored, stage) for stage in stored.results})
+    return JSONResponse(stored.results_with_stale())
 
 
-@router.get("/sessions/{session_id}/results/{stage}", response_model=dict[str, Any])
+@router.get("/sessions/{session_id}/results/{stage}", response_model=StoredTcpResult)
 def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Response:
     """Return a stage's latest result; `stale` where captures or cell changed since."""
     with store.read() as db:
@@ -90,10 +88,14 @@ def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Resp
         raise NotFoundError(
             "a stage that was solved", f"'{stage}', which was not", f"POST …/solve/{stage} first.", "stage"
         )
-    return JSONResponse(with_stale(stored, stage))
+    return JSONResponse(stored.results_with_stale()[stage])
 
 
-@router.get("/sessions/{session_id}/exports/{name}", response_class=Response)
+@router.get(
+    "/sessions/{session_id}/exports/{name}",
+    response_class=Response,
+    responses={200: {"description": "The file, in the format's own media type.", "content": {"*/*": {}}}},
+)
 def export_results(
     session_id: SessionId, name: Annotated[str, Path(max_length=64, description="`json`.")], store: StoreDep
 ) -> Response:
@@ -104,11 +106,3 @@ def export_results(
         stored = load_session(db, store.blobs, session_id)
     content, media_type = export(stored.session, stored.results, name)
     return Response(content, media_type=media_type)
-
-
-def with_stale(stored: StoredSession, stage: str) -> Data:
-    """Return a stored result with whether its inputs have changed since it was computed."""
-    from calib_core.session.pipeline import inputs_sha256
-
-    record = stored.results[stage]
-    return {**record, "stale": record["inputs_sha256"] != inputs_sha256(stored.session, stage, stored.read)}

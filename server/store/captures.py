@@ -136,4 +136,4 @@ def file_digest(db: Transaction, session_id: str, capture_id: str, name: str) ->
 def _digests(db: Transaction, session_id: str, capture_id: str) -> dict[str, str]:
     query = select(FileRow.name, FileRow.sha256)
     rows = db.execute(query.where(FileRow.session_id == session_id, FileRow.capture_id == capture_id))
-    return dict(rows.tuples().all())
+    return dict(rows.all())

@@ -41,6 +41,16 @@ class StoredSession:
             )
         return self.blobs.read(self.digests[name])
 
+    def results_with_stale(self) -> dict[str, Data]:
+        """Return the results, each with whether its inputs have changed since it was computed."""
+        from calib_core.session.pipeline import inputs_sha256
+
+        results: dict[str, Data] = {}
+        for stage, result in self.results.items():
+            now_sha256 = inputs_sha256(self.session, stage, self.read, self.digests.__getitem__)
+            results[stage] = {**result, "stale": result["inputs_sha256"] != now_sha256}
+        return results
+
 
 def new_id() -> str:
     """Return a name that nobody can guess and nothing else has."""
@@ -147,7 +157,7 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),
         measured={c.id: Measured.model_validate(c.measured) for c in captures},
         results=latest_results(db, session_id),
-        digests=dict(files.tuples().all()),
+        digests=dict(files.all()),
         blobs=blobs,
     )
 
@@ -191,7 +201,7 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
 
 def _capture_counts(db: Transaction, ids: list[str]) -> dict[str, int]:
     query = select(CaptureRow.session_id, func.count()).where(CaptureRow.session_id.in_(ids))
-    return dict(db.execute(query.group_by(CaptureRow.session_id)).tuples().all())
+    return dict(db.execute(query.group_by(CaptureRow.session_id)).all())
 
 
 def _verdicts(db: Transaction, ids: list[str]) -> dict[str, dict[str, str]]:

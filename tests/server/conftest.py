@@ -1,0 +1,40 @@
+"""Servers for the tests: one that they share, and ones that a test starts and restarts itself."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from server.settings import Settings
+from tests.server.live_server import serving
+
+
+@pytest.fixture(scope="session")
+def shared_client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    settings = Settings(
+        data=tmp_path_factory.mktemp("data"),
+        port=0,
+        warm_up=False,
+        max_json_bytes=200_000,
+        max_upload_bytes=2_000_000,
+    )
+    with serving(settings) as client:
+        yield client
+
+
+@pytest.fixture
+def client(shared_client: httpx.Client) -> httpx.Client:
+    """A client of a server that all tests share; each makes its own sessions."""
+    return shared_client
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Callable[..., Any]:
+    """Start a server of the test's own, on the same data folder each time: `with start() as client`."""
+
+    def begin(**changes: Any) -> Any:
+        return serving(Settings(**{"data": tmp_path / "data", "port": 0, "warm_up": False, **changes}))
+
+    return begin

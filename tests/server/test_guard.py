@@ -1,0 +1,80 @@
+"""What no foreign page may do, and what every answer says to browsers."""
+
+from pathlib import Path
+
+import httpx
+import pytest
+
+from calib_core.errors import InputError
+from server.settings import Settings
+from tests.server.live_server import assert_problem, make_session
+
+BODY = {"cell": {"pose_convention": "ur"}}
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "127.0.0.1.evil.example", "evil.example:80", "", "[::2]", "a:b:c"]
+)
+def test_foreign_names_are_refused(client: httpx.Client, host: str) -> None:
+    assert_problem(client.get("/health", headers={"Host": host}), 403, "Host")
+
+
+@pytest.mark.parametrize("host", ["localhost", "localhost:1234", "127.0.0.1:80", "[::1]:8000"])
+def test_own_names_are_answered(client: httpx.Client, host: str) -> None:
+    assert client.get("/health", headers={"Host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "https://evil.example"},
+        {"Origin": "null"},
+        {"Origin": "http://localhost:1"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},
+    ],
+)
+def test_other_pages_may_change_nothing(client: httpx.Client, headers: dict[str, str]) -> None:
+    session = make_session(client)
+    for method, path in (
+        ("POST", "/sessions"),
+        ("PATCH", f"/sessions/{session}"),
+        ("DELETE", f"/sessions/{session}"),
+    ):
+        assert_problem(client.request(method, path, json=BODY, headers=headers), 403, "own pages")
+    assert client.get(f"/sessions/{session}").status_code == 200
+
+
+def test_own_pages_may(client: httpx.Client) -> None:
+    own = str(client.base_url).removesuffix("/api/v1/")
+    headers = {"Origin": own, "Sec-Fetch-Site": "same-origin"}
+    assert client.post("/sessions", json=BODY, headers=headers).status_code == 201
+
+
+def test_answers_tell_browsers_to_be_strict(client: httpx.Client) -> None:
+    for answer in (client.get("/health"), client.get("/nothing"), client.get("/health", headers={"Host": "x"})):
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'self'" in policy
+        assert "unsafe-inline" not in policy.split("style-src")[0]
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["x-frame-options"] == "SAMEORIGIN"
+        assert answer.headers["cache-control"] == "no-store"
+
+
+@pytest.mark.parametrize("path", ["/nothing", "/api/v1/nothing", "/api/v1/sessions/none", "/web/../server/app.py"])
+def test_what_is_not_there_is_a_problem_with_a_way_out(client: httpx.Client, path: str) -> None:
+    own = str(client.base_url).removesuffix("/api/v1/")
+    assert_problem(client.get(own + path), 404)
+
+
+def test_a_wrong_method_names_the_right_ones(client: httpx.Client) -> None:
+    answer = client.put("/sessions")
+    assert_problem(answer, 405, "PUT")
+    assert "POST" in answer.headers["allow"] or "GET" in answer.headers["allow"]
+
+
+def test_serving_beyond_this_machine_must_be_said_twice(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"127\.0\.0\.1"):
+        Settings(host="0.0.0.0", data=tmp_path)
+    assert Settings(host="0.0.0.0", data=tmp_path, allow_without_login=True).host == "0.0.0.0"
+    assert Settings(host="::1", data=tmp_path).host == "::1"

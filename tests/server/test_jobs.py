@@ -1,0 +1,155 @@
+"""Solves in worker processes: their results, and how they end when something goes wrong."""
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
+from tests.server.test_events import listening
+
+
+def test_a_simulated_session_is_solved_through_rest(client: httpx.Client) -> None:
+    session = simulated_session(client, captures=14)
+    job = client.post(f"/sessions/{session}/solve/tcp").json()
+    assert job["status"] == "queued"
+    assert job["stage"] == "tcp"
+    ended = wait_for(client, job["id"])
+    assert ended["status"] == "done", ended
+    assert ended["progress"] == 1.0
+    result = client.get(f"/sessions/{session}/results/tcp").json()
+    assert result["verdict"] == "pass"
+    assert result["stale"] is False
+    # The method's cell: 0.25 mm RMS; four times that is beyond chance.
+    assert [row[3] for row in result["tool0_from_laser"]][:3] == pytest.approx([35, -120, 140], abs=10)
+    assert client.get(f"/sessions/{session}/results").json() == {"tcp": result}
+    listed = client.get("/sessions", params={"limit": 1}).json()["items"][0]
+    assert listed["verdicts"] == {"tcp": "pass"}
+    guide = client.get(f"/sessions/{session}/guide").json()
+    assert {step["step"]: step["status"] for step in guide["steps"]}["tcp"] == "done"
+    export = client.get(f"/sessions/{session}/exports/json")
+    assert export.headers["content-type"] == "application/json"
+    assert export.json()["verdict"] == "pass"
+    assert_problem(client.get(f"/sessions/{session}/exports/smoke-signals"), 422, "json")
+
+    client.patch(f"/sessions/{session}/captures/p03", json={"excluded": True})
+    assert client.get(f"/sessions/{session}/results/tcp").json()["stale"] is True
+    guide = client.get(f"/sessions/{session}/guide").json()
+    assert {step["step"]: step["status"] for step in guide["steps"]}["tcp"] == "stale"
+    client.patch(f"/sessions/{session}/captures/p03", json={"excluded": None})
+    assert client.get(f"/sessions/{session}/results/tcp").json()["stale"] is False
+
+
+def test_a_job_is_followed_to_its_end(client: httpx.Client) -> None:
+    session = simulated_session(client, captures=14)
+    key = {"Idempotency-Key": "solve-1"}
+    job = client.post(f"/sessions/{session}/solve/tcp", headers=key).json()
+    assert client.post(f"/sessions/{session}/solve/tcp", headers=key).json() == job
+    with listening(client, f"/jobs/{job['id']}/events") as events:
+        seen = [event["data"] for event in events]  # ends by itself
+    assert [data["id"] for data in seen] == [job["id"]] * len(seen)
+    assert seen[0]["status"] == "queued"
+    assert seen[-1]["status"] == "done"
+    progress = [data["progress"] for data in seen]
+    assert progress == sorted(progress)
+    assert_problem(client.post(f"/jobs/{job['id']}/cancel"), 409, "done")
+    with listening(client, f"/sessions/{session}/events", after=15) as events:
+        kinds = [next(events)["event"] for _ in range(len(seen) + 1)]
+    assert kinds == ["job"] * len(seen) + ["result"]
+
+
+def test_a_solve_that_cannot_be_says_what_is_missing(client: httpx.Client) -> None:
+    session = simulated_session(client, captures=2)
+    job = wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])
+    assert job["status"] == "failed"
+    assert job["error"]["status"] == 422
+    assert job["error"]["detail"].endswith(job["error"]["to_do"])
+    assert_problem(client.get(f"/sessions/{session}/results/tcp"), 404, "solve/tcp")
+    assert_problem(client.post(f"/sessions/{session}/solve/teapot"), 422, "tcp", "teapot")
+    assert_problem(client.post("/sessions/none/solve/tcp"), 404, "none")
+    assert_problem(client.get("/jobs/none"), 404, "none")
+    assert_problem(client.get("/jobs/none/events"), 404, "none")
+    assert_problem(client.post("/jobs/none/cancel"), 404, "none")
+
+
+@pytest.fixture
+def slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers that take a minute over each solve: they get this module's function by its name."""
+    import server.worker
+
+    monkeypatch.setattr(server.worker, "solve", slow_solve)
+
+
+def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:
+    from server import worker
+
+    assert worker._queue is not None
+    worker._queue.put((job_id, "started", os.getpid()))
+    worker._queue.put((job_id, "progress", (0.25, f"worker {os.getpid()}")))
+    time.sleep(60)
+    raise AssertionError("nobody ended this")
+
+
+def wait_until_it_runs(client: httpx.Client, job: str) -> int:
+    end_s = time.monotonic() + 30
+    while time.monotonic() < end_s:
+        answer = client.get(f"/jobs/{job}").json()
+        if answer["message"].startswith("worker "):
+            assert (answer["status"], answer["progress"]) == ("running", 0.25)
+            return int(answer["message"].split()[1])
+        time.sleep(0.02)
+    raise AssertionError(f"the job does not run: {answer}")
+
+
+@pytest.mark.usefixtures("slow")
+def test_jobs_are_cancelled_while_they_run_and_while_they_wait(start: Callable[..., Any]) -> None:
+    with start() as client:
+        session = make_session(client)
+        running, waiting, next_one = (client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(3))
+        worker = wait_until_it_runs(client, running)
+        for job in (waiting, running, running):
+            assert client.post(f"/jobs/{job}/cancel").json()["status"] == "cancelled"
+        assert wait_until_it_runs(client, next_one) != worker
+        assert client.get(f"/jobs/{running}").json()["status"] == "cancelled"
+        client.delete(f"/sessions/{session}")
+
+
+@pytest.mark.usefixtures("slow")
+def test_a_killed_worker_is_named_and_the_next_job_runs(start: Callable[..., Any]) -> None:
+    with start() as client:
+        session = make_session(client)
+        killed, waiting = (client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(2))
+        os.kill(wait_until_it_runs(client, killed), signal.SIGKILL)
+        job = wait_for(client, killed)
+        assert job["status"] == "failed"
+        assert "ended unexpectedly" in job["error"]["detail"]
+        assert job["error"]["to_do"] == "Run it again."
+        wait_until_it_runs(client, waiting)
+
+
+@pytest.mark.usefixtures("slow")
+def test_a_job_that_takes_too_long_is_ended(start: Callable[..., Any]) -> None:
+    with start(job_timeout_s=0.5) as client:
+        session = make_session(client)
+        job = wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])
+        assert job["status"] == "failed"
+        assert "0.5 s" in job["error"]["detail"]
+
+
+@pytest.mark.usefixtures("slow")
+def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
+    with start() as client:
+        session = make_session(client)
+        running, waiting = (client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(2))
+        worker = wait_until_it_runs(client, running)
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+    with start() as client:
+        for job_id in (running, waiting):
+            job = client.get(f"/jobs/{job_id}").json()
+            assert job["status"] == "failed"
+            assert job["error"]["to_do"] == "The server restarted; run it again."

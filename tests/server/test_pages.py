@@ -1,0 +1,64 @@
+"""The page, its files, and the documentation, which needs no internet."""
+
+import re
+
+import httpx
+import pytest
+
+from tests.server.live_server import make_session
+
+
+@pytest.fixture
+def site(client: httpx.Client) -> str:
+    return str(client.base_url).removesuffix("/api/v1/")
+
+
+def test_the_page_is_served_for_the_start_and_for_a_session(client: httpx.Client, site: str) -> None:
+    start = client.get(f"{site}/")
+    assert start.status_code == 200
+    assert start.headers["content-type"].startswith("text/html")
+    assert client.get(f"{site}/sessions/{make_session(client)}").content == start.content
+
+
+def test_files_are_checked_for_changes_at_each_use(client: httpx.Client, site: str) -> None:
+    style = client.get(f"{site}/web/vendor/swagger-ui/swagger-ui.css")
+    assert style.status_code == 200
+    assert style.headers["cache-control"] == "no-cache"
+    again = client.get(str(style.url), headers={"If-None-Match": style.headers["etag"]})
+    assert again.status_code == 304
+
+
+def test_the_documentation_loads_from_this_server_alone(client: httpx.Client, site: str) -> None:
+    page = client.get(f"{site}/docs")
+    assert page.status_code == 200
+    assert "script-src 'self' 'unsafe-inline'" in page.headers["content-security-policy"]
+    addresses = re.findall(r'(?:src|href)="([^"]+)"', page.text)
+    assert addresses
+    for address in addresses:
+        assert address.startswith(("/", "data:")), address
+        if address.startswith("/"):
+            assert client.get(site + address).status_code == 200
+
+
+def test_the_schema_has_tidy_names_and_examples(client: httpx.Client, site: str) -> None:
+    schema = client.get(f"{site}/openapi.json").json()
+    names = set(schema["components"]["schemas"])
+    assert {"Capture", "CaptureUpload", "Measured", "Job", "Problem", "StoredSession", "StoredCapture"} <= names
+    assert not [name for name in names if "__" in name or "-" in name or name.startswith("Body_")]
+    assert any(path.startswith("/api/v1/") for path in schema["paths"])
+    for path, operations in schema["paths"].items():
+        if not path.startswith("/api/v1/"):
+            continue
+        for method, operation in operations.items():
+            assert operation["summary"], (method, path)
+            assert "application/problem+json" in operation["responses"]["default"]["content"]
+            for content in operation.get("requestBody", {}).get("content", {}).values():
+                text = str(_resolved(content["schema"], schema)) + str(content)
+                assert "example" in text, f"{method} {path} has a body without an example"
+            if method == "post":
+                assert any(p["name"] == "idempotency-key" for p in operation["parameters"]), path
+
+
+def _resolved(part: dict[str, object], schema: dict[str, object]) -> object:
+    name = str(part.get("$ref", "")).rsplit("/", 1)[-1]
+    return schema["components"]["schemas"][name] if name else part  # type: ignore[index]
