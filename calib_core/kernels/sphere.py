@@ -10,6 +10,9 @@ SUMS = 15
 """n, Σu (3), Σ uuᵀ upper triangle (6), Σ res·u (3), Σ res, Σ res²: all over the points within the cut."""
 
 
+OCTAVES = 12
+"""Radii from four times the cloud's size down are told apart by factors of two."""
+
 _BLOCK = 1024  # points worked on at a time: their intermediate values stay in the first-level cache
 
 
@@ -125,10 +128,19 @@ def _support(points: FloatArray, x: float, y: float, z: float, radius: float, ba
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def first_sphere(
-    points: FloatArray, known_radius: float, reach: float, band_share: float, band_at_least: float, draws: int
+def first_spheres(
+    points: FloatArray,
+    known_radius: float,
+    reach: float,
+    band_share: float,
+    band_at_least: float,
+    least_draws: int,
+    most_draws: int,
 ) -> FloatArray:
-    """Return the best of many spheres through a few neighbouring points, as x, y, z, r, support (5,).
+    """Return the best of many spheres through a few neighbouring points, as rows x, y, z, r, support (K, 5).
+
+    One row for each octave of the radius (OCTAVES), so that a wide plane, which a large sphere touches over much
+    of its area, does not hide a small sphere; one row in all where the radius is known.
 
     Parameters
     ----------
@@ -140,15 +152,16 @@ def first_sphere(
         Neighbours are drawn within this distance (known radius) or within reach / 1 … reach / 64 (unknown).
     band_share, band_at_least : float
         Half width of the band in which points count: a share of the radius, and its least value.
-    draws : int
-        At most so many draws; fewer once it is sure that a better sphere would have turned up.
+    least_draws, most_draws : int
+        Draws end between the two, once it is sure that a better sphere would have turned up.
     """
     count = points.shape[0]
     state = np.array([np.uint64(88172645463325252)])
     picked = np.empty((4, 3))
-    best = np.zeros(5)
+    best = np.zeros((1 if known_radius > 0 else OCTAVES, 5))
+    most_support = 0.0
     needed = 3 if known_radius > 0 else 4
-    enough = float(draws)
+    enough = float(most_draws)
     draw = 0
     while draw < enough:
         draw += 1
@@ -184,9 +197,14 @@ def first_sphere(
             if not np.isfinite(x + y + z + radius):
                 continue
             support = _support(points, x, y, z, radius, max(band_share * radius, band_at_least))
-            if support > best[4]:
-                best[:] = (x, y, z, radius, support)
+            row = 0
+            if known_radius <= 0:
+                row = int(min(max(np.floor(np.log2(4 * reach / radius)), 0.0), OCTAVES - 1.0))
+            if support > best[row, 4]:
+                best[row, :] = (x, y, z, radius, support)
+            if support > most_support:
+                most_support = support
                 # A third of the draws from the sphere's own points are taken to be good.
                 chance = 0.3 * (support / count) ** needed
-                enough = min(float(draws), max(40.0, -14.0 / np.log1p(-min(chance, 0.5))))
+                enough = min(float(most_draws), max(float(least_draws), -14.0 / np.log1p(-min(chance, 0.5))))
     return best

@@ -26,10 +26,13 @@ LEAST_POINTS = 12
 
 _START_BAND = 0.03  # of the radius: where a refinement starts to collect points
 _LARGEST_RMS = 0.03  # of the radius: rougher than this it is not an arc
-_MOST_BACKGROUND = 0.25  # share of the inliers that chance would put there
+_MOST_BACKGROUND = 0.1  # share of the inliers that chance would put there
 _EDGE_RAD = np.deg2rad(1.5)  # the border of an arc holds mixed points: half on the sphere, half behind it
 _EDGE_SHARE = 0.05
 _WIDEST_GAP_RAD = np.deg2rad(4.0)
+_FORM_BINS = 12
+_LARGEST_FORM = 0.0075  # of the radius: bent otherwise than a circle, as walls and edges are
+_LEAST_FILLED = 0.5  # of the extent: the two walls of a corner touch a circle too, but not in between
 _BEYOND_DOUBT_EXTENT_RAD = np.deg2rad(75.0)
 _BEYOND_DOUBT_RMS = 0.015  # of the radius
 _SMALL_PIECE = 0.05  # of the inliers: pieces beyond a gap that are smaller than this are left out
@@ -85,6 +88,8 @@ class _Arc:
     rms_mm: float
     extent_rad: float
     side: int
+    form_mm: float  # root mean square of the residuals' means over stretches of the arc
+    filled: float  # share of the extent that is not gaps
     background: float  # inliers to be expected from the density of points beside the arc
 
     @property
@@ -98,6 +103,9 @@ class _Arc:
         return (
             self.count >= LEAST_POINTS
             and self.rms_mm <= _LARGEST_RMS * self.circle[2]
+            and self.filled >= _LEAST_FILLED
+            and self.form_mm**2
+            <= (_LARGEST_FORM * self.circle[2]) ** 2 + 4 * self.rms_mm**2 * _FORM_BINS / self.count
             and depth_mm > 6 * self.rms_mm
             and self.background <= _MOST_BACKGROUND * self.count
         )
@@ -262,6 +270,8 @@ def _finished(points: FloatArray, circle: FloatArray, kept: BoolArray, cut: floa
         rms_mm=float(np.sqrt(np.mean(fit.residuals**2))),
         extent_rad=high - low,
         side=1 if toward[1] < 0 else -1,
+        form_mm=_form(angle[kept], fit.residuals),
+        filled=1 - _gaps(np.sort(angle[kept]))[1] / max(high - low, 1e-300),
         background=float(beside.sum()) / 2,
     )
 
@@ -289,8 +299,7 @@ def _without_edges(points: FloatArray, circle: FloatArray, kept: BoolArray) -> B
     rows = np.flatnonzero(kept)
     angle = _angles(points, circle, kept)[0][rows]
     rows, angle = rows[np.argsort(angle, kind="stable")], np.sort(angle)
-    gaps = np.diff(angle)
-    ends = np.flatnonzero(gaps > max(_WIDEST_GAP_RAD, 8 * float(np.median(gaps)))) + 1
+    ends = _gaps(angle)[0]
     result = np.zeros(len(points), dtype=bool)
     for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(rows)], strict=True):
         count = last - first
@@ -302,6 +311,23 @@ def _without_edges(points: FloatArray, circle: FloatArray, kept: BoolArray) -> B
         high = min(count - int(np.searchsorted(piece, piece[-1] - _EDGE_RAD)), most)
         result[rows[first + low : last - high]] = True
     return result
+
+
+def _form(angle_rad: FloatArray, residuals: FloatArray) -> float:
+    """Return how far stretches of the arc lie from the circle, noise averaged out: RMS of their mean residuals."""
+    stretch = np.floor(
+        (angle_rad - angle_rad.min()) / max(np.ptp(angle_rad), 1e-300) * (_FORM_BINS - 1e-6)
+    ).astype(int)
+    count = np.bincount(stretch, minlength=_FORM_BINS)
+    mean = np.bincount(stretch, residuals, minlength=_FORM_BINS) / np.maximum(count, 1)
+    return float(np.sqrt(count @ mean**2 / len(residuals)))
+
+
+def _gaps(sorted_angle_rad: FloatArray) -> tuple[NDArray[np.intp], float]:
+    """Return where the gaps of an arc end, as indices into its sorted angles, and their angles' sum."""
+    steps = np.diff(sorted_angle_rad)
+    wide = steps > max(_WIDEST_GAP_RAD, 8 * float(np.median(steps)))
+    return np.flatnonzero(wide) + 1, float(steps[wide].sum())
 
 
 def _is_possible(arc: _Arc, diameter_mm: float | None, z_axis: str | None) -> bool:

@@ -17,10 +17,11 @@ _SAMPLE_POINTS = 8192
 _SEED_BAND = 0.015  # of the radius
 _START_BAND = 0.03  # of the radius
 _DRAWS = 4000
+_LEAST_DRAWS = 500
 _TRIES = 4
 _SETTLED = 0.03  # of the cut: a smaller step over all points changes nothing that counts
 _LARGEST_RMS = 0.03  # of the radius
-_MOST_BACKGROUND = 0.35  # share of the inliers that chance would put there
+_MOST_BACKGROUND = 0.15  # share of the inliers that chance would put there
 _FLATTEST_CAP = 0.97  # length of the mean unit normal: 1 for a plane, (1 + cos a) / 2 for a cap to the angle a
 _WEAKEST_DIRECTION = 1e-5  # smallest eigenvalue of the mean of the derivative's outer products
 
@@ -178,26 +179,39 @@ def _no_sphere() -> MeasurementError:
 
 def _search(sample: FloatArray, radius_mm: float | None, band_mm: float) -> tuple[FloatArray, float] | None:
     """Return a sphere that stands every check, trying again without the points of those that did not."""
-    from calib_core.kernels.sphere import first_sphere
+    from calib_core.kernels.sphere import first_spheres
 
     origin = np.median(sample, axis=0)
-    left = sample - origin
+    everything = left = sample - origin
     reach = 1.8 * radius_mm if radius_mm else float(np.linalg.norm(np.ptp(left, axis=0)))
     for _ in range(_TRIES):
         if len(left) < LEAST_POINTS:
             return None
         # Neighbours are drawn blindly, so the few points of the seed must come from everywhere.
         seed = left[_stretches(len(left), _SEED_POINTS)] if len(left) > _SEED_POINTS else left
-        first = first_sphere(seed, radius_mm or 0.0, reach, _SEED_BAND, band_mm, _DRAWS)
-        if not first[4] >= min(8.0, LEAST_POINTS / 2):
+        least_draws = 40 if radius_mm else _LEAST_DRAWS
+        firsts = first_spheres(seed, radius_mm or 0.0, reach, _SEED_BAND, band_mm, least_draws, _DRAWS)
+        firsts = firsts[firsts[:, 4] >= LEAST_POINTS / 2]
+        if len(firsts) == 0:
             return None
-        refined = _refined(left, first[:4], band_mm, free=radius_mm is None)
-        if refined is not None and _stands(left, *refined, radius_mm, band_mm):
-            sphere, cut = refined
+        found: list[tuple[float, FloatArray, float]] = []
+        for first in firsts:
+            refined = _refined(everything, first[:4], band_mm, free=radius_mm is None)
+            if refined is not None and _stands(everything, *refined, radius_mm, band_mm):
+                found.append((_sharpness(everything, *refined), *refined))
+        if found:
+            _, sphere, cut = max(found, key=lambda one: one[0])
             return sphere + np.array([*origin, 0.0]), cut
-        distance = np.abs(np.linalg.norm(left - first[:3], axis=1) - first[3])
-        left = left[distance > max(_START_BAND * first[3], band_mm)]
+        best = firsts[np.argmax(firsts[:, 4])]
+        distance = np.abs(np.linalg.norm(left - best[:3], axis=1) - best[3])
+        left = left[distance > max(_START_BAND * best[3], band_mm)]
     return None
+
+
+def _sharpness(points: FloatArray, sphere: FloatArray, cut: float) -> float:
+    """Return how well a sphere is determined: its radius in standard deviations of the radius."""
+    step = _step(points, sphere, cut, free=True)
+    return float(sphere[3]) / max(_sigma_radius(step, float(np.sqrt(step.squared_sum / step.count))), 1e-300)
 
 
 def _refined(
@@ -215,7 +229,10 @@ def _refined(
         moved = float(np.abs(step.sphere - sphere).max())
         sphere = step.sphere
         distance = np.abs(np.linalg.norm(points - sphere[:3], axis=1) - sphere[3])
-        sigma = 1.4826 * float(np.median(distance[distance < cut]))
+        within = distance[distance < cut]
+        if len(within) < LEAST_POINTS:
+            return None
+        sigma = 1.4826 * float(np.median(within))
         before, cut = cut, min(widest, max(CUT_IN_SIGMAS * sigma, 1e-7 * sphere[3]))
         if moved < 1e-3 * sigma and abs(cut - before) < 1e-3 * cut and step.count == count:
             break
@@ -242,12 +259,14 @@ def _stands(points: FloatArray, sphere: FloatArray, cut: float, radius_mm: float
     if abs(step.sphere[3] - radius_mm) < 0.005 * radius_mm:
         return True
     refined = _refined(points, sphere, band_mm, free=True)
-    if refined is None:
-        return True  # too little of the sphere is seen to say its radius; the known one stands
-    sphere = refined[0]
-    weight = np.linalg.pinv(_step(points, sphere, refined[1], free=True).normal_matrix)
-    sigma_radius = rms * float(np.sqrt(max(weight[3, 3], 0.0)))
-    return bool(abs(sphere[3] - radius_mm) < max(5 * sigma_radius, 0.02 * radius_mm))
+    if refined is None:  # too little of the sphere may be seen to say its radius; the known one stands then
+        return _sigma_radius(step, rms) > 0.1 * radius_mm
+    freed = _step(points, *refined, free=True)
+    return abs(freed.sphere[3] - radius_mm) < max(5 * _sigma_radius(freed, rms), 0.02 * radius_mm)
+
+
+def _sigma_radius(step: _Step, sigma_mm: float) -> float:
+    return sigma_mm * float(np.sqrt(max(np.linalg.pinv(step.normal_matrix)[3, 3], 0.0)))
 
 
 def _step(points: FloatArray, sphere: FloatArray, cut: float, free: bool, mark: bool = False) -> _Step:
