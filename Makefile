@@ -4,7 +4,7 @@ SERVE ?= 1
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test setup system lint types unit lock
+.PHONY: demo test setup system lint types web-types unit lock
 
 setup: $(VENV)/.ready
 
@@ -23,7 +23,7 @@ system:
 demo: system setup
 	$(BIN)/scancell demo $(if $(filter 0,$(SERVE)),--no-serve,)
 
-test: system setup lint types unit
+test: system setup lint types web-types unit
 
 lint: setup
 	$(BIN)/ruff check .
@@ -31,6 +31,9 @@ lint: setup
 
 types: setup
 	$(BIN)/pyright
+
+web-types: setup
+	$(BIN)/python tests/web/check_types.py
 
 unit: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal

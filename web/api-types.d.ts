@@ -38,6 +38,11 @@ export interface CapturePage {
   next: string | null;
 }
 
+export interface CaptureUpload {
+  record: string;
+  files?: string[];
+}
+
 export interface Cell {
   pose_convention: "matrix" | "quaternion-xyzw" | "quaternion-wxyz" | "abb" | "kuka" | "fanuc" | "ur" | "staubli" | "kawasaki" | "yaskawa" | "mitsubishi" | "nachi" | "ros";
   sphere_diameter_mm?: number | null;
@@ -240,6 +245,28 @@ export interface StoredSession {
   revision: number;
   scene: string;
   simulated: boolean;
+}
+
+export interface StoredTcpResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "tcp";
+  tool0_from_laser: number[][];
+  covariance: number[][];
+  sphere_center_in_base_mm: number[];
+  sphere_center_covariance: number[][];
+  surface_rms_mm: number;
+  leave_one_out_surface_rms_mm: number | null;
+  center_scatter_rms_mm: number;
+  undetermined?: Undetermined[];
+  two_step: TwoStep;
+  variance_components: VarianceComponents;
+  confidence_95?: Record<string, number>;
+  residuals: TcpResidual[];
+  stale: boolean;
 }
 
 export interface TcpResidual {

@@ -3,6 +3,7 @@
 `python tests/web/api_types.py` writes them to web/api-types.d.ts; a test says when they are no longer current.
 """
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ def _fields(schema: Mapping[str, Any]) -> list[str]:
 
 
 def _literal(value: object) -> str:
-    return f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
+    return json.dumps(value, ensure_ascii=False)
 
 
 def render() -> str:

@@ -93,7 +93,7 @@ function controller(tool) {
 /** @param {string} name @param {string} convention */
 function unitOf(name, convention) {
   if (/^q|^[xyz]?w$/.test(name)) return "";
-  if (/^[xyz]$/.test(name)) return convention === "ur" || convention === "ros" ? "m" : "mm";
+  if (/^[xyz]$/i.test(name)) return convention === "ur" || convention === "ros" ? "m" : "mm";
   return convention === "ur" ? "rad" : "°";
 }
 
