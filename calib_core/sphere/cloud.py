@@ -21,6 +21,7 @@ _LEAST_DRAWS = 500
 _TRIES = 4
 _SETTLED = 0.03  # of the cut: a smaller step over all points changes nothing that counts
 _LARGEST_RMS = 0.03  # of the radius
+_BEYOND_DOUBT_CUT = 0.02  # of the radius
 _MOST_BACKGROUND = 0.15  # share of the inliers that chance would put there
 _FLATTEST_CAP = 0.97  # length of the mean unit normal: 1 for a plane, (1 + cos a) / 2 for a cap to the angle a
 _WEAKEST_DIRECTION = 1e-5  # smallest eigenvalue of the mean of the derivative's outer products
@@ -195,10 +196,12 @@ def _search(sample: FloatArray, radius_mm: float | None, band_mm: float) -> tupl
         if len(firsts) == 0:
             return None
         found: list[tuple[float, FloatArray, float]] = []
-        for first in firsts:
+        for first in firsts[np.argsort(-firsts[:, 4], kind="stable")]:
             refined = _refined(everything, first[:4], band_mm, free=radius_mm is None)
             if refined is not None and _stands(everything, *refined, radius_mm, band_mm):
                 found.append((_sharpness(everything, *refined), *refined))
+                if refined[1] < _BEYOND_DOUBT_CUT * refined[0][3]:
+                    break  # smooth and round: the candidates of less support need not be tried
         if found:
             _, sphere, cut = max(found, key=lambda one: one[0])
             return sphere + np.array([*origin, 0.0]), cut
