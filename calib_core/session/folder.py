@@ -13,7 +13,7 @@ from typing import Any, cast
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.records import FORMAT, Record, Session, parse_session
-from calib_core.session.files import require_file_size
+from calib_core.session.files import MAX_FILE_BYTES, require_file_size
 from calib_core.session.measure import ReadFile
 
 SESSION_FILE = "session.json"
@@ -38,7 +38,7 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     """
     folder = folder_of(path)
     file = folder / SESSION_FILE
-    data = parse_json(_read_bytes(file, MAX_SESSION_BYTES, "Write the session's record there."), str(file))
+    data = parse_json(read_bytes(file, "Write the session's record there.", MAX_SESSION_BYTES), str(file))
     if not isinstance(data, dict):
         raise InputError("a JSON object {…}", f"a {type(data).__name__}", "Write the session's record.", str(file))
     record = cast("dict[str, Any]", data)
@@ -116,7 +116,7 @@ def load_results(folder: Path) -> dict[str, dict[str, Any]]:
     """Return the results that a session folder holds, by stage; raises InputError where one is not JSON."""
     results: dict[str, dict[str, Any]] = {}
     for path in sorted((folder / "results").glob("*.json")):
-        data = parse_json(_read_bytes(path, MAX_SESSION_BYTES, "Solve the session again."), str(path))
+        data = parse_json(read_bytes(path, "Solve the session again.", MAX_SESSION_BYTES), str(path))
         if isinstance(data, dict):
             results[path.stem] = cast("dict[str, Any]", data)
     return results
@@ -169,22 +169,18 @@ def _reader(folder: Path) -> ReadFile:
         if not path.resolve().is_relative_to(root):
             got = "one that leads out of it"
             raise InputError("a file inside the session folder", got, "Copy it into captures/.", str(path))
-        return _read_bytes(path, None, "Copy the file there, or remove its capture from session.json.")
+        return read_bytes(path, "Copy the file there, or remove its capture from session.json.")
 
     return read
 
 
-def _read_bytes(path: Path, limit_bytes: int | None, to_do: str) -> bytes:
+def read_bytes(path: Path, to_do: str, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
     """Return a file's bytes; its size is looked at before it is read."""
     if not path.is_file():
         got = "something else" if path.exists() else "no such file"
         raise InputError("a file", got, to_do, str(path))
     try:
-        size = path.stat().st_size
-        if limit_bytes is None:
-            require_file_size(size, str(path))
-        else:
-            require_file_size(size, str(path), limit_bytes)
+        require_file_size(path.stat().st_size, str(path), limit_bytes)
         return path.read_bytes()
     except OSError as error:
         got = error.strerror or type(error).__name__

@@ -1,0 +1,217 @@
+"""The command line: arguments, exit status, and one sentence for whatever goes wrong.
+
+Nothing heavy is imported before a command needs it, so that `scancell --help` answers at once.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from calib_core import __version__
+
+OK, NOT_ACCEPTED, BAD_INPUT = 0, 1, 2
+
+_EXIT_STATUS = """exit status:
+  0  done, and accepted
+  1  solved, but a verdict is `fail` (bench: a figure does not hold)
+  2  bad input: one sentence on standard error says which file and what to do"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: error: {message}. See {self.prog} --help.\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit status."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the solves are many and small
+    try:
+        options = _parser().parse_args(arguments)
+    except SystemExit as end:  # --help, or a usage error that is printed already
+        return int(end.code or 0)
+    try:
+        return _run(options)
+    except BrokenPipeError:  # whoever read the output has gone, as in `scancell run … | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except KeyboardInterrupt:
+        print("scancell: stopped", file=sys.stderr)
+        return 130
+
+
+def _run(options: argparse.Namespace) -> int:
+    from calib_core.errors import CalibrationError
+
+    try:
+        status: int = options.command(options)
+        sys.stdout.flush()
+    except CalibrationError as error:
+        if options.debug:
+            raise
+        print(f"scancell: error: {_one_line(str(error))}", file=sys.stderr)
+        return BAD_INPUT
+    except (BrokenPipeError, KeyboardInterrupt):
+        raise
+    except Exception as error:
+        if options.debug:
+            raise
+        what = f"{type(error).__name__}: {_one_line(str(error))}"
+        print(
+            f"scancell: unexpected error, a fault of the program ({what}). Add --debug for details.",
+            file=sys.stderr,
+        )
+        return BAD_INPUT
+    return status
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="scancell",
+        description="Calibration workbench for laser scanning cells: scanner, robot and turntable, from a sphere.",
+        epilog=_EXIT_STATUS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"scancell {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
+
+    def add(name: str, text: str, command: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
+        added = commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            epilog=_EXIT_STATUS,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        added.add_argument("--debug", action="store_true", help="show where an error comes from")
+        added.set_defaults(command=command)
+        return added
+
+    _solving(add)
+    _tools(add)
+    _workbench(add)
+    return parser
+
+
+_Add = Callable[[str, str, Callable[[argparse.Namespace], int]], argparse.ArgumentParser]
+
+
+def _solving(add: _Add) -> None:
+    command = add("run", "solve a session folder, no server needed", _command_run)
+    _session(command)
+    command.add_argument("--stage", default="all", metavar="STAGE", help="all (default) or one stage: tcp")
+    command.add_argument("--out", type=Path, metavar="DIR", help="write results/ here instead of into the session")
+    command.add_argument("--json", action="store_true", help="print one JSON object on standard output")
+    _session(add("check", "say what is wrong with a session and what is still missing", _command_check))
+    command = add("export", "write the calibrated tool frame for another program", _command_export)
+    _session(command)
+    command.add_argument("--format", required=True, metavar="NAME", help="json")
+
+
+def _tools(add: _Add) -> None:
+    command = add("sphere", "fit the sphere in one cloud or profile", _command_sphere)
+    command.add_argument("file", type=Path, metavar="FILE", help="profile: csv, npy; cloud: ply, pcd, xyz, npy")
+    command.add_argument("--diameter-mm", type=float, metavar="D", help="the sphere's diameter, where it is known")
+    command.add_argument("--unit", choices=("mm", "m"), help="the file's unit of length (default mm)")
+    command.add_argument("--json", action="store_true", help="print one JSON object")
+    command = add(
+        "simulate", "write the session folder of a simulated cell, truth.json beside it", _command_simulate
+    )
+    command.add_argument("scenario", metavar="SCENARIO", help="tcp, or one of its variants")
+    command.add_argument("--seed", type=int, required=True, metavar="N", help="the same seed gives the same files")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write")
+    command = add("schema", "print the JSON Schema of a session or of a result", _command_schema)
+    command.add_argument("record", choices=("session", "result-tcp"), help="which record")
+    command = add("bench", "run the benchmarks, side by side with peers", _command_bench)
+    command.add_argument("names", nargs="*", metavar="NAME", help="which ones (default all)")
+    command.add_argument("--full", action="store_true", help="with all seeds and sizes: takes minutes")
+
+
+def _workbench(add: _Add) -> None:
+    command = add("serve", "serve the workbench", _command_serve)
+    _address(command)
+    command = add("demo", "run the chain on the simulated cell beside its truth, then serve", _command_demo)
+    command.add_argument("--no-serve", action="store_true", help="end after printing")
+    command.add_argument("--seed", type=int, default=1, metavar="N", help="of the simulated cell (default 1)")
+    _address(command)
+
+
+def _session(command: argparse.ArgumentParser) -> None:
+    command.add_argument("session", type=Path, metavar="SESSION", help="a session folder")
+
+
+def _address(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--host", default="127.0.0.1", metavar="HOST", help="address to serve on (%(default)s)")
+    command.add_argument(
+        "--port", type=int, default=8000, metavar="PORT", help="0: any that is free (%(default)s)"
+    )
+    command.add_argument("--data", type=Path, default=Path("sessions"), metavar="DIR", help="%(default)s")
+
+
+def _command_run(options: argparse.Namespace) -> int:
+    from server.commands.solving import run
+
+    return run(options.session, options.stage, options.out, options.json)
+
+
+def _command_check(options: argparse.Namespace) -> int:
+    from server.commands.solving import check
+
+    return check(options.session)
+
+
+def _command_export(options: argparse.Namespace) -> int:
+    from server.commands.solving import export
+
+    return export(options.session, options.format)
+
+
+def _command_sphere(options: argparse.Namespace) -> int:
+    from server.commands.sphere import sphere
+
+    return sphere(options.file, options.diameter_mm, options.unit, options.json)
+
+
+def _command_simulate(options: argparse.Namespace) -> int:
+    from server.commands.simulate import simulate
+
+    return simulate(options.scenario, options.seed, options.out)
+
+
+def _command_schema(options: argparse.Namespace) -> int:
+    from server.commands.schema import schema_text
+
+    sys.stdout.write(schema_text(options.record))
+    return OK
+
+
+def _command_bench(options: argparse.Namespace) -> int:
+    from server.commands.bench import bench
+
+    return bench(options.names, options.full)
+
+
+def _command_serve(options: argparse.Namespace) -> int:
+    from server.commands.serve import serve
+
+    return serve(options.host, options.port, options.data)
+
+
+def _command_demo(options: argparse.Namespace) -> int:
+    from server.commands.demo import demo
+    from server.commands.serve import serve
+
+    status = demo(options.seed)
+    return status if options.no_serve or status else serve(options.host, options.port, options.data)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""What the commands of `scancell` do; `server/cli.py` has their arguments."""

@@ -1,0 +1,46 @@
+"""`scancell serve`: the workbench in a browser."""
+
+import socket
+import threading
+import time
+from pathlib import Path
+
+from calib_core.errors import InputError
+
+
+def serve(host: str, port: int, data: Path) -> int:
+    """Serve until stopped, after printing the address."""
+    if not 0 <= port <= 65535:
+        raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
+    _require_free(host, port)
+    from server.serve import WorkbenchServer
+    from server.settings import Settings
+
+    server = WorkbenchServer(Settings(host=host, port=port, data=data))
+    threading.Thread(target=_announce, args=(server,), daemon=True).start()
+    server.run()
+    return 0
+
+
+def _announce(server: object) -> None:
+    from server.serve import WorkbenchServer
+
+    assert isinstance(server, WorkbenchServer)
+    while not server.started:
+        if server.should_exit:
+            return
+        time.sleep(0.05)
+    print(f"The workbench is at {server.address} (Ctrl-C ends it)", flush=True)
+
+
+def _require_free(host: str, port: int) -> None:
+    """Refuse an address that cannot be served on, before anything is started."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family, socket.SOCK_STREAM) as trial:
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            trial.bind((host, port))
+    except OSError as error:
+        got = error.strerror or type(error).__name__
+        to_do = "Choose another with --port (0: any that is free) or --host."
+        raise InputError("an address to serve on", got.lower(), to_do, f"{host}:{port}") from None

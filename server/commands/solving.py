@@ -1,0 +1,82 @@
+"""`scancell run`, `check` and `export`: on a session folder, without a server."""
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from calib_core.errors import InputError
+from calib_core.records import Record, Result, Session, TcpResult
+from calib_core.session.check import check_session
+from calib_core.session.export import FORMATS
+from calib_core.session.export import export as export_results
+from calib_core.session.folder import folder_of, load_results, load_session, result_data, write_result
+from calib_core.session.measure import ReadFile
+from calib_core.session.pipeline import inputs_sha256
+from calib_core.session.pipeline import run as run_stages
+from server.commands.progress import progress_bar
+from server.commands.summary import tcp_summary
+
+
+def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
+    """Solve a session, store its results, print them; return 0 where all are accepted, else 1."""
+    session, read = load_session(path)
+    with progress_bar() as progress:
+        results = run_stages(session, read, stage, progress)
+    if as_json:
+        data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
+        print(json.dumps(data, ensure_ascii=False, allow_nan=False))
+    else:
+        for result in results.values():
+            if isinstance(result, TcpResult):
+                print(tcp_summary(session, result))
+        if not results:
+            print("Nothing to solve: cell.known gives every result.")
+    _store(results, out or folder_of(path), asked=out is not None)
+    return 1 if any(result.verdict == "fail" for result in results.values()) else 0
+
+
+def check(path: Path) -> int:
+    """Print what is wrong with a session and what is missing; return 2 where something blocks solving."""
+    session, read = load_session(path)
+    findings = check_session(session, read)
+    for finding in findings:
+        print(f"{finding.level:8} {finding.where}: {finding.sentence}")
+    errors = sum(finding.level == "error" for finding in findings)
+    if errors:
+        print(
+            f"scancell: error: {path}: {errors} finding(s) block solving; mend what is said there.",
+            file=sys.stderr,
+        )
+        return 2
+    print("Nothing blocks solving.")
+    return 0
+
+
+def export(path: Path, name: str) -> int:
+    """Print the calibrated tool frame in a format; solves first where no result is stored or it is stale."""
+    session, read = load_session(path)
+    results: dict[str, Record | Mapping[str, Any]] = {**load_results(folder_of(path))}
+    if name in FORMATS and _is_stale(session, read, results.get("tcp")):
+        with progress_bar() as progress:
+            results |= run_stages(session, read, "tcp", progress)
+    content, _ = export_results(session, results, name)
+    sys.stdout.write(content)
+    return 0
+
+
+def _is_stale(session: Session, read: ReadFile, stored: Any) -> bool:
+    """Return whether there is no result of the session's captures as they are now."""
+    return not isinstance(stored, dict) or stored.get("inputs_sha256") != inputs_sha256(session, "tcp", read)
+
+
+def _store(results: Mapping[str, Result], folder: Path, asked: bool) -> None:
+    """Write the results; where only the session's own folder is read-only, say so and keep the answer."""
+    try:
+        for stage, result in results.items():
+            write_result(folder, stage, result)
+    except InputError as error:
+        if asked:
+            raise
+        print(f"scancell: warning: the results are not stored: {error} (or use --out DIR)", file=sys.stderr)
