@@ -13,6 +13,7 @@ export class ActionsElement extends StateElement {
   #capture = h("button", { type: "button", class: "capture", onclick: () => void this.capture() }, t("actions.capture"), h("kbd", { "aria-hidden": "true" }, t("key.space")));
   #solve = h("button", { type: "button", class: "solve", onclick: () => void this.solve() }, t("actions.solve"), h("kbd", { "aria-hidden": "true" }, "S"));
   #progress = h("div", { class: "job", hidden: true });
+  #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
   #capturing = false;
   #followed = "";
 
@@ -24,7 +25,7 @@ export class ActionsElement extends StateElement {
     this.append(
       h("div", { class: "row" }, this.#capture, this.#solve,
         h("span", { class: "ways-in" },
-          wayIn(t("actions.files"), () => this.intake?.chooseFiles()),
+          this.#files,
           wayIn(t("actions.folder"), () => this.intake?.chooseFolder()),
           wayIn(t("actions.poses"), () => this.intake?.open()))),
       this.#progress,
@@ -37,7 +38,8 @@ export class ActionsElement extends StateElement {
     const ready = guide?.current?.action === "solve";
     this.#capture.hidden = !simulated;
     this.#capture.classList.toggle("primary", !ready);
-    this.#solve.classList.toggle("primary", ready || (!simulated && captures.length > 2));
+    this.#solve.classList.toggle("primary", ready);
+    this.#files.className = simulated || ready ? "plain wide" : "primary";
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working));
     this.#showJob();
     if (job && job.id === this.#followed) this.#ended();

@@ -5,7 +5,7 @@ import { h } from "../dom.js";
 import { chosen, dropped, isMeasurement, kindOf, match, sessionFolder, stemOf } from "../files.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
-import { plural, t } from "../texts.js";
+import { maybe, plural, t } from "../texts.js";
 import { freeId, send } from "../upload.js";
 import { StateElement } from "./base.js";
 import { attempt, notify } from "./toasts.js";
@@ -48,7 +48,7 @@ export class IntakeElement extends StateElement {
   update() {
     const hint = this.querySelector("#pose-hint");
     const convention = this.state.session?.cell.pose_convention;
-    if (hint && convention) hint.textContent = t("intake.convention", { convention });
+    if (hint && convention) hint.textContent = t("intake.convention", { convention: conventionWords(convention) });
   }
 
   chooseFiles() {
@@ -186,6 +186,12 @@ function matchRow(found, pose) {
     h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", pose.problem ?? "")),
     h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),
   );
+}
+
+/** `FANUC, x y z W P R`. @param {string} convention */
+function conventionWords(convention) {
+  const numbers = maybe(`numbers.${convention}`, "");
+  return maybe(`convention.${convention}`, convention) + (numbers ? ` (${numbers})` : "");
 }
 
 /** A pose that could be read has only numbers. @param {ParsedPose} pose */

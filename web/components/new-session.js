@@ -2,6 +2,7 @@
 
 import { api, Problem } from "../api.js";
 import { h } from "../dom.js";
+import { when } from "../format.js";
 import { go } from "../router.js";
 import { t } from "../texts.js";
 
@@ -57,7 +58,7 @@ function bodyOf(form) {
   const brand = BRANDS.find(([, value]) => value === form.get("convention"))?.[0];
   const z = form.get("z_axis");
   return {
-    name: String(form.get("name") ?? "").trim(),
+    name: String(form.get("name") ?? "").trim() || t("new.default_name", { robot: brand ?? t("new.any_robot"), date: when(new Date().toISOString()) }),
     cell: {
       pose_convention: /** @type {PoseConvention} */ (form.get("convention")),
       sphere_diameter_mm: typed(form, "diameter"),

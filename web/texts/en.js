@@ -45,6 +45,8 @@ export const en = Object.freeze({
 
   "new.title": "New session",
   "new.choose": "Choose …",
+  "new.default_name": "{robot}, {date}",
+  "new.any_robot": "Robot",
   "new.kind": "What does the scanner deliver?",
   "new.brand": "Robot",
   "new.brand_hint": "It decides how the numbers of a pose are read.",
