@@ -1,5 +1,6 @@
 """The application: what it is made of, and what happens at its start and end."""
 
+import threading
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -9,7 +10,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 
 from calib_core import __version__
-from server import errors, openapi
+from server import errors, measuring, openapi
 from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
@@ -41,6 +42,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         try:
             await run_in_threadpool(_start, store, jobs)
+            if settings.warm_up:
+                threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield
         finally:
             hub.close()

@@ -22,6 +22,7 @@ from server.store.solves import add_result, fail_job, job_data, job_row, unfinis
 
 log = logging.getLogger("scancell")
 _AGAIN = "Run it again."
+_ATTEMPTS = 5  # of a job whose worker ended because of others
 
 
 class _Pool:
@@ -49,6 +50,7 @@ class _Running:
 
     pool: _Pool
     future: Future[Data]
+    attempt: int
     process: int | None = None
     ending: str | None = None  # "cancelled" or "failed", once it is to be ended by force
     timer: threading.Timer | None = field(default=None, repr=False)
@@ -86,8 +88,8 @@ class Jobs:
             pool.close()
         self._fail_unfinished("the server was stopped while it ran")
 
-    def submit(self, job_id: str) -> None:
-        """Hand a stored job to the workers."""
+    def submit(self, job_id: str, attempt: int = 1) -> None:
+        """Hand a stored job to the workers, for the first time or after the worker of another job was ended."""
         with self._store.read() as db:
             row = job_row(db, job_id)
             stored = load_session(db, self._store.blobs, row.session_id)
@@ -102,7 +104,7 @@ class Jobs:
             except BrokenProcessPool:  # a worker was killed while it waited
                 self._renew(self._pool)
                 future = self._pool.executor.submit(*work)
-            self._running[job_id] = _Running(self._pool, future)
+            self._running[job_id] = _Running(self._pool, future, attempt)
         future.add_done_callback(lambda done: self._ended(job_id, done))
 
     def cancel(self, job_id: str) -> Data:
@@ -201,8 +203,8 @@ class Jobs:
         if isinstance(error, BrokenProcessPool):
             self._renew(running.pool)
             innocent = running.process is None or running.pool.broken_on_purpose
-            if running.ending is None and innocent:
-                self._submit_again(job_id)
+            if running.ending is None and innocent and running.attempt < _ATTEMPTS:
+                self._submit_again(job_id, running.attempt + 1)
                 return
         with self._store.write() as db:
             if error is None:
@@ -210,12 +212,12 @@ class Jobs:
             else:
                 fail_job(db, job_id, _explain(error))
 
-    def _submit_again(self, job_id: str) -> None:
+    def _submit_again(self, job_id: str, attempt: int) -> None:
         with self._store.write() as db:
             if not update_job(db, job_id, "queued", "waiting for its turn again", 0.0):
                 return
         try:
-            self.submit(job_id)
+            self.submit(job_id, attempt)
         except NotFoundError:
             log.info("job %s went with its session", job_id)
 

@@ -9,6 +9,15 @@ from calib_core.records import Capture, Measured, Session
 log = logging.getLogger("scancell")
 
 
+def warm_up() -> None:
+    """Measure a simulated capture, so that the first real one does not wait for imports and compiling."""
+    from calib_core.session.measure import measure_capture
+    from calib_core.simulation import simulate
+
+    simulated = simulate("tcp", 1)
+    measure_capture(simulated.session, simulated.session.captures[0], simulated.files.__getitem__)
+
+
 def check_poses(session: Session, capture: Capture) -> None:
     """Refuse a capture whose poses the robot's convention does not understand.
 

@@ -1,5 +1,6 @@
 """What runs in a worker process: one solve at a time, told about in a queue."""
 
+import logging
 import os
 import signal
 import threading
@@ -13,6 +14,8 @@ from typing import Any
 # (job, "started", process id) and (job, "progress", (fraction, message))
 Message = tuple[str, str, Any]
 
+log = logging.getLogger("scancell")
+
 _REPORT_EVERY_S = 0.2
 _queue: "Queue[Message | None] | None" = None
 
@@ -24,7 +27,10 @@ def initialize(queue: "Queue[Message | None]", warm: bool) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server decides when its workers end
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     if warm:
-        warm_up()
+        try:
+            warm_up()
+        except Exception:  # the solve itself will meet the fault again and say so
+            log.exception("a worker could not be warmed up")
 
 
 def _end_with_the_server() -> None:

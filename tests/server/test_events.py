@@ -90,8 +90,8 @@ def test_a_stream_ends_with_its_session(client: httpx.Client) -> None:
 def test_an_open_stream_does_not_hold_a_server_that_stops(start: Callable[..., Any]) -> None:
     ended = threading.Event()
 
-    def watch(client: httpx.Client, path: str, begun: threading.Event) -> None:
-        with listening(client, path) as events:
+    def watch(address: httpx.URL, path: str, begun: threading.Event) -> None:
+        with httpx.Client(base_url=address, timeout=60, trust_env=False) as own, listening(own, path) as events:
             next(events)
             begun.set()
             assert list(events) == []
@@ -100,7 +100,7 @@ def test_an_open_stream_does_not_hold_a_server_that_stops(start: Callable[..., A
     with start() as client:
         begun = threading.Event()
         path = f"/sessions/{make_session(client)}/events"
-        thread = threading.Thread(target=watch, args=(client, path, begun))
+        thread = threading.Thread(target=watch, args=(client.base_url, path, begun))
         thread.start()
         assert begun.wait(10)
     thread.join(10)

@@ -9,7 +9,9 @@ from typing import Any
 import httpx
 import pytest
 
+import server.worker
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
+from tests.server.slow_work import slow_solve
 from tests.server.test_events import listening
 
 
@@ -78,20 +80,8 @@ def test_a_solve_that_cannot_be_says_what_is_missing(client: httpx.Client) -> No
 
 @pytest.fixture
 def slow(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers that take a minute over each solve: they get this module's function by its name."""
-    import server.worker
-
+    """Workers that take a minute over each solve."""
     monkeypatch.setattr(server.worker, "solve", slow_solve)
-
-
-def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:
-    from server import worker
-
-    assert worker._queue is not None
-    worker._queue.put((job_id, "started", os.getpid()))
-    worker._queue.put((job_id, "progress", (0.25, f"worker {os.getpid()}")))
-    time.sleep(60)
-    raise AssertionError("nobody ended this")
 
 
 def wait_until_it_runs(client: httpx.Client, job: str) -> int:
