@@ -1,5 +1,7 @@
 """The session record and the files of a simulated cell, as a real one would have written them."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from calib_core.records import Session
@@ -55,10 +57,18 @@ def _capture(shot: Shot, world: World) -> dict[str, object]:
 
 def _profile_csv(points_mm: FloatArray, scale: float) -> bytes:
     digits = 4 if scale == 1.0 else 7
-    rows = (points_mm[:, [0, 2]] * scale).tolist()
-    x_digits = digits - 3
-    lines = [f"{x:.{x_digits}f},{z:.{digits}f}" if z == z else f"{x:.{x_digits}f}," for x, z in rows]  # NaN: blank
+    z = points_mm[:, 2] * scale
+    hit = np.flatnonzero(np.isfinite(z))
+    lines = list(_blank_rows(tuple((points_mm[:, 0] * scale).tolist()), digits - 3))
+    for k, value in zip(hit.tolist(), z[hit].tolist(), strict=True):
+        lines[k] += f"{value:.{digits}f}"
     return ("x_mm,z_mm\n" + "\n".join(lines) + "\n").encode()
+
+
+@lru_cache(maxsize=8)
+def _blank_rows(x: tuple[float, ...], digits: int) -> tuple[str, ...]:
+    """Return the rows of columns that saw nothing: every profile of a sensor has the same x."""
+    return tuple(f"{value:.{digits}f}," for value in x)
 
 
 def _cloud_xyz(points_mm: FloatArray, scale: float) -> bytes:
