@@ -70,8 +70,7 @@ class LiveScene:
 
     def stop(self) -> None:
         """Close the port, end the thread and forget the scene."""
-        with _without_words():
-            self._server.stop()
+        stop_viser(self._server)
 
     def _redraw(self) -> int:
         before = self._facts
@@ -159,6 +158,12 @@ def start_viser(secret: str) -> "ViserServer":
     return server
 
 
+def stop_viser(server: "ViserServer") -> None:
+    """Close a viser server's port and end its thread."""
+    with _without_words():
+        server.stop()
+
+
 def _refuse_sharing(*_: object, **__: object) -> NoReturn:
     raise PermissionError("A scene is not shared outside; serve the workbench where it should be seen.")
 
@@ -170,7 +175,7 @@ def _stage_of(facts: SceneFacts) -> tuple[bool, bool]:
 
 @contextlib.contextmanager
 def _without_words() -> Generator[None]:
-    """Keep viser from printing its address on standard output."""
+    """Keep viser from printing its address on standard output, where `run --json` promises nothing else."""
     import rich
 
     console = rich.get_console()

@@ -5,7 +5,7 @@ import secrets
 from server.scenes.facts import SceneInput, scene_facts
 from server.scenes.layers import LAYERS, draw, look_at
 from server.scenes.legend import legend_html
-from server.scenes.live import start_viser
+from server.scenes.live import start_viser, stop_viser
 from server.scenes.page import offline_page
 from server.scenes.views import FIELD_OF_VIEW_RAD, view
 
@@ -27,5 +27,5 @@ def scene_html(scene: SceneInput) -> str:
             node.add_to(server.scene)
         page = server.get_scene_serializer().as_html()
     finally:
-        server.stop()
+        stop_viser(server)
     return offline_page(page, scene.session.name or "Scene", legend_html(facts, look))

@@ -59,7 +59,8 @@ _START = """
   if (theme === "dark" || theme === "light") kept.set("theme", theme);
   if (dark) kept.set("darkMode", "");
   kept.set("hideViserLogo", "");
-  history.replaceState(null, "", location.pathname + "?" + kept);
+  // A page without an address of its own (srcdoc) has no query to cut either.
+  if (location.protocol !== "about:") history.replaceState(null, "", location.pathname + "?" + kept);
   document.documentElement.classList.toggle("dark", dark);
   const real = window.matchMedia.bind(window);
   window.matchMedia = (query) => real(query.startsWith("(max-width") ? "not all" : query);

@@ -1,12 +1,21 @@
 """A small session with a solved sphere, made by hand so that every residual in it is known."""
 
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+import uvicorn
+from fastapi import FastAPI
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Measured, TcpResult, TwoStep, VarianceComponents, parse_session
+from server import errors
 from server.scenes.facts import SceneInput
+from server.scenes.manager import SceneManager
+from server.scenes.router import scenes_router
 
 RADIUS_MM = 20.0
 CENTER_MM = np.array([820.0, -240.0, 310.0])
@@ -129,3 +138,30 @@ def _profile(
     angle = np.deg2rad(rng.uniform(-65, 65, count))
     points = np.stack([radius * np.sin(angle), np.zeros(count), -radius * np.cos(angle)], axis=1)
     return points + np.array([center[0], 0.0, center[2]]), deviation
+
+
+@contextmanager
+def serve_scenes(manager: SceneManager) -> Generator[str]:
+    """Serve the scenes alone, on loopback; gives the address."""
+    app = FastAPI()
+    errors.install(app)
+    app.state.scenes = manager
+    app.include_router(scenes_router)
+    config = uvicorn.Config(app, port=0, log_level="warning", lifespan="off", timeout_graceful_shutdown=5)
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        wait_until(lambda: server.started)
+        yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join(20)
+        assert not thread.is_alive(), "the server does not stop"
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    end = time.monotonic() + 10
+    while not true():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)

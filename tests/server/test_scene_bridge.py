@@ -1,26 +1,21 @@
 """The scenes' door: who may look, what may pass, and that scenes live and die with their viewers."""
 
-import threading
-import time
 from collections.abc import Callable, Iterator
 
 import httpx
 import msgspec
 import pytest
-import uvicorn
 import viser
-from fastapi import FastAPI
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from server import errors
 from server.scenes.bridge import MAX_MESSAGE_BYTES, is_same_origin, refusal
 from server.scenes.facts import SceneInput
 from server.scenes.live import LiveScene
 from server.scenes.manager import SceneManager
-from server.scenes.router import scenes_router
-from tests.server.scene_cell import make_cell
+from server.scenes.offline import scene_html
+from tests.server.scene_cell import make_cell, serve_scenes, wait_until
 
 PROTOCOL = f"viser-v{viser.__version__}"
 CELL = make_cell(count=6, points=50)
@@ -60,19 +55,8 @@ def manager(sessions: Sessions) -> Iterator[SceneManager]:
 
 @pytest.fixture
 def client(manager: SceneManager) -> Iterator[httpx.Client]:
-    app = FastAPI()
-    errors.install(app)
-    app.state.scenes = manager
-    app.include_router(scenes_router)
-    server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="warning", lifespan="off"))
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    wait_until(lambda: server.started)
-    port = server.servers[0].sockets[0].getsockname()[1]
-    with httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False) as client:
+    with serve_scenes(manager) as address, httpx.Client(base_url=address, trust_env=False) as client:
         yield client
-    server.should_exit = True
-    thread.join(10)
 
 
 def look_at(
@@ -97,13 +81,6 @@ def refused_with(status: int, client: httpx.Client, session: str, **asked: str |
     with pytest.raises(InvalidStatus) as refused:
         look_at(client, session, **asked)  # pyright: ignore
     assert refused.value.response.status_code == status
-
-
-def wait_until(true: Callable[[], bool]) -> None:
-    end = time.monotonic() + 10
-    while not true():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
 
 
 def message(kind: str, **fields: object) -> bytes:
@@ -200,9 +177,17 @@ def test_around_the_bridge_viser_answers_nobody(secret: str | None) -> None:
 
 
 def test_viser_says_nothing_on_standard_output(capfd: pytest.CaptureFixture[str]) -> None:
-    live = LiveScene(CELL.scene(count=1, solved=False))
-    live.stop()
+    LiveScene(CELL.scene(count=1, solved=False)).stop()
+    scene_html(CELL.scene(count=1, solved=False))
     assert capfd.readouterr().out == ""
+
+
+def test_the_offline_page_carries_scene_legend_and_title_and_asks_nobody() -> None:
+    page = scene_html(CELL.scene(name="cell <4>"))
+    assert "<title>cell &lt;4&gt;</title>" in page
+    assert "Distance to the sphere" in page
+    assert "__VISER_EMBED_DATA__" in page
+    assert 'fetch("legend"' not in page
 
 
 def test_the_scene_follows_captures_results_and_removals(

@@ -1,0 +1,126 @@
+"""The scene in a real browser: it draws, follows, keeps to its own server and has nothing to complain about."""
+
+import shutil
+from collections.abc import Iterator
+from io import BytesIO
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from server.scenes.colors import REJECTED, Rgb
+from server.scenes.manager import SceneManager
+from tests.server.scene_cell import make_cell, serve_scenes
+
+pytestmark = pytest.mark.browser
+
+CELL = make_cell(count=6, points=200, rejected=("p05",))
+DRAWN = """(name) => window.__viserSceneTree && name in window.__viserSceneTree.getState()
+           && window.__viserMutable.nodeRefFromName[name]"""
+
+
+class Watched:
+    """A page, and what it said and asked for meanwhile."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.complaints: list[str] = []
+        self.hosts: set[str] = set()
+        page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", lambda request: self._asked(request.url))
+        page.on("websocket", lambda socket: self._asked(socket.url))
+
+    def _asked(self, url: str) -> None:
+        if urlsplit(url).scheme not in ("data", "blob"):
+            self.hosts.add(urlsplit(url).netloc)
+
+    def picture(self) -> NDArray[np.int_]:
+        """Return the screen as (rows, columns, 3) once two pictures in a row are the same."""
+        before = None
+        for _ in range(40):
+            now = np.array(Image.open(BytesIO(self.page.screenshot())).convert("RGB")).astype(int)
+            if before is not None and np.abs(now - before).max() == 0:
+                return now
+            before = now
+            self.page.wait_for_timeout(250)
+        raise AssertionError("the picture never comes to rest")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"),
+            args=["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"],
+        )
+        yield browser
+        browser.close()
+
+
+def pixels_near(picture: NDArray[np.int_], color: Rgb, within: int = 60) -> int:
+    return int((np.abs(picture - np.array(color)).max(axis=2) < within).sum())
+
+
+def test_the_scene_draws_follows_and_keeps_to_its_own_server(browser: Browser) -> None:
+    inputs = {"s1": CELL.scene(count=4, solved=False, name="a cell")}
+    manager = SceneManager(inputs.get)
+    try:
+        with serve_scenes(manager) as address:
+            page = browser.new_page(viewport={"width": 440, "height": 340})
+            page.set_default_timeout(90_000)  # software rendering on a busy machine draws a frame a second
+            watched = Watched(page)
+            page.goto(
+                f"{address}/scenes/s1/?theme=dark&websocket=ws://192.0.2.1/evil&playbackPath=http://192.0.2.1/x"
+            )
+            page.wait_for_function(DRAWN, arg="/frames/p04/flange")
+            flanges = watched.picture()
+            assert flanges[5, 5].max() < 40  # the dark theme's ground
+            assert len(np.unique(flanges.reshape(-1, 3), axis=0)) > 200
+            assert "first result" in page.locator("#scancell-legend").inner_text()
+
+            inputs["s1"] = CELL.scene(name="a cell")
+            manager.refresh("s1")
+            page.wait_for_function(DRAWN, arg="/sphere/solved")
+            page.wait_for_function("document.getElementById('scancell-legend').innerText.includes('µm')")
+            solved = watched.picture()
+            assert pixels_near(solved, REJECTED) > pixels_near(flanges, REJECTED) + 10
+
+            page.get_by_text("Layers and views").click()
+            page.get_by_label("Plane of light").set_checked(False)
+            page.wait_for_function("!window.__viserSceneTree.getState()['/light'].visibility")
+            page.get_by_text("Layers and views").click()
+            without_light = watched.picture()
+            before, after = (p[50:, :, 1] - p[50:, :, 0] for p in (solved, without_light))
+            assert (before - after > 3).sum() > 200  # where the fans were, it was greener
+            assert watched.complaints == []
+            assert watched.hosts == {urlsplit(address).netloc}
+            page.close()
+    finally:
+        manager.stop()
+
+
+def test_a_viewer_comes_back_by_itself_after_the_server_was_away(browser: Browser) -> None:
+    manager = SceneManager({"s1": CELL.scene(count=2, solved=False)}.get)
+    try:
+        with serve_scenes(manager) as address:
+            page = browser.new_page(viewport={"width": 300, "height": 240})
+            page.set_default_timeout(90_000)
+            page.goto(f"{address}/scenes/s1/?theme=light")
+            page.wait_for_function(DRAWN, arg="/frames/p02/flange")
+            with manager.viewing("s1") as before:
+                manager.close("s1")
+            page.wait_for_timeout(200)
+            page.bring_to_front()
+            for _ in range(100):
+                if "s1" in manager:
+                    break
+                page.wait_for_timeout(100)
+            with manager.viewing("s1") as after:
+                assert after is not before
+            page.close()
+    finally:
+        manager.stop()
