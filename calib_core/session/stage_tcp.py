@@ -43,7 +43,6 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         If the motions do not determine the answer.
     """
     from calib_core.chain.tcp import TcpOptions, solve_tcp
-    from calib_core.chain.tcp_result import tcp_result
 
     cell = given.session.cell
     captures = [capture for capture in given.captures if not capture.excluded]
@@ -62,6 +61,8 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         solution = solve_tcp(observations, sphere, options, _later(given.progress))
     except MotionError as error:
         raise _with_failures(error, failed) from None
+    from calib_core.chain.tcp_result import tcp_result
+
     unused |= {name: f"need {error.need}, got {error.got}" for name, error in failed.items()}
     return _with_unused(tcp_result(solution, SOFTWARE, given.inputs_sha256), given.captures, unused)
 
