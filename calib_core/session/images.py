@@ -1,0 +1,126 @@
+"""Frames from their files: PNG, TIFF, BMP and JPEG of 8 or 16 bit, limited before anything is unpacked."""
+
+import io
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, TooLargeError
+
+ImageArray = NDArray[np.uint8] | NDArray[np.uint16]
+
+MOST_PIXELS = 50_000_000
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
+
+
+def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -> ImageArray:
+    """Return the image in a file's bytes: (H, W) grey, or (H, W, 3) red green blue; uint8 or uint16.
+
+    Parameters
+    ----------
+    data
+        The whole file.
+    where
+        Its name, for messages.
+    most_pixels
+        What the header may promise; nothing is unpacked beyond it.
+
+    Raises
+    ------
+    InputError
+        If the file is empty, of another format, truncated or damaged.
+    TooLargeError
+        If the image has more pixels than allowed.
+    """
+    import cv2
+
+    if not data:
+        raise InputError("an image", "an empty file", "Export the frame again.", where)
+    try:
+        width, height, complete = _header(data)
+    except (struct.error, IndexError, ValueError):
+        raise _truncated(where, "a file that ends in its header") from None
+    if width <= 0 or height <= 0:
+        raise InputError(
+            "an image", f"a header that says {width}×{height} pixels", "Export the frame again.", where
+        )
+    if width * height > most_pixels:
+        raise TooLargeError(
+            f"an image of at most {most_pixels / 1e6:g} megapixels",
+            f"{width}×{height} = {width * height / 1e6:.0f} megapixels",
+            "Crop it or take the frame at the sensor's own size.",
+            where,
+        )
+    if not complete:
+        raise _truncated(where, f"a file that breaks off after {len(data)} bytes")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise InputError("a readable image", "damaged content", "Export the frame again.", where)
+    return _as_grey_or_rgb(np.asarray(image), where)
+
+
+def _as_grey_or_rgb(image: NDArray[Any], where: str) -> ImageArray:
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(
+            "an image of 8 or 16 bit", f"one of {image.dtype}", "Save it as PNG or TIFF of 8 or 16 bit.", where
+        )
+    if image.ndim == 3:
+        image = image[:, :, 0] if image.shape[2] < 3 else image[:, :, 2::-1]
+    result = np.ascontiguousarray(image)
+    return result.astype(np.uint8, copy=False) if image.dtype == np.uint8 else result.astype(np.uint16, copy=False)
+
+
+def _truncated(where: str, got: str) -> InputError:
+    return InputError("a complete image file", got, "It is truncated: copy or export the frame again.", where)
+
+
+def _header(data: bytes) -> tuple[int, int, bool]:
+    """Return width, height and whether the file is complete, from headers alone."""
+    if data[:8] == _PNG:
+        width, height = struct.unpack(">II", data[16:24])
+        return width, height, b"IEND" in data[-64:]
+    if data[:2] == b"\xff\xd8":
+        return _jpeg_header(data)
+    if data[:2] == b"BM":
+        size, _, offset = struct.unpack("<III", data[2:14])
+        width, height, _, bits = struct.unpack("<iiHH", data[18:30])
+        height = abs(height)
+        plain = struct.unpack("<I", data[30:34])[0] in (0, 3)
+        needed = offset + (width * bits + 31) // 32 * 4 * height if plain else size
+        return width, height, len(data) >= needed
+    if data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
+        return _tiff_header(data)
+    raise InputError("an image in PNG, TIFF, BMP or JPEG format", "something else", "Export the frame as PNG.")
+
+
+def _jpeg_header(data: bytes) -> tuple[int, int, bool]:
+    at = 2
+    while True:
+        while data[at] == 0xFF:
+            at += 1
+        marker = data[at]
+        if marker in _JPEG_FRAMES:
+            height, width = struct.unpack(">HH", data[at + 4 : at + 8])
+            return width, height, b"\xff\xd9" in data[-4096:]
+        at += 1 if marker in _STANDALONE else 1 + struct.unpack(">H", data[at + 1 : at + 3])[0]
+
+
+def _tiff_header(data: bytes) -> tuple[int, int, bool]:
+    import tifffile
+
+    try:
+        with tifffile.TiffFile(io.BytesIO(data)) as file:
+            page = file.pages[0]
+            if not isinstance(page, tifffile.TiffPage):
+                raise ValueError("no page")
+            ends = [o + n for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)]
+            return page.imagewidth, page.imagelength, bool(ends) and max(ends) <= len(data)
+    except tifffile.TiffFileError as error:
+        raise ValueError(str(error)) from None
