@@ -164,28 +164,26 @@ class ChainLinearisation:
     ----------
     cost, gradient, hessian
         Of the unknowns (9, or 10 with the radius), pose errors integrated out.
+    centers_in_laser : (K, 3)
+        Each capture's own centre, settled, mm.
     information, vector : (K, m, m), (K, m)
         What each capture knows of its own (centre[, radius]): −½ xᵀAx + hᵀx about the present one.
-    gain : (K, 3, 3)
-        See `kernels.chain.pose_error_gain`.
+    gain, share : (K, 3, 3)
+        G and N of `kernels.chain.pose_error_gain`.
     offset, jacobian : (K, 3), (K, 3, 9)
         Predicted minus present centre, and the prediction's derivative.
-    spread : (K, 3, 3)
-        Covariance of a capture's centre in L by its pose error, mm².
-    logarithm : float
-        Σ log det(I + A S), for the variance components.
     """
 
     cost: float
     gradient: FloatArray
     hessian: FloatArray
+    centers_in_laser: FloatArray
     information: FloatArray
     vector: FloatArray
     gain: FloatArray
+    share: FloatArray
     offset: FloatArray
     jacobian: FloatArray
-    spread: FloatArray
-    logarithm: float
 
 
 def pose_spread(predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas) -> FloatArray:
@@ -208,56 +206,47 @@ def pose_spread(predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas
     return position**2 * np.eye(3) + sigmas.orientation_rad**2 * turning
 
 
-def linearise(data: ChainData, state: ChainState, spread: FloatArray) -> ChainLinearisation:
-    """Return the likelihood about a state, given the covariance of each capture's centre by its pose error."""
+def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision: FloatArray) -> ChainLinearisation:
+    """Return the likelihood about a state, every capture's own centre settled.
+
+    Parameters
+    ----------
+    data : ChainData
+    state : ChainState
+        Its own centres are where the settling starts.
+    spread, precision : (K, 3, 3)
+        Covariance of each capture's centre by its pose error, mm², and its inverse.
+    """
     from calib_core.kernels.chain import (
         marginal_normal_equations,
-        point_information,
         pose_error_gain,
         predict_tcp,
+        settle_centers,
     )
 
-    count = data.count
-    size = 4 if data.free_radius else 3
+    count, size = data.count, 4 if data.free_radius else 3
     predicted, jacobian = np.empty((count, 3)), np.empty((count, 3, 9))
-    predict_tcp(
-        data.rotations,
-        data.translations,
-        state.tool_rotation,
-        state.tool_translation,
-        state.center,
-        predicted,
-        jacobian,
-    )
-    own = state.centers_in_laser
-    change = np.concatenate([own - data.anchors, np.full((count, 1), state.radius_mm - data.radius_mm)], axis=1)
-    slope = np.einsum("kij,kj->ki", data.anchor_information, change)
-    cost = float(np.sum(change * (0.5 * slope + data.anchor_gradient)))
-    gradient = slope + data.anchor_gradient
-    information = data.anchor_information
-    if len(data.points):
-        costs, slopes, sharpness = np.empty(count), np.empty((count, 4)), np.empty((count, 4, 4))
-        point_information(data.points, data.offsets, data.weights, own, state.radius_mm, costs, slopes, sharpness)
-        cost += float(costs.sum())
-        gradient = gradient + slopes
-        information = information + sharpness
-    information = np.ascontiguousarray(information[:, :size, :size])
-    vector = np.ascontiguousarray(-gradient[:, :size])
+    tool = state.tool_rotation, state.tool_translation
+    predict_tcp(data.rotations, data.translations, *tool, state.center, predicted, jacobian)
+    own, slopes, sharpness = state.centers_in_laser.copy(), np.empty((count, 4)), np.empty((count, 4, 4))
+    anchors = data.anchors, data.anchor_information, data.anchor_gradient
+    cost = settle_centers(
+        data.points, data.offsets, data.weights, *anchors, data.radius_mm, state.radius_mm,
+        predicted, precision, own, slopes, sharpness,
+    )  # fmt: skip
+    information = np.ascontiguousarray(sharpness[:, :size, :size])
+    vector = np.ascontiguousarray(-slopes[:, :size])
     offset = predicted - own
-    cost += 0.5 * float(np.sum(offset * np.linalg.solve(spread, offset[..., None])[..., 0]))
-    gain = np.empty((count, 3, 3))
-    logarithm = pose_error_gain(information, spread, gain)
-    width = 6 + size
-    hessian, slope_of_all = np.empty((width, width)), np.empty(width)
-    marginal_normal_equations(information, vector, gain, offset, jacobian, hessian, slope_of_all)
+    gain, share = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+    pose_error_gain(information, spread, gain, share)
+    hessian, gradient = np.empty((6 + size, 6 + size)), np.empty(6 + size)
+    marginal_normal_equations(information, vector, gain, share, offset, jacobian, hessian, gradient)
     if data.free_radius:
         deviation = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm
         cost += 0.5 * deviation**2
         hessian[-1, -1] += 1 / data.radius_sigma_mm**2
-        slope_of_all[-1] += deviation / data.radius_sigma_mm
-    return ChainLinearisation(
-        cost, slope_of_all, hessian, information, vector, gain, offset, jacobian, spread, logarithm
-    )
+        gradient[-1] += deviation / data.radius_sigma_mm
+    return ChainLinearisation(cost, gradient, hessian, own, information, vector, gain, share, offset, jacobian)
 
 
 def retract(state: ChainState, step: FloatArray, at: ChainLinearisation) -> ChainState:
@@ -267,7 +256,7 @@ def retract(state: ChainState, step: FloatArray, at: ChainLinearisation) -> Chai
     if len(step) > 9:
         slope = slope - at.information[:, :3, 3] * step[9]
     own_step = offset + np.einsum("kij,kj->ki", at.gain, slope)
-    return replace(state.moved(step), centers_in_laser=state.centers_in_laser + own_step)
+    return replace(state.moved(step), centers_in_laser=at.centers_in_laser + own_step)
 
 
 def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainState, ChainLinearisation]:
@@ -277,4 +266,5 @@ def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainStat
     """
     spread = pose_spread(start.centers_in_laser, start.tool_rotation.T @ start.tool_translation, sigmas)
     limit = np.append(_STEP_LIMIT, 1.0) if data.free_radius else _STEP_LIMIT
-    return minimise(lambda s: linearise(data, s, spread), retract, start, limit)
+    precision = np.asarray(np.linalg.inv(spread), dtype=float)
+    return minimise(lambda s: linearise(data, s, spread, precision), retract, start, limit)

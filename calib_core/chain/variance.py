@@ -9,14 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.chain.likelihood import ChainData, ChainLinearisation, ChainState, Sigmas, fit, pose_spread
-from calib_core.estimation import Minimum, covariance_of, grid_posterior
+from calib_core.estimation import GridPosterior, Minimum, covariance_of, grid_posterior
 from calib_core.frames import FloatArray
 
-# A weak prior, in logarithms: arms of this class repeat to some hundredths of a millimetre, and are true to some
-# tenths; either may be three times smaller or larger without surprise.
+# A weak prior, in logarithms.  Arms of this class repeat to some hundredths of a millimetre and are true to some
+# tenths, so either may be three times smaller or larger without surprise.  Their orientation scatters less than is
+# easily seen; on a long arm it would otherwise pass for position, and the other way round.
 _PRIOR_POSITION_MM = 0.1
-_PRIOR_ORIENTATION_RAD = 1e-4
-_PRIOR_WIDTH = np.log(3.0)
+_PRIOR_ORIENTATION_RAD = 5e-5
+_PRIOR_WIDTHS = np.log([3.0, 2.0])
 _POSITION_RANGE_MM = (0.002, 50.0)
 _ORIENTATION_RANGE_RAD = (2e-6, 2e-2)
 
@@ -65,25 +66,33 @@ def fit_with_sigmas(
     minimum = fit(data, start, sigmas)
     if position_mm is not None and orientation_rad is not None:
         return ChainFit(minimum, sigmas, covariance_of(minimum.at.hessian))
-    low = np.log([position_mm or _POSITION_RANGE_MM[0], orientation_rad or _ORIENTATION_RANGE_RAD[0]])
-    high = np.log([position_mm or _POSITION_RANGE_MM[1], orientation_rad or _ORIENTATION_RANGE_RAD[1]])
-    for _ in range(4):
+    low, high = _search_box(position_mm, orientation_rad)
+    for iteration in range(1, 5):
         likelihood = _Restricted(data, minimum)
         posterior = grid_posterior(lambda node, of=likelihood: of.value(node) + _log_prior(node), low, high)
         before, mean = sigmas, np.exp(posterior.mean)
         sigmas = Sigmas(float(mean[0]), float(mean[1]))
         minimum = fit(data, minimum.state, sigmas)
         change = np.log([sigmas.position_mm / before.position_mm, sigmas.orientation_rad / before.orientation_rad])
-        if np.abs(change).max() < 0.05:
-            break
-    return ChainFit(
-        minimum, sigmas, _averaged_covariance(_Restricted(data, minimum), posterior.nodes, posterior.weights)
-    )
+        if np.abs(change).max() < 0.05 or iteration == 4:
+            covariance = _averaged_covariance(_Restricted(data, minimum), posterior)
+            return ChainFit(minimum, sigmas, covariance)
+    raise AssertionError("the loop above returns")
+
+
+def _search_box(position_mm: float | None, orientation_rad: float | None) -> tuple[FloatArray, FloatArray]:
+    """Return the logarithms between which sigmas are sought; a given one is not sought at all."""
+    ranges = [
+        limits if given is None else (max(given, limits[0]),) * 2
+        for given, limits in ((position_mm, _POSITION_RANGE_MM), (orientation_rad, _ORIENTATION_RANGE_RAD))
+    ]
+    low, high = np.log(np.array(ranges)).T
+    return low, high
 
 
 def _log_prior(log_sigmas: FloatArray) -> float:
     off = log_sigmas - np.log([_PRIOR_POSITION_MM, _PRIOR_ORIENTATION_RAD])
-    return -0.5 * float(np.sum((off / _PRIOR_WIDTH) ** 2))
+    return -0.5 * float(np.sum((off / _PRIOR_WIDTHS) ** 2))
 
 
 class _Restricted:
@@ -91,7 +100,7 @@ class _Restricted:
 
     def __init__(self, data: ChainData, minimum: Minimum[ChainState, ChainLinearisation]) -> None:
         state, self._at = minimum.state, minimum.at
-        self._predicted = state.centers_in_laser + minimum.at.offset
+        self._predicted = minimum.at.centers_in_laser + minimum.at.offset
         self._tool_in_laser = state.tool_rotation.T @ state.tool_translation
         self._prior = np.zeros((len(minimum.at.gradient),) * 2)
         self._deviation = 0.0
@@ -106,10 +115,12 @@ class _Restricted:
         at = self._at
         sigmas = Sigmas(float(np.exp(log_sigmas[0])), float(np.exp(log_sigmas[1])))
         spread = pose_spread(self._predicted, self._tool_in_laser, sigmas)
-        gain = np.empty_like(spread)
-        logarithm = pose_error_gain(at.information, spread, gain)
+        gain, share = np.empty_like(spread), np.empty_like(spread)
+        logarithm = pose_error_gain(at.information, spread, gain, share)
         hessian, gradient = np.empty_like(at.hessian), np.empty_like(at.gradient)
-        marginal_normal_equations(at.information, at.vector, gain, at.offset, at.jacobian, hessian, gradient)
+        marginal_normal_equations(
+            at.information, at.vector, gain, share, at.offset, at.jacobian, hessian, gradient
+        )
         # −½ eᵀΛe + ηᵀe + ½ hᵀGh, which is hᵀe − ½ eᵀAe + ½ (h − Ae)ᵀ G (h − Ae).
         own = at.information[:, :3, :3]
         pull = np.einsum("kij,kj->ki", own, at.offset)
@@ -132,18 +143,12 @@ class _Restricted:
         return value + 0.5 * float(np.sum(along**2 / eigenvalues)) - 0.5 * float(logarithm)
 
 
-def _averaged_covariance(likelihood: _Restricted, nodes: FloatArray, weights: FloatArray) -> FloatArray:
+def _averaged_covariance(likelihood: _Restricted, posterior: GridPosterior) -> FloatArray:
     """Return E[covariance | sigmas] + covariance of E[unknowns | sigmas] over the sigmas' posterior."""
-    mean = covariance = second = None
-    for node, weight in zip(nodes, weights, strict=True):
-        if weight < 1e-6:
-            continue
-        hessian, gradient, _ = likelihood.equations(node)
-        inverse = covariance_of(hessian)
-        step = -inverse @ gradient
-        mean = weight * step if mean is None else mean + weight * step
-        second = weight * np.outer(step, step) if second is None else second + weight * np.outer(step, step)
-        covariance = weight * inverse if covariance is None else covariance + weight * inverse
-    assert mean is not None
-    assert covariance is not None
-    return covariance + second - np.outer(mean, mean)
+    kept = posterior.weights > 1e-6
+    weights = posterior.weights[kept] / posterior.weights[kept].sum()
+    equations = [likelihood.equations(node) for node in posterior.nodes[kept]]
+    inverses = np.array([covariance_of(hessian) for hessian, _, _ in equations])
+    steps = -np.einsum("nij,nj->ni", inverses, np.array([gradient for _, gradient, _ in equations]))
+    spread = steps - weights @ steps
+    return np.einsum("n,nij->ij", weights, inverses) + np.einsum("n,ni,nj->ij", weights, spread, spread)

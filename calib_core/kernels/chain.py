@@ -5,65 +5,154 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def point_information(points, offsets, weights, centers, radius, cost, gradient, information):
-    """Write each capture's cost, gradient and Gauss–Newton information over (centre, radius).
-
-    Residuals are |p − q| − R with weight 1/σ²; captures without points get zeros.
+def sphere_information(points, first, last, weight, center, radius, gradient, information):
+    """Return half the weighted squared distances |p − q| − R of some points; write gradient and information.
 
     Parameters
     ----------
     points : (M, 3)
-        All captures' points in L, mm.
-    offsets : (K + 1,)
-        Where each capture's points begin.
-    weights : (K,)
+        In L, mm; those from `first` to `last` (excluded) count.
+    weight : float
         1/σ², 1/mm².
-    centers : (K, 3)
-        The sphere's centre in L for each capture, mm.
-    radius : float
-        mm.
-    cost, gradient, information : (K,), (K, 4), (K, 4, 4)
-        Written.
+    center, radius : (3,), float
+        The sphere in L, mm.
+    gradient, information : (4,), (4, 4)
+        Over (centre, radius); Gauss–Newton.  Added to.
     """
+    qx, qy, qz = center[0], center[1], center[2]
+    c = gx = gy = gz = gr = 0.0
+    xx = xy = xz = yy = yz = zz = 0.0
+    sx = sy = sz = 0.0
+    for i in range(first, last):
+        dx, dy, dz = points[i, 0] - qx, points[i, 1] - qy, points[i, 2] - qz
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        residual = distance - radius
+        scale = 1.0 / distance
+        dx *= scale
+        dy *= scale
+        dz *= scale
+        c += residual * residual
+        gx -= dx * residual
+        gy -= dy * residual
+        gz -= dz * residual
+        gr -= residual
+        sx += dx
+        sy += dy
+        sz += dz
+        xx += dx * dx
+        xy += dx * dy
+        xz += dx * dz
+        yy += dy * dy
+        yz += dy * dz
+        zz += dz * dz
+    sums = ((xx, xy, xz, sx), (xy, yy, yz, sy), (xz, yz, zz, sz), (sx, sy, sz, float(last - first)))
+    slopes = (gx, gy, gz, gr)
+    for i in range(4):
+        gradient[i] += weight * slopes[i]
+        for j in range(4):
+            information[i, j] += weight * sums[i][j]
+    return 0.5 * weight * c
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def settle_centers(
+    points, offsets, weights, anchors, anchor_information, anchor_gradient, anchor_radius, radius,
+    predicted, precision, centers, gradient, information,
+):  # fmt: skip
+    """Move each capture's own sphere centre to where its points and its pose's error together want it.
+
+    Minimises, capture by capture, half the weighted squared distances (or the anchor's quadratic) plus
+    ½ (q − predicted)ᵀ S⁻¹ (q − predicted), by damped Gauss–Newton: undamped it can overshoot near a great
+    circle, where y is hardly known.
+
+    Parameters
+    ----------
+    points, offsets, weights : (M, 3), (K + 1,), (K,)
+    anchors, anchor_information, anchor_gradient : (K, 3), (K, 4, 4), (K, 4)
+        For captures without points.
+    anchor_radius, radius : float
+        Where the anchors stand, and the present one, mm.
+    predicted, precision : (K, 3), (K, 3, 3)
+        Where the unknowns expect the centre, and S⁻¹.
+    centers : (K, 3)
+        Moved.
+    gradient, information : (K, 4), (K, 4, 4)
+        Of the capture's own part at the settled centre; written.
+
+    Returns
+    -------
+    float
+        The sum of the minima.
+    """
+    total = 0.0
+    trial = np.empty(3)
+    system = np.empty((3, 3))
+    inverse = np.empty((3, 3))
+    slope = np.empty(3)
+    trial_gradient = np.empty(4)
+    trial_information = np.empty((4, 4))
     for k in range(len(weights)):
-        qx, qy, qz = centers[k, 0], centers[k, 1], centers[k, 2]
-        c = gx = gy = gz = gr = 0.0
-        xx = xy = xz = yy = yz = zz = 0.0
-        sx = sy = sz = 0.0
-        for i in range(offsets[k], offsets[k + 1]):
-            dx, dy, dz = points[i, 0] - qx, points[i, 1] - qy, points[i, 2] - qz
-            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            residual = distance - radius
-            scale = 1.0 / distance
-            dx *= scale
-            dy *= scale
-            dz *= scale
-            c += residual * residual
-            gx -= dx * residual
-            gy -= dy * residual
-            gz -= dz * residual
-            gr -= residual
-            sx += dx
-            sy += dy
-            sz += dz
-            xx += dx * dx
-            xy += dx * dy
-            xz += dx * dz
-            yy += dy * dy
-            yz += dy * dz
-            zz += dz * dz
-        w = weights[k]
-        cost[k] = 0.5 * w * c
-        gradient[k, 0], gradient[k, 1], gradient[k, 2], gradient[k, 3] = w * gx, w * gy, w * gz, w * gr
-        count = offsets[k + 1] - offsets[k]
-        a = information[k]
-        a[0, 0], a[1, 1], a[2, 2], a[3, 3] = w * xx, w * yy, w * zz, w * count
-        a[0, 1] = a[1, 0] = w * xy
-        a[0, 2] = a[2, 0] = w * xz
-        a[1, 2] = a[2, 1] = w * yz
-        a[0, 3] = a[3, 0] = w * sx
-        a[1, 3] = a[3, 1] = w * sy
-        a[2, 3] = a[3, 2] = w * sz
+        cost = own_cost(
+            points, offsets[k], offsets[k + 1], weights[k], anchors[k], anchor_information[k], anchor_gradient[k],
+            radius - anchor_radius, radius, predicted[k], precision[k], centers[k], gradient[k], information[k],
+        )  # fmt: skip
+        damping = 0.0
+        for _ in range(40):
+            decrease = 0.0
+            for i in range(3):
+                slope[i] = gradient[k, i]
+                for j in range(3):
+                    slope[i] += precision[k, i, j] * (centers[k, j] - predicted[k, j])
+                    system[i, j] = information[k, i, j] + precision[k, i, j]
+                system[i, i] *= 1.0 + damping
+            invert_positive_3(system, inverse)
+            for i in range(3):
+                step = -(inverse[i, 0] * slope[0] + inverse[i, 1] * slope[1] + inverse[i, 2] * slope[2])
+                trial[i] = centers[k, i] + step
+                decrease -= 0.5 * step * slope[i]
+            if decrease < 1e-9:
+                break
+            trial_cost = own_cost(
+                points, offsets[k], offsets[k + 1], weights[k], anchors[k], anchor_information[k],
+                anchor_gradient[k], radius - anchor_radius, radius, predicted[k], precision[k], trial,
+                trial_gradient, trial_information,
+            )  # fmt: skip
+            if trial_cost <= cost:
+                cost = trial_cost
+                centers[k] = trial
+                gradient[k] = trial_gradient
+                information[k] = trial_information
+                damping *= 0.1
+            else:
+                damping = max(10.0 * damping, 1e-3)
+        total += cost
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def own_cost(
+    points, first, last, weight, anchor, anchor_information, anchor_gradient, radius_change, radius,
+    predicted, precision, center, gradient, information,
+):  # fmt: skip
+    """Return one capture's cost at a centre, its pose's error included; write the own part's derivatives."""
+    cost = 0.0
+    gradient[:] = 0.0
+    information[:] = 0.0
+    if last > first:
+        cost = sphere_information(points, first, last, weight, center, radius, gradient, information)
+    else:
+        for i in range(4):
+            off_i = center[i] - anchor[i] if i < 3 else radius_change
+            gradient[i] = anchor_gradient[i]
+            for j in range(4):
+                off_j = center[j] - anchor[j] if j < 3 else radius_change
+                information[i, j] = anchor_information[i, j]
+                gradient[i] += anchor_information[i, j] * off_j
+            cost += 0.5 * off_i * (gradient[i] + anchor_gradient[i])
+    for i in range(3):
+        for j in range(3):
+            cost += 0.5 * (center[i] - predicted[i]) * precision[i, j] * (center[j] - predicted[j])
+    return cost
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -107,60 +196,65 @@ def predict_tcp(rotations, translations, tool_rotation, tool_translation, center
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pose_error_gain(information, spread, gain):
-    """Write G = S (I + A S)⁻¹ for each capture's 3×3 blocks and return Σ log det(I + A S).
+def pose_error_gain(information, spread, gain, share):
+    """Write G = S (I + A S)⁻¹ and N = (I + S A)⁻¹ for each capture's 3×3 blocks; return Σ log det(I + A S).
 
     A is what a capture knows of the sphere's centre in L and S the covariance of that centre by the pose's own
-    error; then A − A G A is what is left when the pose error is integrated out (Woodbury).
+    error; then A N = A − A G A is what is left when the pose error is integrated out (Woodbury).  A great circle
+    makes A nearly singular while its other directions are known to micrometres, so both come from the Cholesky
+    factor of S, L, and that of I + Lᵀ A L, which nothing cancels in.
 
     Parameters
     ----------
     information : (K, m ≥ 3, m)
         Its upper left 3×3 blocks are used.
-    spread, gain : (K, 3, 3)
-        S, and G to be written.
+    spread, gain, share : (K, 3, 3)
+        S; G and N to be written.
     """
     logarithm = 0.0
+    b = np.empty((3, 3))
     m = np.empty((3, 3))
+    low = np.zeros((3, 3))
+    low_inverse = np.zeros((3, 3))
     for k in range(len(spread)):
-        a, s, g = information[k], spread[k], gain[k]
+        a, s = information[k], spread[k]
+        cholesky_3(s, low)
+        invert_lower_3(low, low_inverse)
         for i in range(3):
             for j in range(3):
-                m[i, j] = a[i, 0] * s[0, j] + a[i, 1] * s[1, j] + a[i, 2] * s[2, j]
-            m[i, i] += 1.0
-        c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
-        c01 = m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2]
-        c02 = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
-        determinant = m[0, 0] * c00 + m[0, 1] * c01 + m[0, 2] * c02
-        logarithm += np.log(determinant)
-        f = 1.0 / determinant
-        i00, i10, i20 = c00 * f, c01 * f, c02 * f
-        i01 = (m[0, 2] * m[2, 1] - m[0, 1] * m[2, 2]) * f
-        i11 = (m[0, 0] * m[2, 2] - m[0, 2] * m[2, 0]) * f
-        i21 = (m[0, 1] * m[2, 0] - m[0, 0] * m[2, 1]) * f
-        i02 = (m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]) * f
-        i12 = (m[0, 2] * m[1, 0] - m[0, 0] * m[1, 2]) * f
-        i22 = (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) * f
+                value = 0.0
+                for p in range(3):
+                    for q in range(3):
+                        value += low[p, i] * a[p, q] * low[q, j]
+                b[i, j] = value
+            b[i, i] += 1.0
+        logarithm += invert_positive_3(b, m)
         for i in range(3):
-            g[i, 0] = s[i, 0] * i00 + s[i, 1] * i10 + s[i, 2] * i20
-            g[i, 1] = s[i, 0] * i01 + s[i, 1] * i11 + s[i, 2] * i21
-            g[i, 2] = s[i, 0] * i02 + s[i, 1] * i12 + s[i, 2] * i22
+            for j in range(3):
+                of_gain = of_share = 0.0
+                for p in range(i + 1):
+                    for q in range(3):
+                        of_gain += low[i, p] * m[p, q] * low[j, q]
+                        of_share += low[i, p] * m[p, q] * low_inverse[q, j]
+                gain[k, i, j] = of_gain
+                share[k, i, j] = of_share
     return logarithm
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def marginal_normal_equations(information, vector, gain, offset, jacobian, hessian, gradient):
+def marginal_normal_equations(information, vector, gain, share, offset, jacobian, hessian, gradient):
     """Write the normal equations of all captures with their pose errors integrated out.
 
-    With Λ = A − A G A and η = h − A G h a capture's log-likelihood in the predicted centre's change e is
-    −½ eᵀΛe + ηᵀe; `offset` is e at the linearisation point.
+    With Λ = A N and η = Nᵀ h a capture's log-likelihood in the predicted centre's change e is −½ eᵀΛe + ηᵀe;
+    `offset` is e at the linearisation point.  The radius (m = 4) has no pose error: its row is A's own, less what
+    G explains.
 
     Parameters
     ----------
     information, vector : (K, m, m), (K, m)
         A and h about the present centre (and radius, where m = 4).
-    gain : (K, 3, 3)
-        G of `pose_error_gain`.
+    gain, share : (K, 3, 3)
+        G and N of `pose_error_gain`.
     offset : (K, 3)
         Predicted minus present centre, mm.
     jacobian : (K, 3, P)
@@ -173,27 +267,17 @@ def marginal_normal_equations(information, vector, gain, offset, jacobian, hessi
     size = width + m - 3
     hessian[:] = 0.0
     gradient[:] = 0.0
-    ga = np.empty((3, m))
-    gh = np.empty(3)
     reduced = np.empty((m, m))
     rest = np.empty(m)
-    rows = np.empty((m, size))
+    rows = np.zeros((m, size))
     weighted = np.empty((m, size))
-    rows[:] = 0.0
     if m == 4:
         rows[3, size - 1] = 1.0
     for k in range(len(offset)):
-        a, h, g = information[k], vector[k], gain[k]
         for i in range(3):
-            for j in range(m):
-                ga[i, j] = g[i, 0] * a[0, j] + g[i, 1] * a[1, j] + g[i, 2] * a[2, j]
-            gh[i] = g[i, 0] * h[0] + g[i, 1] * h[1] + g[i, 2] * h[2]
             for p in range(width):
                 rows[i, p] = jacobian[k, i, p]
-        for i in range(m):
-            rest[i] = h[i] - (a[i, 0] * gh[0] + a[i, 1] * gh[1] + a[i, 2] * gh[2])
-            for j in range(m):
-                reduced[i, j] = a[i, j] - (a[i, 0] * ga[0, j] + a[i, 1] * ga[1, j] + a[i, 2] * ga[2, j])
+        without_pose_error(information[k], vector[k], gain[k], share[k], reduced, rest)
         for i in range(m):
             for j in range(3):
                 rest[i] -= reduced[i, j] * offset[k, j]
@@ -216,3 +300,63 @@ def marginal_normal_equations(information, vector, gain, offset, jacobian, hessi
     for p in range(size):
         for q in range(p):
             hessian[p, q] = hessian[q, p]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def without_pose_error(a, h, g, n, reduced, rest):
+    """Write Λ (m, m) and η (m,) of one capture: see `marginal_normal_equations`."""
+    m = len(h)
+    for i in range(m):
+        for j in range(3):
+            reduced[i, j] = a[i, 0] * n[0, j] + a[i, 1] * n[1, j] + a[i, 2] * n[2, j]
+            if i == 3:
+                reduced[j, 3] = reduced[3, j]
+    for i in range(3):  # rounding alone makes A N unsymmetric
+        for j in range(i):
+            reduced[i, j] = reduced[j, i] = 0.5 * (reduced[i, j] + reduced[j, i])
+        rest[i] = n[0, i] * h[0] + n[1, i] * h[1] + n[2, i] * h[2]
+    if m == 4:
+        reduced[3, 3] = a[3, 3]
+        rest[3] = h[3]
+        for i in range(3):
+            for j in range(3):
+                reduced[3, 3] -= a[3, i] * g[i, j] * a[j, 3]
+                rest[3] -= a[3, i] * g[i, j] * h[j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cholesky_3(a, low):
+    """Write the lower Cholesky factor of a positive definite 3×3 matrix."""
+    low[0, 0] = np.sqrt(a[0, 0])
+    low[1, 0] = a[1, 0] / low[0, 0]
+    low[2, 0] = a[2, 0] / low[0, 0]
+    low[1, 1] = np.sqrt(a[1, 1] - low[1, 0] ** 2)
+    low[2, 1] = (a[2, 1] - low[2, 0] * low[1, 0]) / low[1, 1]
+    low[2, 2] = np.sqrt(a[2, 2] - low[2, 0] ** 2 - low[2, 1] ** 2)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def invert_lower_3(low, inverse):
+    """Write the inverse of a lower triangular 3×3 matrix."""
+    inverse[0, 0] = 1 / low[0, 0]
+    inverse[1, 1] = 1 / low[1, 1]
+    inverse[2, 2] = 1 / low[2, 2]
+    inverse[1, 0] = -low[1, 0] * inverse[0, 0] * inverse[1, 1]
+    inverse[2, 1] = -low[2, 1] * inverse[1, 1] * inverse[2, 2]
+    inverse[2, 0] = -(low[2, 0] * inverse[0, 0] + low[2, 1] * inverse[1, 0]) * inverse[2, 2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def invert_positive_3(a, inverse):
+    """Write the inverse of a positive definite 3×3 matrix by its Cholesky factor; return log det."""
+    low = np.zeros((3, 3))
+    low_inverse = np.zeros((3, 3))
+    cholesky_3(a, low)
+    invert_lower_3(low, low_inverse)
+    for i in range(3):
+        for j in range(3):
+            value = 0.0
+            for p in range(max(i, j), 3):
+                value += low_inverse[p, i] * low_inverse[p, j]
+            inverse[i, j] = value
+    return 2 * np.log(low[0, 0] * low[1, 1] * low[2, 2])

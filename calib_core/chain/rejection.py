@@ -1,0 +1,207 @@
+"""Which captures do not belong: a moved sphere, a pose of another capture.  Each is judged by all the others.
+
+Every capture is compared with where the others, without it, expect its sphere; their uncertainty, the pose's
+scatter and the capture's own all count.  The set of good captures grows from those on which the robust start
+agrees, until it no longer changes, so that bad ones can neither hide each other nor inflate the scatter they
+are judged by.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.likelihood import ChainData, ChainLinearisation, ChainState
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.sides import with_better_sides
+from calib_core.chain.start import Start
+from calib_core.chain.variance import ChainFit, fit_with_sigmas
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray
+
+# The chance that any good capture of a session is rejected; smaller where the sigmas are the same captures' guess.
+_FALSE_ALARM = 0.03
+_FALSE_ALARM_ESTIMATED = 0.01
+# A scanner's own linearity, as a share of the radius, is no reason to reject a capture: near a great circle a
+# tenth of a per cent of the radius is millimetres of y.
+_LINEARITY = 1e-3
+_MEDIAN_CHI2_3 = 2.366
+_CLEAR_EXCESS = 2.0  # a median over a dozen captures strays that far by chance
+_ROUNDS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The fit to the captures that belong together, and how far each capture is from the others.
+
+    Attributes
+    ----------
+    fit : ChainFit
+        Of the used captures.
+    data : ChainData
+        The used captures.
+    used : (K,) bool
+    squared_distance : (K,)
+        Mahalanobis distance², three degrees of freedom, from what the others expect.
+    threshold : float
+        Beyond it a capture is rejected.
+    excess : float
+        By how much more than the sigmas say the captures scatter: a ratio of variances, 1 where all is well.
+    """
+
+    fit: ChainFit
+    data: ChainData
+    used: np.ndarray
+    squared_distance: FloatArray
+    threshold: float
+    excess: float
+
+
+def judge(
+    observations: list[SphereObservation],
+    sphere: SphereSize,
+    data: ChainData,
+    start: Start,
+    position_mm: float | None,
+    orientation_rad: float | None,
+) -> Judged:
+    """Return the captures that belong together, fitted, and the distances of all."""
+    state = ChainState.predicted(data, start.rotation, start.translation, start.center)
+    sigmas = position_mm, orientation_rad
+    judged = _grown(observations, sphere, data, state, _core(start), sigmas)
+    other = with_better_sides(judged.data, judged.fit)
+    if other is None:
+        return judged
+    whole = ChainState.predicted(data, other.tool_rotation, other.tool_translation, other.center)
+    own = whole.centers_in_laser.copy()
+    own[judged.used] = other.centers_in_laser
+    return _grown(observations, sphere, data, replace(whole, centers_in_laser=own), judged.used, sigmas)
+
+
+def _grown(
+    observations: list[SphereObservation],
+    sphere: SphereSize,
+    data: ChainData,
+    state: ChainState,
+    used: np.ndarray,
+    sigmas: tuple[float | None, float | None],
+) -> Judged:
+    """Let the set of used captures grow or shrink until it no longer changes."""
+    count = data.count
+    estimated = None in sigmas
+    history: list[bytes] = []
+    while True:
+        chosen = data.chosen(used)
+        fit = fit_with_sigmas(chosen, _restricted(state, used), *sigmas)
+        squared = _squared_distances(observations, sphere, data, used, fit)
+        threshold = _threshold(count, int(used.sum()), estimated)
+        ratio = float(np.median(squared)) / _MEDIAN_CHI2_3
+        excess = ratio if ratio > _CLEAR_EXCESS else 1.0
+        history.append(used.tobytes())
+        belongs = squared <= threshold * excess
+        if belongs.sum() < max(4, count // 2):  # never fewer than half: then nothing is known well enough
+            belongs = squared <= np.sort(squared)[max(4, (count + 1) // 2) - 1]
+        if belongs.tobytes() in history or len(history) > _ROUNDS:
+            return Judged(fit, chosen, used, squared, threshold * excess, excess)
+        used = belongs
+
+
+def _core(start: Start) -> np.ndarray:
+    """Return the captures on which the start agrees: within twice the median misfit, and at least half of them."""
+    limit = max(2.0 * start.scatter_mm, float(np.sort(start.misfit_mm)[min(5, len(start.misfit_mm) - 1)]))
+    return start.misfit_mm <= limit
+
+
+def _restricted(state: ChainState, used: np.ndarray) -> ChainState:
+    return ChainState(
+        state.tool_rotation,
+        state.tool_translation,
+        state.center,
+        state.radius_mm,
+        state.centers_in_laser[used],
+    )
+
+
+def _threshold(count: int, used: int, estimated: bool) -> float:
+    from scipy.stats import chi2, f
+
+    if not estimated:
+        return float(chi2.isf(_FALSE_ALARM / count, 3))
+    return float(3 * f.isf(_FALSE_ALARM_ESTIMATED / count, 3, max(3 * used - 9, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class WithoutOne:
+    """The unknowns' step (K, P) and covariance (K, P, P) when each used capture is left out."""
+
+    steps: FloatArray
+    covariances: FloatArray
+
+
+def without_each(at: ChainLinearisation) -> WithoutOne:
+    """Return what the unknowns become without each capture, from the linearisation at the minimum."""
+    from calib_core.kernels.chain import without_pose_error
+
+    size = at.information.shape[1]
+    reduced, rest = np.empty_like(at.information), np.empty_like(at.vector)
+    for k in range(len(rest)):
+        without_pose_error(at.information[k], at.vector[k], at.gain[k], at.share[k], reduced[k], rest[k])
+    rest -= np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
+    rows = at.jacobian
+    if size == 4:
+        rows = np.zeros((len(rows), 4, 10))
+        rows[:, :3, :9] = at.jacobian
+        rows[:, 3, 9] = 1.0
+    own_hessian = np.swapaxes(rows, 1, 2) @ reduced @ rows
+    own_gradient = -np.einsum("kip,ki->kp", rows, rest)
+    covariances = np.array([covariance_of(at.hessian - h) for h in own_hessian])
+    steps = np.einsum("kpq,kq->kp", covariances, own_gradient - at.gradient)
+    return WithoutOne(steps, covariances)
+
+
+def _squared_distances(
+    observations: list[SphereObservation], sphere: SphereSize, data: ChainData, used: np.ndarray, fit: ChainFit
+) -> FloatArray:
+    """Return each capture's squared Mahalanobis distance from what the other used captures expect, (K,)."""
+    from calib_core.chain.likelihood import pose_spread
+    from calib_core.kernels.chain import predict_tcp
+
+    state = fit.state
+    predicted, jacobian = np.empty((data.count, 3)), np.empty((data.count, 3, 9))
+    predict_tcp(
+        data.rotations,
+        data.translations,
+        state.tool_rotation,
+        state.tool_translation,
+        state.center,
+        predicted,
+        jacobian,
+    )
+    without = without_each(fit.minimum.at)
+    covariances = np.broadcast_to(fit.covariance[:9, :9], (data.count, 9, 9)).copy()
+    covariances[used] = without.covariances[:, :9, :9]
+    expected = predicted.copy()
+    expected[used] += np.einsum("kij,kj->ki", jacobian[used], without.steps[:, :9])
+    spread = pose_spread(predicted, state.tool_rotation.T @ state.tool_translation, fit.sigmas)
+    spread = spread + jacobian @ covariances @ np.swapaxes(jacobian, 1, 2)
+    return np.array(
+        [_squared_distance(o, sphere, q, s) for o, q, s in zip(observations, expected, spread, strict=True)]
+    )
+
+
+def _squared_distance(
+    observation: SphereObservation, sphere: SphereSize, expected: FloatArray, spread: FloatArray
+) -> float:
+    """Return the squared distance of one measured centre, or circle (x, z, r), from the expected sphere's."""
+    measured = observation.center_in_laser_mm
+    if observation.circle_radius_mm is None:
+        off, rows = measured - expected, np.eye(3)
+    else:
+        cut = np.sqrt(max(sphere.radius_mm**2 - expected[1] ** 2, 1e-6))
+        # Far beyond the sphere the slope would explode; the distance then speaks by x and z.
+        slope = float(np.clip(-expected[1] / cut, -10, 10))
+        off = np.array([*(measured - expected)[[0, 2]], observation.circle_radius_mm - cut])
+        rows = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, slope, 0]])
+    covariance = observation.center_covariance + rows @ spread @ rows.T
+    if observation.circle_radius_mm is not None:
+        covariance[2, 2] += (_LINEARITY * sphere.radius_mm) ** 2
+    return float(off @ np.linalg.solve(covariance, off))

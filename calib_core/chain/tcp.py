@@ -1,0 +1,348 @@
+"""TCP: the scanner's pose on the flange, tool0_from_laser, from a sphere that stands still.
+
+Reads as a table of contents: find a start, fit jointly, reject what does not belong, then collect the evidence:
+covariance, residuals, leave-one-out, undetermined directions, and the paper's two steps beside it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.chain.likelihood import ChainState, Sigmas, chain_data
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.reasons import moved_since, rejection_reasons
+from calib_core.chain.rejection import Judged, judge, without_each
+from calib_core.chain.scale import ScaleError, scale_errors
+from calib_core.chain.start import centers_of, find_start
+from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orientation_span, two_step
+from calib_core.chain.two_step_covariance import two_step_covariance
+from calib_core.chain.undetermined import OpenDirection, open_directions
+from calib_core.errors import MotionError
+from calib_core.frames import FloatArray, RigidTransform
+
+Progress = Callable[[float, str], None]
+_LEAST_CAPTURES = 5
+_SAME_POSE_MM = 0.05
+
+
+@dataclass(frozen=True)
+class TcpOptions:
+    """Standard deviations that the user fixes; None: estimated from the captures."""
+
+    position_sigma_mm: float | None = None
+    orientation_sigma_rad: float | None = None
+    point_sigma_mm: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """One answer to "where is the scanner?", and how the captures lie about it.
+
+    Attributes
+    ----------
+    tool0_from_laser : RigidTransform
+    center_in_base_mm : (3,)
+    surface_rms_mm : float
+        Of all used points' distances to the sphere, robot poses taken as recorded.
+    center_scatter_rms_mm : float
+        RMS distance in base of the used captures' own sphere centres to the solved one.
+    capture_rms_mm, offset_in_base_mm : (K,), (K, 3)
+        Per capture (used or not): its points' RMS distance, its own centre minus the solved one.
+    leave_one_out_rms_mm : (K,)
+        RMS distance of a used capture's points to the sphere found without it; NaN elsewhere.
+    """
+
+    tool0_from_laser: RigidTransform
+    center_in_base_mm: FloatArray
+    surface_rms_mm: float
+    center_scatter_rms_mm: float
+    capture_rms_mm: FloatArray
+    offset_in_base_mm: FloatArray
+    leave_one_out_rms_mm: FloatArray
+
+    @property
+    def leave_one_out_surface_rms_mm(self) -> float | None:
+        """Root of the mean, over used captures, of the left-out captures' mean squared distances."""
+        known = self.leave_one_out_rms_mm[np.isfinite(self.leave_one_out_rms_mm)]
+        return float(np.sqrt(np.mean(known**2))) if len(known) else None
+
+
+@dataclass(frozen=True, eq=False)
+class TcpSolution:
+    """The TCP with its evidence.
+
+    Attributes
+    ----------
+    joint : Answer
+        The joint maximum likelihood: the answer.
+    covariance : (9, 9) or (10, 10)
+        rx ry rz tx ty tz of tool0_from_laser, the sphere's centre, its radius where uncertain.
+    sigmas : Sigmas
+        Pose scatter, given or estimated.
+    point_sigma_mm : float or None
+        Noise of a profile's point, given or from the fits.
+    measured_point_sigma_mm : float or None
+        From the fits alone.
+    captures, used, sides, reasons, squared_distance
+        Per capture: id, whether used, the sign of y (0: none), why not, Mahalanobis distance² from the others.
+    excess : float
+        By how much the captures scatter more than the sigmas say (variance ratio).
+    undetermined, weak : lists of OpenDirection
+    two_step : Answer or None
+        The paper's method on the same captures.
+    two_step_covariance : (6, 6) or None
+    two_step_answer : TwoStepAnswer
+        Its groups of pure translations, or the reason why there is no answer.
+    rival_scatter_mm, start_scatter_mm
+        How well the best other choice of sides would fit, beside the chosen one.
+    scale_errors : list of ScaleError
+        Significant scale errors of the scanner.
+    moved : str or None
+        A sentence where the sphere seems to have been moved for good.
+    """
+
+    joint: Answer
+    covariance: FloatArray
+    sigmas: Sigmas
+    point_sigma_mm: float | None
+    measured_point_sigma_mm: float | None
+    captures: list[str]
+    points: list[int]
+    used: np.ndarray
+    sides: np.ndarray
+    zones: list[float | None]
+    reasons: list[str | None]
+    squared_distance: FloatArray
+    excess: float
+    undetermined: list[OpenDirection]
+    weak: list[OpenDirection]
+    two_step: Answer | None
+    two_step_covariance: FloatArray | None
+    two_step_answer: TwoStepAnswer
+    rival_scatter_mm: float | None
+    start_scatter_mm: float
+    scale_errors: list[ScaleError]
+    moved: str | None
+    options: TcpOptions
+
+
+def solve_tcp(
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    options: TcpOptions | None = None,
+    progress: Progress | None = None,
+) -> TcpSolution:
+    """Return the scanner's pose on the flange from captures of one sphere that stands still.
+
+    Parameters
+    ----------
+    observations : captures of kinds profile, cloud and center, in any mixture
+    sphere : SphereSize
+    options : TcpOptions, optional
+        Sigmas to hold; what is left out is estimated.
+    progress : callable, optional
+        Called with the fraction done and what is being done.
+
+    Raises
+    ------
+    MotionError
+        If there are too few captures, all poses are equal or all orientations are.
+    """
+    observations, options = list(observations), options or TcpOptions()
+    tell = progress or _say_nothing
+    _require_motion(observations)
+
+    tell(0.05, "Searching tool, sphere and sides")
+    start = find_start(centers_of(observations, sphere))
+
+    tell(0.35, "Fitting all captures jointly")
+    measured_sigma = _pooled_point_sigma(observations)
+    point_sigma = options.point_sigma_mm or measured_sigma
+    data = chain_data(observations, sphere, point_sigma)
+    judged = judge(observations, sphere, data, start, options.position_sigma_mm, options.orientation_sigma_rad)
+
+    tell(0.7, "Leaving out each capture in turn")
+    state = judged.fit.state
+    sides = _sides(observations, state)
+    covariance = judged.fit.covariance * judged.excess
+    joint = _answer(observations, sphere, judged.used, sides, state, _left_out_states(judged))
+
+    tell(0.85, "Computing the paper's two steps beside it")
+    paper, paper_answer, paper_covariance = _paper(observations, sphere, judged, sides)
+
+    tell(0.95, "Testing the scanner's scale")
+    center_distance = joint.offset_in_base_mm
+    return TcpSolution(
+        joint=joint,
+        covariance=covariance,
+        sigmas=judged.fit.sigmas,
+        point_sigma_mm=point_sigma,
+        measured_point_sigma_mm=measured_sigma,
+        captures=[o.capture for o in observations],
+        points=[len(o.points_in_laser_mm) for o in observations],
+        used=judged.used,
+        sides=sides,
+        zones=[o.circle_radius_mm and o.circle_radius_mm / sphere.radius_mm for o in observations],
+        reasons=rejection_reasons(observations, judged.used, judged.squared_distance, center_distance),
+        squared_distance=judged.squared_distance,
+        excess=judged.excess,
+        undetermined=open_directions(covariance[:6, :6]),
+        weak=open_directions(covariance[:6, :6], tolerance=0.2),
+        two_step=paper,
+        two_step_covariance=paper_covariance,
+        two_step_answer=paper_answer,
+        rival_scatter_mm=start.rival_scatter_mm,
+        start_scatter_mm=start.scatter_mm,
+        scale_errors=scale_errors(judged),
+        moved=moved_since(observations, judged.used, center_distance),
+        options=options,
+    )
+
+
+def _say_nothing(_fraction: float, _message: str) -> None:
+    pass
+
+
+def _require_motion(observations: Sequence[SphereObservation]) -> None:
+    count = len(observations)
+    if count < _LEAST_CAPTURES:
+        raise MotionError(
+            f"at least {_LEAST_CAPTURES} captures of the sphere (better 10 to 15)",
+            str(count),
+            "Add two shifts of the scanner without turning it, then three tilts about different axes.",
+        )
+    rotations = np.array([o.base_from_tool0.rotation for o in observations])
+    positions = np.array([o.base_from_tool0.translation_mm for o in observations])
+    if orientation_span(rotations)[0] >= EQUAL_ORIENTATION_RAD:
+        return
+    if np.linalg.norm(positions - positions[0], axis=1).max() < _SAME_POSE_MM:
+        raise MotionError(
+            "captures from different robot poses",
+            f"{count} captures from one and the same pose",
+            "Record the robot's pose anew at each capture: shift the scanner twice, then tilt it three times.",
+        )
+    raise MotionError(
+        "at least three orientations of the scanner, about axes that are not parallel",
+        f"{count} captures with one orientation: they fix the scanner's rotation, but nothing of its position",
+        "Tilt the flange by 10 to 30° about two different axes and capture the sphere again.",
+    )
+
+
+def _pooled_point_sigma(observations: Sequence[SphereObservation]) -> float | None:
+    """Return the points' noise pooled over the profiles, by degrees of freedom; None without any."""
+    profiles = [o for o in observations if o.kind == "profile"]
+    if not profiles:
+        return None
+    freedom = np.array([max(len(o.points_in_laser_mm) - 3, 1) for o in profiles])
+    return float(np.sqrt(np.average([o.point_sigma_mm**2 for o in profiles], weights=freedom)))
+
+
+def _transform(rotation: FloatArray, translation: FloatArray) -> RigidTransform:
+    return RigidTransform.of(rotation, translation, "tool0", "laser")
+
+
+def _expected_in_laser(observations: Sequence[SphereObservation], state: ChainState) -> FloatArray:
+    """Return where each capture should see the sphere's centre in L, its pose taken as recorded, (K, 3)."""
+    rotations = np.array([o.base_from_tool0.rotation for o in observations])
+    translations = np.array([o.base_from_tool0.translation_mm for o in observations])
+    arms = np.einsum("kji,kj->ki", rotations, state.center - translations)
+    return (arms - state.tool_translation) @ state.tool_rotation
+
+
+def _sides(observations: Sequence[SphereObservation], state: ChainState) -> np.ndarray:
+    heights = _expected_in_laser(observations, state)[:, 1]
+    return np.array(
+        [
+            0 if o.circle_radius_mm is None else (1 if y >= 0 else -1)
+            for o, y in zip(observations, heights, strict=True)
+        ]
+    )
+
+
+def _left_out_states(judged: Judged) -> list[ChainState | None]:
+    """Return, for every capture, the unknowns without it; None for a rejected one."""
+    steps = iter(without_each(judged.fit.minimum.at).steps)
+    return [judged.fit.state.moved(next(steps)) if used else None for used in judged.used]
+
+
+def _answer(
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    used: np.ndarray,
+    sides: np.ndarray,
+    state: ChainState,
+    left_out: Sequence[ChainState | None],
+) -> Answer:
+    """Return how all captures lie about one state of the unknowns."""
+    tool0_from_laser = _transform(state.tool_rotation, state.tool_translation)
+    expected = _expected_in_laser(observations, state)
+    radius = state.radius_mm
+    distances = [surface_distances(o, q, radius) for o, q in zip(observations, expected, strict=True)]
+    offsets = np.array(
+        [
+            (o.base_from_tool0 @ tool0_from_laser).apply(o.sphere_center_in_laser_mm(sphere, int(side)))
+            - state.center
+            for o, side in zip(observations, sides, strict=True)
+        ]
+    )
+    used_distances = np.concatenate([d for d, u in zip(distances, used, strict=True) if u])
+    scatter = np.linalg.norm(offsets[used], axis=1)
+    without = [
+        np.nan if s is None else _rms(surface_distances(o, _expected_in_laser([o], s)[0], s.radius_mm))
+        for o, s in zip(observations, left_out, strict=True)
+    ]
+    return Answer(
+        tool0_from_laser=tool0_from_laser,
+        center_in_base_mm=state.center,
+        surface_rms_mm=_rms(used_distances),
+        center_scatter_rms_mm=_rms(scatter),
+        capture_rms_mm=np.array([_rms(d) for d in distances]),
+        offset_in_base_mm=offsets,
+        leave_one_out_rms_mm=np.array(without),
+    )
+
+
+def surface_distances(
+    observation: SphereObservation, center_in_laser_mm: FloatArray, radius_mm: float
+) -> FloatArray:
+    """Return the signed distances (N,) of a capture's points to a sphere in L, mm.
+
+    A capture that reports only a centre gives the one distance between the centres.
+    """
+    if len(observation.points_in_laser_mm) == 0:
+        return np.array([np.linalg.norm(observation.center_in_laser_mm - center_in_laser_mm)])
+    return np.linalg.norm(observation.points_in_laser_mm - center_in_laser_mm, axis=1) - radius_mm
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _paper(
+    observations: Sequence[SphereObservation], sphere: SphereSize, judged: Judged, sides: np.ndarray
+) -> tuple[Answer | None, TwoStepAnswer, FloatArray | None]:
+    """Return the paper's method on the used captures, its sides those of the joint answer."""
+    used = [int(k) for k in np.flatnonzero(judged.used)]
+    rotations, translations = judged.data.rotations, judged.data.translations
+    centers = np.array([observations[k].sphere_center_in_laser_mm(sphere, int(sides[k])) for k in used])
+    answer = two_step(rotations, translations, centers)
+    groups = tuple(tuple(used[i] for i in group) for group in answer.groups)
+    answer = TwoStepAnswer(answer.rotation, answer.translation, answer.center, groups, answer.reason)
+    state = _paper_state(answer, sphere)
+    if state is None:
+        return None, answer, None
+    left_out: list[ChainState | None] = [None] * len(observations)
+    for n, k in enumerate(used):
+        rest = np.arange(len(used)) != n
+        left_out[k] = _paper_state(two_step(rotations[rest], translations[rest], centers[rest]), sphere)
+    covariance = two_step_covariance(
+        [observations[k] for k in used], sphere, centers, rotations, translations, judged.fit
+    )
+    return _answer(observations, sphere, judged.used, sides, state, left_out), answer, covariance
+
+
+def _paper_state(answer: TwoStepAnswer, sphere: SphereSize) -> ChainState | None:
+    if answer.rotation is None or answer.translation is None or answer.center is None:
+        return None
+    return ChainState(answer.rotation, answer.translation, answer.center, sphere.radius_mm, np.empty((0, 3)))

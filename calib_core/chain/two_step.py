@@ -1,0 +1,129 @@
+"""The paper's two steps: pure translations give the TCP's rotation, changes of orientation its translation.
+
+Li et al., "Calibration of a multiple axes 3-D laser scanning system …", Optik (2010), section 2.2.  Each capture
+enters as one sphere centre X_k in L, with the robot's R_0k, T_0k.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray, nearest_rotation, vector_from_rotation
+
+# Two orientations count as equal within this angle: robots repeat an orientation far better, people never mean so
+# small a change.  What is left of it is not neglected below.
+EQUAL_ORIENTATION_RAD = np.deg2rad(0.5)
+_PARALLEL = np.sin(np.deg2rad(5.0))
+_LEAST_SHIFT_MM = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class TwoStepAnswer:
+    """The paper's answer, or why there is none.
+
+    Attributes
+    ----------
+    rotation, translation, center : (3, 3), (3,), (3,) or None
+        tool0_from_laser and the sphere's centre in base.
+    groups : tuple of tuples of int
+        The captures that are pure translations of each other.
+    reason : str or None
+        What is missing, where there is no answer.
+    """
+
+    rotation: FloatArray | None
+    translation: FloatArray | None
+    center: FloatArray | None
+    groups: tuple[tuple[int, ...], ...]
+    reason: str | None
+
+
+def pure_translations(rotations: FloatArray) -> tuple[tuple[int, ...], ...]:
+    """Return the groups of captures that share their orientation, found from the robot's rotations (K, 3, 3)."""
+    left = list(range(len(rotations)))
+    groups: list[tuple[int, ...]] = []
+    while left:
+        first = left[0]
+        cosines = (np.einsum("ij,kij->k", rotations[first], rotations[left]) - 1) / 2
+        group = [k for k, cosine in zip(left, cosines, strict=True) if cosine > np.cos(EQUAL_ORIENTATION_RAD)]
+        left = [k for k in left if k not in group]
+        if len(group) > 1:
+            groups.append(tuple(group))
+    return tuple(groups)
+
+
+def two_step(rotations: FloatArray, translations: FloatArray, centers_in_laser: FloatArray) -> TwoStepAnswer:
+    """Return the paper's answer.
+
+    Parameters
+    ----------
+    rotations, translations : (K, 3, 3), (K, 3)
+        base_from_tool0, mm.
+    centers_in_laser : (K, 3)
+        The sphere's centre in L, sides decided, mm.
+    """
+    groups = pure_translations(rotations)
+    pairs = [(i, j) for group in groups for n, i in enumerate(group) for j in group[n + 1 :]]
+    missing = _missing_translations(translations, pairs) or _missing_orientations(rotations)
+    if missing:
+        return TwoStepAnswer(None, None, None, groups, missing)
+    rotation = _rotation_step(rotations, translations, centers_in_laser, pairs)
+    translation, center = _translation_step(rotations, translations, centers_in_laser, rotation)
+    return TwoStepAnswer(rotation, translation, center, groups, None)
+
+
+def _rotation_step(
+    rotations: FloatArray, translations: FloatArray, centers: FloatArray, pairs: Sequence[tuple[int, int]]
+) -> FloatArray:
+    """Return R_s from R_s (X_i − X_j) = R_0iᵀ (T_0j − T_0i) by orthogonal Procrustes.
+
+    R_0i and R_0j, nearly equal, enter by their mean rotation; what their difference does to the far arm
+    R_0 T_s cancels to first order over the pairs and is left to the joint likelihood.
+    """
+    i, j = np.array(pairs).T
+    mean = np.array([nearest_rotation(rotations[a] + rotations[b]) for a, b in pairs])
+    seen = centers[i] - centers[j]
+    moved = np.einsum("kji,kj->ki", mean, translations[j] - translations[i])
+    return nearest_rotation(moved.T @ seen)
+
+
+def _translation_step(
+    rotations: FloatArray, translations: FloatArray, centers: FloatArray, rotation: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return T_s and the sphere's centre from R_0k T_s − c = −T_0k − R_0k R_s X_k by least squares.
+
+    With the centre as an unknown this is the paper's system over all pairs, each capture counted once.
+    """
+    rows = np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2)
+    right = -translations - np.einsum("kij,kj->ki", rotations, centers @ rotation.T)
+    solution = np.linalg.lstsq(rows.reshape(-1, 6), right.reshape(-1), rcond=None)[0]
+    return solution[:3], solution[3:]
+
+
+def _missing_translations(translations: FloatArray, pairs: Sequence[tuple[int, int]]) -> str | None:
+    shifts = np.array([translations[j] - translations[i] for i, j in pairs]).reshape(-1, 3)
+    lengths = np.linalg.norm(shifts, axis=1)
+    shifts = shifts[lengths > _LEAST_SHIFT_MM]
+    if len(shifts) == 0:
+        return "no pure translation: two captures with the same orientation, 30 to 80 mm apart, are needed"
+    values = np.linalg.svd(shifts / np.linalg.norm(shifts, axis=1)[:, None], compute_uv=False)
+    if len(shifts) < 2 or values[1] < _PARALLEL * values[0]:
+        return "all pure translations are parallel: one more in another direction is needed"
+    return None
+
+
+def _missing_orientations(rotations: FloatArray) -> str | None:
+    span = orientation_span(rotations)
+    if span[0] < EQUAL_ORIENTATION_RAD:
+        return "one orientation only: at least three orientations, about axes that are not parallel, are needed"
+    if span[1] < EQUAL_ORIENTATION_RAD:
+        return "all orientations differ about one axis only: one more about another axis is needed"
+    return None
+
+
+def orientation_span(rotations: FloatArray) -> FloatArray:
+    """Return how far orientations spread, (3,), rad, largest first: singular values of their rotation vectors."""
+    vectors = np.array([vector_from_rotation(rotations[0].T @ r) for r in rotations])
+    values = np.asarray(np.linalg.svd(vectors - vectors.mean(axis=0), compute_uv=False), dtype=float)
+    return np.concatenate([values, np.zeros(3)])[:3]

@@ -1,0 +1,70 @@
+"""How uncertain the paper's two-step answer is: the centres' errors propagated through both steps."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.chain.likelihood import pose_spread
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.two_step import two_step
+from calib_core.chain.variance import ChainFit
+from calib_core.frames import FloatArray, vector_from_rotation
+
+_NUDGE_MM = 1e-3
+_MOST_CAPTURES = 60
+
+
+def two_step_covariance(
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    centers: FloatArray,
+    rotations: FloatArray,
+    translations: FloatArray,
+    fit: ChainFit,
+) -> FloatArray | None:
+    """Return the 6×6 covariance of the two-step tool0_from_laser, or None beyond 60 captures (it would be slow).
+
+    Each centre's own covariance and its pose's random error are carried through both steps by differences.
+
+    Parameters
+    ----------
+    observations : the K captures
+    sphere : SphereSize
+    centers : (K, 3)
+        In L, mm.
+    rotations, translations : (K, 3, 3), (K, 3)
+        base_from_tool0.
+    fit : ChainFit
+        Of the same captures: its sigmas are used.
+    """
+    if len(observations) > _MOST_CAPTURES:
+        return None
+    tool_in_laser = fit.state.tool_rotation.T @ fit.state.tool_translation
+    spread = pose_spread(centers, tool_in_laser, fit.sigmas)
+    reference = two_step(rotations, translations, centers)
+    if reference.rotation is None or reference.translation is None:
+        return None
+    covariance = np.zeros((6, 6))
+    for k, observation in enumerate(observations):
+        columns = np.empty((6, 3))
+        for axis in range(3):
+            nudged = centers.copy()
+            nudged[k, axis] += _NUDGE_MM
+            other = two_step(rotations, translations, nudged)
+            if other.rotation is None or other.translation is None:
+                return None
+            columns[:3, axis] = vector_from_rotation(reference.rotation.T @ other.rotation)
+            columns[3:, axis] = other.translation - reference.translation
+        columns /= _NUDGE_MM
+        covariance += columns @ (_own_covariance(observation, sphere) + spread[k]) @ columns.T
+    return covariance
+
+
+def _own_covariance(observation: SphereObservation, sphere: SphereSize) -> FloatArray:
+    """Return the covariance (3, 3) of a capture's own sphere centre; a profile's y by r/√(R² − r²)."""
+    radius = observation.circle_radius_mm
+    if radius is None:
+        return observation.center_covariance
+    height = np.sqrt(max(sphere.radius_mm**2 - radius**2, (0.02 * sphere.radius_mm) ** 2))
+    rows = np.array([[1.0, 0, 0], [0, 0, -radius / height], [0, 1.0, 0]])
+    return rows @ observation.center_covariance @ rows.T
