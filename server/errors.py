@@ -2,12 +2,14 @@
 
 import logging
 from collections.abc import Mapping
+from errno import ENOSPC
 from http import HTTPStatus
 from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 
 from calib_core.errors import CalibrationError
@@ -103,8 +105,16 @@ def install(app: FastAPI) -> None:
         }.get(error.status_code, str(error.detail).rstrip("."))
         return problem_response(problem_of_status(error.status_code, got), error.headers)
 
-    async def unexpected(request: Request, error: Exception) -> JSONResponse:
-        log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
+    async def storage(request: Request, error: Exception) -> JSONResponse:
+        log.error("storage failed in %s %s", request.method, request.url.path, exc_info=error)
+        full = "full" in str(error) or (isinstance(error, OSError) and error.errno == ENOSPC)
+        got = "the disk with the data folder is full" if full else f"the data folder cannot be used ({error})"
+        to_do = "Free space there" if full else "Check the folder, its disk and its rights"
+        to_do += ", then send the request again; what was stored before is untouched."
+        return problem_response(problem_of_status(507 if full else 503, got, to_do))
+
+    async def unexpected(_: Request, error: Exception) -> JSONResponse:
+        # The server logs it: it is raised again after this answer.
         got = f"an error of the program itself ({type(error).__name__})"
         to_do = "Nothing that was stored is touched; look into the server's log and report it."
         return problem_response(problem_of_status(500, got, to_do))
@@ -112,4 +122,6 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(CalibrationError, calibration)
     app.add_exception_handler(RequestValidationError, validation)
     app.add_exception_handler(HTTPException, http)
+    app.add_exception_handler(OSError, storage)
+    app.add_exception_handler(OperationalError, storage)
     app.add_exception_handler(Exception, unexpected)

@@ -1,10 +1,12 @@
 """The store: migrations, transactions, blobs."""
 
+import errno
 import os
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 from sqlalchemy import create_engine
 
@@ -14,6 +16,7 @@ from server.store.blobs import Blobs
 from server.store.database import Store, record_event
 from server.store.models import Base, EventRow
 from server.store.sessions import create_session, locked_session, merge_patch, session_row
+from tests.server.live_server import assert_problem, simulated_session
 
 CELL = {"cell": {"pose_convention": "ur"}}
 
@@ -118,3 +121,25 @@ def test_young_blobs_are_not_removed(tmp_path: Path) -> None:
 )
 def test_merge_patch(data: object, changes: object, merged: object) -> None:
     assert merge_patch(data, changes) == merged
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "word"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), 507, "full"),
+        (OSError(errno.EROFS, "Read-only file system"), 503, "Read-only"),
+    ],
+)
+def test_a_disk_that_fails_is_named_and_nothing_is_half_stored(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch, error: OSError, status: int, word: str
+) -> None:
+    session = simulated_session(client)
+
+    def fail(*_: object) -> str:
+        raise error
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Blobs, "put", fail)
+        assert_problem(client.post(f"/sessions/{session}/sources/simulated/capture"), status, word)
+    assert client.get(f"/sessions/{session}/captures").json()["items"] == []
+    assert client.post(f"/sessions/{session}/sources/simulated/capture").status_code == 201
