@@ -124,9 +124,7 @@ def load_results(folder: Path) -> dict[str, dict[str, Any]]:
 
 def result_data(result: Record) -> dict[str, Any]:
     """Return a result as JSON data; what is no finite number becomes null, which JSON can say."""
-    from pydantic_core import to_jsonable_python
-
-    return to_jsonable_python(result, inf_nan_mode="null")
+    return json.loads(result.model_dump_json())
 
 
 def to_json_bytes(data: Any) -> bytes:
