@@ -1,4 +1,5 @@
-// What a pose's covariance (rx ry rz tx ty tz, perturbing on the right, in L; rad and mm) says about its numbers.
+// What a pose's covariance says about its numbers. Its order is rx ry rz tx ty tz, rad and mm: the turn perturbs on the
+// right, so about L's axes; the translation is along the flange's.
 
 /** @import {TcpResult} from "./model.js" */
 
@@ -8,17 +9,11 @@ const DEGREE = Math.PI / 180;
 const entry = (matrix, row, column) => matrix[row]?.[column] ?? 0;
 
 /**
- * Standard deviations of the translation along the flange's axes: the covariance stands in L and is turned there.
- * @param {Pick<TcpResult, "tool0_from_laser" | "covariance">} result
+ * Standard deviations of the translation along the flange's axes.
+ * @param {Pick<TcpResult, "covariance">} result
  */
-export function positionSigmas_mm({ tool0_from_laser: pose, covariance }) {
-  return [0, 1, 2].map((axis) => {
-    let variance = 0;
-    for (let i = 0; i < 3; i++) {
-      for (let j = 0; j < 3; j++) variance += entry(pose, axis, i) * entry(covariance, 3 + i, 3 + j) * entry(pose, axis, j);
-    }
-    return Math.sqrt(Math.max(variance, 0));
-  });
+export function positionSigmas_mm({ covariance }) {
+  return [3, 4, 5].map((axis) => Math.sqrt(Math.max(entry(covariance, axis, axis), 0)));
 }
 
 /** Standard deviations of small turns about L's axes. @param {readonly (readonly number[])[]} covariance */

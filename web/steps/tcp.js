@@ -1,7 +1,7 @@
 // The TCP: the scanner's frame on the flange, in numbers, beside the paper's two steps, with its evidence.
 
 import { h } from "../dom.js";
-import { fixed, measured, plusMinus, significant, small } from "../format.js";
+import { decimalsFor, fixed, measured, plusMinus, significant, small } from "../format.js";
 import { icon, mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { residualPlot } from "../components/residual-plot.js";
@@ -20,7 +20,7 @@ function summary(result) {
   return [
     h("div", { class: "answer" },
       h("h3", {}, t("tcp.name"), " ", mark(result.stale ? "stale" : result.verdict, verdictWord(result))),
-      h("p", { class: "number" }, plusMinus(position, "mm"), h("br"), plusMinus(rotation, "°")),
+      h("p", { class: "number" }, h("span", {}, plusMinus(position, "mm")), h("br"), h("span", {}, plusMinus(rotation, "°"))),
       ...(result.undetermined ?? []).map((one) => h("p", { class: "small open" }, one.description)),
     ),
   ];
@@ -58,36 +58,40 @@ function banner(result) {
 }
 
 /**
- * The tool frame with its uncertainty, axis by axis of the flange, and as the controller wants it.
+ * The tool frame as the controller wants it typed in, each number with its own uncertainty.
  * @param {TcpResult} result
  * @param {SessionState} state
  */
 function frame(result, state) {
-  const translation = result.tool0_from_laser.slice(0, 3).map((row) => row[3] ?? 0);
-  const sigmas = positionSigmas_mm(result);
-  const axes = ["x", "y", "z"];
+  const { convention, names, numbers, sigmas, text } = written(result, state.tool);
   return h(
     "section", { class: "panel frame", "aria-labelledby": "frame-title" },
     h("h2", { id: "frame-title" }, t("frame.title")),
-    h("p", { class: "soft small" }, t("frame.what")),
-    h("dl", { class: "frame-numbers number" }, ...axes.map((axis, index) =>
-      h("div", {}, h("dt", {}, axis), h("dd", {}, measured(translation[index] ?? 0, (sigmas[index] ?? 0) * K, "mm"))))),
-    state.tool && controller(state.tool),
+    h("p", { class: "soft small" }, t("frame.what", { convention: maybe(`convention.${convention}`, convention) })),
+    h("div", { class: "frame-columns number" }, ...[names.slice(0, 3), names.slice(3)].filter((part) => part.length).map((part, column) =>
+      h("dl", {}, ...part.map((name, row) => {
+        const index = column * 3 + row;
+        return h("div", {}, h("dt", {}, name), h("dd", {}, measured(numbers[index] ?? 0, (sigmas[index] ?? 0) * K, unitOf(name, convention))));
+      })))),
+    h("div", { class: "copy-row controller" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
   );
 }
 
-/** What is typed into the controller, with each number's own uncertainty. @param {ToolFrame} tool */
-function controller(tool) {
-  const convention = tool.pose_convention;
-  const { names, numbers, standard_deviations: sigmas } = tool.conventions[convention];
-  const text = numbers.map((number) => String(Number(number.toFixed(6)))).join(" ");
-  return h(
-    "div", { class: "controller" },
-    h("h3", {}, t("frame.controller", { convention: maybe(`convention.${convention}`, convention) })),
-    convention !== "matrix" && h("dl", { class: "controller-numbers number" }, ...names.map((name, index) =>
-      h("div", {}, h("dt", {}, name), h("dd", {}, measured(numbers[index] ?? 0, (sigmas[index] ?? 0) * K, unitOf(name, convention)))))),
-    h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
-  );
+/**
+ * The frame's numbers in the cell's convention; a matrix is read by its translation.
+ * @param {TcpResult} result
+ * @param {ToolFrame | null} tool
+ */
+function written(result, tool) {
+  const convention = tool?.pose_convention ?? "matrix";
+  const found = tool?.conventions[convention];
+  const all = found?.numbers ?? result.tool0_from_laser.flat();
+  const text = all.map((number) => String(Number(number.toFixed(6)))).join(" ");
+  if (!found || convention === "matrix") {
+    const numbers = result.tool0_from_laser.slice(0, 3).map((row) => row[3] ?? 0);
+    return { convention, names: ["x", "y", "z"], numbers, sigmas: positionSigmas_mm(result), text };
+  }
+  return { convention, names: found.names, numbers: found.numbers, sigmas: found.standard_deviations, text };
 }
 
 /** @param {string} name @param {string} convention */
@@ -163,7 +167,7 @@ function comparisonRows(result, other) {
     const mine = result.tool0_from_laser[index]?.[3] ?? 0;
     const theirs = other[index]?.[3] ?? 0;
     const sigma = sigmas[index] ?? 0;
-    return compareRow(t("compare.axis", { axis }), measured(mine, sigma * K, "mm"), `${fixed(theirs, 3)} mm`, `${fixed((theirs - mine) / sigma, 1)} σ`);
+    return compareRow(t("compare.axis", { axis }), measured(mine, sigma * K, "mm"), `${fixed(theirs, decimalsFor(sigma * K))} mm`, `${fixed((theirs - mine) / sigma, 1)} σ`);
   });
   const turned = differenceInSigmas(result, other);
   rows.push(compareRow(t("compare.rotation"), plusMinus(worst(rotationSigmas_deg(result.covariance)) * K, "°"), t("compare.turned", { angle: significant(turned.angle_deg, 2) }), `${fixed(turned.sigmas, 1)} σ`));
