@@ -7,12 +7,14 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.simulation.bound import tcp_bound
+from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.profile_cell import Shot, World, build_world
 from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.writing import session_files, session_record
 
 __all__ = [
+    "FRAME_SCENARIOS",
     "SCENARIOS",
     "Shot",
     "SimulatedSession",
@@ -32,10 +34,12 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     InputError
         If no scenario has this name or the seed is negative.
     """
+    if scenario in FRAME_SCENARIOS:
+        _require_seed(seed)
+        return SimulatedSession(*simulate_frames(FRAME_SCENARIOS[scenario], scenario, seed), None)
     if scenario not in SCENARIOS:
-        raise InputError(
-            "a scenario among " + ", ".join(SCENARIOS), repr(scenario), "Name one of these simulated cells."
-        )
+        names = ", ".join([*SCENARIOS, *FRAME_SCENARIOS])
+        raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
 
 
@@ -47,10 +51,14 @@ def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> Simulate
     InputError
         If the seed is negative.
     """
-    if seed < 0:
-        raise InputError("a seed of 0 or more", str(seed), "Give another seed.")
+    _require_seed(seed)
     world = build_world(options, np.random.default_rng([seed, 20_260]))
     truth = {**world.truth(), "seed": seed, "scenario": name}
     return SimulatedSession(
         session_record(world, f"simulated {name}, seed {seed}"), session_files(world), truth, world
     )
+
+
+def _require_seed(seed: int) -> None:
+    if seed < 0:
+        raise InputError("a seed of 0 or more", str(seed), "Give another seed.")

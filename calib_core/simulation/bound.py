@@ -24,6 +24,8 @@ def tcp_bound(simulated: SimulatedSession) -> FloatArray:
         If the captures leave a direction undetermined: no bound exists.
     """
     world = simulated.world
+    if world is None:
+        raise InputError("a simulated cell that measures points", "one that takes frames", "Use a tcp scenario.")
     information = np.zeros((9, 9))
     for shot in world.shots:
         if not shot.fault and len(shot.true_points_mm):

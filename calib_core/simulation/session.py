@@ -20,11 +20,11 @@ class SimulatedSession:
     truth : dict
         JSON data: `tool0_from_laser`, `sphere_center_in_base_mm`, `sides`, `sigmas`, `spoiled`, `seed`,
         `scenario` and more.
-    world : World
-        The simulated cell itself, for bounds and benchmarks.
+    world : World or None
+        The simulated cell itself, for bounds and benchmarks; none behind frames.
     """
 
     session: Session
     files: dict[str, bytes]
     truth: dict[str, Any]
-    world: World
+    world: World | None

@@ -1,0 +1,269 @@
+"""The simulated cell with a raw camera and a line laser on the flange: frames of boards and of the sphere."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from calib_core.records import Session
+from calib_core.simulation.frame_camera import SimulatedCamera
+from calib_core.simulation.frame_surfaces import BoardSurface, SphereSurface
+from calib_core.simulation.frames import Exposure, FloatArray, ImageArray, LightSheet, render
+from calib_core.simulation.motion import back, pose, turn
+from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
+
+_SPHERE_RADIUS_MM = 20.0
+_PITCH_MM = 9.0
+_SPHERE_IN_BASE_MM = np.array([900.0, 150.0, 400.0])
+_TOOL0_FROM_CAMERA = pose(turn([0.35, -0.2, 1.1]), [42.0, -75.0, 60.0])
+
+
+@dataclass(frozen=True)
+class FrameScenario:
+    """A session of frames.
+
+    Parameters
+    ----------
+    description : str
+    camera_views, plane_views : int
+        Boards for the camera; boards with the stripe, of which every second comes as two frames, lit and stripe.
+    translations, orientations : int
+        Frames of the sphere: at one orientation, and at orientations of their own.
+    tilt_rad : (about x, about y)
+        The sensor's tilt; the plane in focus is then the plane of light.
+    knows_calibration : bool
+        Whether the session brings camera and plane of light as `cell.known`.
+    hot_pixels : int
+    position_sigma_mm, orientation_sigma_rad : float
+        The robot's pose errors.
+    """
+
+    description: str
+    camera_views: int = 0
+    plane_views: int = 0
+    translations: int = 0
+    orientations: int = 0
+    tilt_rad: tuple[float, float] = (0.0, 0.0)
+    knows_calibration: bool = False
+    hot_pixels: int = 80
+    position_sigma_mm: float = 0.05
+    orientation_sigma_rad: float = 0.0002
+
+
+FRAME_SCENARIOS: Mapping[str, FrameScenario] = MappingProxyType(
+    {
+        "camera": FrameScenario("14 views of a chessboard", camera_views=14),
+        "camera-tilted": FrameScenario(
+            "16 views of a chessboard by a camera with a tilted sensor", camera_views=16, tilt_rad=(0.08, 0.01)
+        ),
+        "laser-plane": FrameScenario(
+            "10 boards for the camera, 8 with the stripe", camera_views=10, plane_views=8
+        ),
+        "frames-tcp": FrameScenario(
+            "raw frames all the way: boards, boards with the stripe, 14 frames of the sphere",
+            camera_views=10,
+            plane_views=8,
+            translations=4,
+            orientations=10,
+        ),
+        "frames-tcp-known": FrameScenario(
+            "14 frames of the sphere; camera and plane of light are brought along",
+            translations=4,
+            orientations=10,
+            knows_calibration=True,
+        ),
+    }
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameCell:
+    """What is true of a simulated cell with a raw camera; transforms are 4×4, mm."""
+
+    camera: SimulatedCamera
+    sheet: LightSheet
+    camera_from_laser: FloatArray
+
+    @property
+    def tool0_from_laser(self) -> FloatArray:
+        """The frame L on the flange."""
+        return _TOOL0_FROM_CAMERA @ self.camera_from_laser
+
+    def truth(self) -> dict[str, Any]:
+        """Return the truth as JSON data."""
+        return {
+            "camera": self.known_camera(),
+            "plane_in_camera": {"normal": self.sheet.normal.tolist(), "distance_mm": self.sheet.distance_mm},
+            "camera_from_laser": self.camera_from_laser.tolist(),
+            "tool0_from_laser": self.tool0_from_laser.tolist(),
+            "sphere_center_in_base_mm": _SPHERE_IN_BASE_MM.tolist(),
+            "sphere_diameter_mm": 2 * _SPHERE_RADIUS_MM,
+        }
+
+    def known_camera(self) -> dict[str, Any]:
+        """Return the camera as `cell.known` writes it."""
+        c = self.camera
+        (fx, fy), (cx, cy) = c.focal_px, c.center_px
+        names = ("k1", "k2", "k3", "k4", "k5", "k6")
+        distortion = {
+            **dict(zip(names, c.radial, strict=False)),
+            "p1": c.tangential[0],
+            "p2": c.tangential[1],
+            **({"tauX": c.tilt_rad[0], "tauY": c.tilt_rad[1]} if any(c.tilt_rad) else {}),
+        }
+        return {"camera_matrix": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "distortion": distortion}
+
+
+def build_cell(options: FrameScenario, rng: np.random.Generator) -> FrameCell:
+    """Return a cell whose lens and laser differ a little from seed to seed."""
+    focal = 900.0 + rng.uniform(-15, 15)
+    camera = SimulatedCamera(
+        focal_px=(focal, focal * (1 + rng.uniform(-0.003, 0.003))),
+        center_px=(319.5 + rng.uniform(-6, 6), 239.5 + rng.uniform(-6, 6)),
+        radial=(-0.12 + rng.uniform(-0.02, 0.02), 0.08 + rng.uniform(-0.02, 0.02), 0.0),
+        tangential=(rng.uniform(-4e-4, 4e-4), rng.uniform(-4e-4, 4e-4)),
+        tilt_rad=options.tilt_rad,
+    )
+    lean = 0.5 + rng.uniform(-0.03, 0.03)
+    roll = rng.uniform(-0.03, 0.03)
+    normal = np.array([np.sin(roll) * np.cos(lean), np.cos(roll) * np.cos(lean), np.sin(lean)])
+    distance = 120.0 + rng.uniform(-2, 2)
+    # L: origin at the plane's point nearest to the camera, z the viewing direction laid into the plane.
+    z_axis = np.array([0, 0, 1.0]) - normal[2] * normal
+    z_axis /= np.linalg.norm(z_axis)
+    rotation = np.column_stack([np.cross(normal, z_axis), normal, z_axis])
+    return FrameCell(camera, LightSheet(normal, distance, distance * normal), pose(rotation, distance * normal))
+
+
+def board_views(count: int, rng: np.random.Generator) -> list[BoardSurface]:
+    """Return boards at random places that fill the view between 200 and 310 mm."""
+    boards: list[BoardSurface] = []
+    for index in range(count):
+        depth = 205.0 + 100.0 * (index % 5) / 4 + rng.uniform(-5, 5)
+        rotation = turn(rng.uniform(-1, 1, 3) * [0.45, 0.45, 0.3])
+        middle = BoardSurface(np.eye(4), pitch_mm=_PITCH_MM).points_on_board_mm().mean(axis=0)
+        offset = rng.uniform(-1, 1, 2) * [0.07, 0.05] * depth
+        place = pose(rotation, np.array([*offset, depth]) - rotation @ middle)
+        boards.append(BoardSurface(place, pitch_mm=_PITCH_MM))
+    return boards
+
+
+def simulate_frames(
+    options: FrameScenario, name: str, seed: int
+) -> tuple[Session, dict[str, bytes], dict[str, Any]]:
+    """Return the session record, its files and the truth of a scenario of frames."""
+    rng = np.random.default_rng([seed, 31_415])
+    cell = build_cell(options, rng)
+    truth = {**cell.truth(), "seed": seed, "scenario": name, "base_from_tool0": {}}
+    truth["sigmas"] = {
+        "position_sigma_mm": options.position_sigma_mm,
+        "orientation_sigma_rad": options.orientation_sigma_rad,
+    }
+    files: dict[str, bytes] = {}
+    captures = [
+        *_camera_captures(cell, options, rng, files),
+        *_plane_captures(cell, options, rng, files),
+        *_sphere_captures(cell, options, rng, files, truth),
+    ]
+    data = {
+        "format": "scancell-session/1",
+        "name": f"simulated {name}, seed {seed}",
+        "cell": _cell_record(cell, options),
+        "captures": captures,
+    }
+    return Session.model_validate(data), files, truth
+
+
+def _cell_record(cell: FrameCell, options: FrameScenario) -> dict[str, Any]:
+    record: dict[str, Any] = {
+        "pose_convention": "abb",
+        "scanner": {"kind": "frame"},
+        "board": {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": _PITCH_MM},
+    }
+    if options.translations or options.orientations:
+        record["sphere_diameter_mm"] = 2 * _SPHERE_RADIUS_MM
+        record["robot"] = {
+            "position_sigma_mm": options.position_sigma_mm,
+            "orientation_sigma_deg": float(np.rad2deg(options.orientation_sigma_rad)),
+        }
+    if options.knows_calibration:
+        plane = {"normal": cell.sheet.normal.tolist(), "distance_mm": cell.sheet.distance_mm}
+        record["known"] = {"camera": cell.known_camera(), "laser_plane": plane}
+    return record
+
+
+def _exposure(options: FrameScenario, cell: FrameCell, ambient: float) -> Exposure:
+    even = Exposure(ambient=ambient, hot_pixels=options.hot_pixels)
+    if not any(options.tilt_rad):
+        return even
+    x, y, z = cell.sheet.normal.tolist()
+    return replace(even, focus_normal=(x, y, z), focus_distance_mm=cell.sheet.distance_mm)
+
+
+def _camera_captures(
+    cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes]
+) -> list[dict[str, Any]]:
+    captures: list[dict[str, Any]] = []
+    for index, board in enumerate(board_views(options.camera_views, rng)):
+        name = f"captures/c{index + 1:02d}.png"
+        files[name] = _png(render(cell.camera, [board], None, _exposure(options, cell, 190.0), rng))
+        captures.append({"id": f"c{index + 1:02d}", "step": "camera", "kind": "frame", "files": [name]})
+    return captures
+
+
+def _plane_captures(
+    cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes]
+) -> list[dict[str, Any]]:
+    captures: list[dict[str, Any]] = []
+    for index, board in enumerate(board_views(options.plane_views, rng)):
+        label = f"l{index + 1:02d}"
+        frames = {f"captures/{label}.png": (90.0, cell.sheet)}
+        if index % 2:
+            frames = {
+                f"captures/{label}-lit.png": (190.0, None),
+                f"captures/{label}-stripe.png": (4.0, cell.sheet),
+            }
+        for name, (ambient, sheet) in frames.items():
+            files[name] = _png(render(cell.camera, [board], sheet, _exposure(options, cell, ambient), rng))
+        captures.append({"id": label, "step": "laser-plane", "kind": "frame", "files": list(frames)})
+    return captures
+
+
+def _sphere_captures(
+    cell: FrameCell,
+    options: FrameScenario,
+    rng: np.random.Generator,
+    files: dict[str, bytes],
+    truth: dict[str, Any],
+) -> list[dict[str, Any]]:
+    captures: list[dict[str, Any]] = []
+    nominal = turn([3.0, 0.2, -0.4])
+    for index in range(options.translations + options.orientations):
+        label = f"p{index + 1:02d}"
+        turned = index >= options.translations
+        rotation = nominal @ turn(rng.uniform(-0.6, 0.6, 3)) if turned else nominal
+        offset = rng.choice([-1, 1]) * rng.uniform(0.2, 0.8) * _SPHERE_RADIUS_MM
+        in_laser = np.array([rng.uniform(-25, 25), offset, rng.uniform(190, 260), 1.0])
+        in_tool0 = (cell.tool0_from_laser @ in_laser)[:3]
+        reported = rounded_pose(pose(rotation, _SPHERE_IN_BASE_MM - rotation @ in_tool0))
+        actual = pose(
+            reported[:3, :3] @ turn(rng.normal(0, options.orientation_sigma_rad, 3)),
+            reported[:3, 3] + rng.normal(0, options.position_sigma_mm, 3),
+        )
+        camera_from_base = back(actual @ _TOOL0_FROM_CAMERA)
+        center = camera_from_base[:3, :3] @ _SPHERE_IN_BASE_MM + camera_from_base[:3, 3]
+        sphere = SphereSurface(center, _SPHERE_RADIUS_MM)
+        name = f"captures/{label}.png"
+        files[name] = _png(render(cell.camera, [sphere], cell.sheet, _exposure(options, cell, 8.0), rng))
+        truth["base_from_tool0"][label] = actual.tolist()
+        numbers = pose_numbers(reported)
+        captures.append({"id": label, "step": "tcp", "kind": "frame", "files": [name], "pose": numbers})
+    return captures
+
+
+def _png(image: ImageArray) -> bytes:
+    import cv2
+
+    return bytes(cv2.imencode(".png", image)[1].tobytes())

@@ -1,0 +1,211 @@
+"""What the simulated camera looks at: a plain plane, a board with its pattern, a sphere."""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_MARGIN_PITCHES = 1.5
+_BLACK = 0.08
+_SHADE_GAP_MM = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Hit:
+    """Where the pixels' rays meet a surface.
+
+    Parameters
+    ----------
+    depth_mm : (H, W)
+        z in the camera frame; infinity where the ray misses.
+    points_mm, normals : (H, W, 3)
+        In the camera frame; normals point to the side of the camera.
+    """
+
+    depth_mm: FloatArray
+    points_mm: FloatArray
+    normals: FloatArray
+
+
+class Surface(Protocol):
+    """Something that can be seen and throws shadows."""
+
+    def meet(self, rays: FloatArray) -> Hit:
+        """Return where rays (H, W, 3) = (x, y, 1) meet the surface."""
+        ...
+
+    def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
+        """Return how white (0 to 1) the surface is at each pixel (H, W), edges blurred by `blur_px`."""
+        ...
+
+    def shades(self, points_mm: FloatArray, source_mm: FloatArray) -> Mask:
+        """Return whether the surface stands between points (H, W, 3) and a light's source (3,)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneSurface:
+    """A boundless even plane, z = 0 of its frame.
+
+    Parameters
+    ----------
+    camera_from_plane : (4, 4)
+        mm.
+    whiteness : float
+    """
+
+    camera_from_plane: FloatArray
+    whiteness: float = 0.8
+
+    def meet(self, rays: FloatArray) -> Hit:
+        """Return where rays meet the plane, boundless."""
+        normal, origin = self.camera_from_plane[:3, 2], self.camera_from_plane[:3, 3]
+        with np.errstate(divide="ignore"):
+            depth = (normal @ origin) / (rays @ normal)
+        depth = np.where(depth > 0, depth, np.inf)
+        points = np.where(np.isfinite(depth), depth, np.nan)[..., None] * rays
+        facing = normal if normal @ origin < 0 else -normal
+        return Hit(depth, points, np.broadcast_to(facing, points.shape))
+
+    def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
+        """Return the plane's even whiteness."""
+        return np.full(hit.depth_mm.shape, self.whiteness)
+
+    def shades(self, points_mm: FloatArray, source_mm: FloatArray) -> Mask:
+        """Return False: what is simulated stands in front of planes."""
+        return np.zeros(points_mm.shape[:-1], dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class BoardSurface:
+    """A flat calibration board on white; its frame's origin is the first inner corner or circle.
+
+    Parameters
+    ----------
+    camera_from_board : (4, 4)
+        mm.
+    columns, rows : int
+        Of inner corners, or of circles.
+    pitch_mm : float
+    kind : {"chessboard", "circles", "asymmetric-circles"}
+    whiteness : float
+    """
+
+    camera_from_board: FloatArray
+    columns: int = 9
+    rows: int = 6
+    pitch_mm: float = 10.0
+    kind: Literal["chessboard", "circles", "asymmetric-circles"] = "chessboard"
+    whiteness: float = 0.9
+
+    def points_on_board_mm(self) -> FloatArray:
+        """Return the inner corners or circles' centres (N, 3) in the board's frame, row by row."""
+        i, j = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
+        x = (2 * i + j % 2) if self.kind == "asymmetric-circles" else i
+        flat = [x.ravel() * self.pitch_mm, j.ravel() * self.pitch_mm, np.zeros(i.size)]
+        return np.stack(flat, axis=1).astype(float)
+
+    def meet(self, rays: FloatArray) -> Hit:
+        """Return where rays meet the board and its white margin."""
+        hit = PlaneSurface(self.camera_from_board).meet(rays)
+        on_board = self._on_board(hit)
+        corners = self.points_on_board_mm()[:, :2]
+        margin = (1.0 + _MARGIN_PITCHES) * self.pitch_mm
+        inside = ((on_board > corners.min(0) - margin) & (on_board < corners.max(0) + margin)).all(axis=-1)
+        return Hit(np.where(inside, hit.depth_mm, np.inf), hit.points_mm, hit.normals)
+
+    def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
+        """Return the pattern, its edges blurred across by the image's blur laid on the board."""
+        on_board = self._on_board(hit)
+        if self.kind == "chessboard":
+            waves = [self._wave(on_board[..., k], blur_px, n) for k, n in ((0, self.columns), (1, self.rows))]
+            dark = 0.5 * (waves[0][1] * waves[1][1] - waves[0][0] * waves[1][0])
+        else:
+            dark = self._circles(on_board, blur_px)
+        return self.whiteness * (1.0 - (1.0 - _BLACK) * np.nan_to_num(dark))
+
+    def shades(self, points_mm: FloatArray, source_mm: FloatArray) -> Mask:
+        """Return False: nothing stands behind the board."""
+        return np.zeros(points_mm.shape[:-1], dtype=bool)
+
+    def _on_board(self, hit: Hit) -> FloatArray:
+        m = self.camera_from_board
+        return ((hit.points_mm - m[:3, 3]) @ m[:3, :3])[..., :2]
+
+    def _wave(self, u: FloatArray, blur_px: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+        """Return the sign that changes at every edge, and 1 between the outermost edges; both blurred, (H, W)."""
+        from scipy.special import erf
+
+        blur_mm = blur_px * _slope(u)
+        edge = np.clip(np.rint(u / self.pitch_mm), 0, count - 1)  # at the outermost edges the margin begins
+        across = erf((u - edge * self.pitch_mm) / (np.sqrt(2) * blur_mm))
+        low = erf((u + self.pitch_mm) / (np.sqrt(2) * blur_mm))
+        high = erf((count * self.pitch_mm - u) / (np.sqrt(2) * blur_mm))
+        inside = 0.25 * (1 + low) * (1 + high)
+        return np.where(edge % 2 == 0, across, -across) * inside, inside
+
+    def _circles(self, on_board: FloatArray, blur_px: FloatArray) -> FloatArray:
+        from scipy.special import erf
+
+        radius = (0.5 if self.kind == "asymmetric-circles" else 0.3) * self.pitch_mm
+        dark = np.zeros(on_board.shape[:2])
+        for center in self.points_on_board_mm()[:, :2]:
+            distance = np.hypot(on_board[..., 0] - center[0], on_board[..., 1] - center[1])
+            near = distance < 3 * radius
+            blur_mm = blur_px * _slope(distance)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                dot = 0.5 * (1 - erf((distance - radius) / (np.sqrt(2) * blur_mm)))
+            dark = np.where(near, np.maximum(dark, dot), dark)
+        return dark
+
+
+@dataclass(frozen=True, eq=False)
+class SphereSurface:
+    """A matt sphere.
+
+    Parameters
+    ----------
+    center_mm : (3,)
+        In the camera frame.
+    radius_mm : float
+    whiteness : float
+    """
+
+    center_mm: FloatArray
+    radius_mm: float
+    whiteness: float = 0.8
+
+    def meet(self, rays: FloatArray) -> Hit:
+        """Return the nearer of the two points where each ray meets the sphere."""
+        square = (rays**2).sum(axis=-1)
+        half = rays @ self.center_mm
+        root = half**2 - square * (self.center_mm @ self.center_mm - self.radius_mm**2)
+        depth = (half - np.sqrt(np.where(root >= 0, root, np.nan))) / square
+        points = depth[..., None] * rays
+        normals = (points - self.center_mm) / self.radius_mm
+        return Hit(np.where(np.isfinite(depth) & (depth > 0), depth, np.inf), points, normals)
+
+    def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
+        """Return the whiteness, less where the surface turns away (Lambert's law, light from the camera)."""
+        facing = -(hit.normals * hit.points_mm).sum(axis=-1) / np.linalg.norm(hit.points_mm, axis=-1)
+        return self.whiteness * np.clip(np.nan_to_num(facing), 0.0, 1.0)
+
+    def shades(self, points_mm: FloatArray, source_mm: FloatArray) -> Mask:
+        """Return whether the way from points to the source runs through the sphere."""
+        way = source_mm - points_mm
+        start = points_mm - self.center_mm
+        square, half = (way**2).sum(axis=-1), (way * start).sum(axis=-1)
+        root = half**2 - square * ((start**2).sum(axis=-1) - self.radius_mm**2)
+        with np.errstate(invalid="ignore"):
+            far = (-half + np.sqrt(np.where(root > 0, root, np.nan))) / square
+            return np.nan_to_num(far) > np.sqrt(_SHADE_GAP_MM / np.sqrt(square))
+
+
+def _slope(values: FloatArray) -> FloatArray:
+    """Return how fast values (H, W) change from pixel to pixel."""
+    down, right = np.gradient(values)
+    return np.hypot(down, right)
