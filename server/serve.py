@@ -1,5 +1,6 @@
 """Serving over HTTP and WebSockets with uvicorn."""
 
+from socket import socket
 from types import FrameType
 
 import uvicorn
@@ -7,6 +8,7 @@ import uvicorn
 from server.app import create_app
 from server.events import Hub
 from server.settings import Settings
+from server.store.folder import owned
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
 
@@ -20,6 +22,7 @@ class WorkbenchServer(uvicorn.Server):
     def __init__(self, settings: Settings) -> None:
         app = create_app(settings)
         self._hub: Hub = app.state.hub
+        self._data = settings.data
         config = uvicorn.Config(
             app,
             host=settings.host,
@@ -31,6 +34,11 @@ class WorkbenchServer(uvicorn.Server):
             timeout_graceful_shutdown=5,
         )
         super().__init__(config)
+
+    def run(self, sockets: list[socket] | None = None) -> None:
+        """Serve; raises InputError or ConflictError if the data folder cannot be used."""
+        with owned(self._data):
+            super().run(sockets)
 
     def stop(self) -> None:
         """End the streams, then everything else; may be called from any thread."""

@@ -1,0 +1,54 @@
+"""The data folder: made where it is missing, and one server's alone."""
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from calib_core.errors import ConflictError, InputError
+
+
+@contextmanager
+def owned(folder: Path) -> Generator[None]:
+    """Keep other servers from a data folder meanwhile; a server that is killed lets go of it by itself.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written to.
+    ConflictError
+        If another server uses it.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise InputError(
+            "a folder for the data that can be written to",
+            (error.strerror or type(error).__name__).lower(),
+            "Choose another with --data, or mend its rights.",
+            str(folder),
+        ) from None
+    try:
+        if not _locked(handle):
+            raise ConflictError(
+                "a data folder that no other server uses",
+                "one in use",
+                "End the other server, or choose another folder with --data.",
+                str(folder),
+            )
+        yield
+    finally:
+        os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    try:
+        import fcntl
+    except ImportError:  # no such locks on Windows, where the database's own keep the worst from happening
+        return True
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -1,0 +1,95 @@
+"""A server that is killed: what it acknowledged is there, what it ran says so, nothing of it stays behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from calib_core.errors import ConflictError, InputError
+from server.serve import WorkbenchServer
+from server.settings import Settings
+from tests.server.live_server import make_session, simulated_session
+
+SERVER = """
+import sys, threading, time
+from pathlib import Path
+import server.worker
+from server.serve import WorkbenchServer
+from server.settings import Settings
+from tests.server.slow_work import slow_solve
+
+if __name__ == "__main__":
+    server.worker.solve = slow_solve
+    running = WorkbenchServer(Settings(data=Path(sys.argv[1]), port=0, warm_up=False))
+
+    def announce():
+        while not running.started:
+            time.sleep(0.01)
+        print(running.address, flush=True)
+
+    threading.Thread(target=announce, daemon=True).start()
+    running.run()
+"""
+
+
+def is_alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_a_killed_server_has_lost_nothing_that_it_acknowledged(start: Callable[..., Any], tmp_path: Path) -> None:
+    script = tmp_path / "serve.py"
+    script.write_text(SERVER)
+    root = str(Path(__file__).resolve().parents[2])
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(tmp_path / "data")],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": root},
+    )
+    try:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+        with httpx.Client(base_url=f"{address}/api/v1", timeout=30, trust_env=False) as client:
+            session = simulated_session(client)
+            job = client.post(f"/sessions/{make_session(client)}/solve/tcp").json()["id"]
+            while not (told := client.get(f"/jobs/{job}").json()["message"]).startswith("worker "):
+                time.sleep(0.02)
+            acknowledged += [
+                client.post(f"/sessions/{session}/sources/simulated/capture").json() for _ in range(5)
+            ]
+            process.send_signal(signal.SIGKILL)
+    finally:
+        process.kill()
+        process.communicate()
+
+    worker = int(told.split()[1])
+    end_s = time.monotonic() + 10
+    while is_alive(worker) and time.monotonic() < end_s:
+        time.sleep(0.05)
+    assert not is_alive(worker), "the worker outlives its server"
+
+    with start() as client:
+        assert client.get(f"/sessions/{session}/captures").json()["items"] == acknowledged
+        for capture in acknowledged:
+            name = capture["files"][0]
+            assert client.get(f"/sessions/{session}/captures/{capture['id']}/files/{name}").status_code == 200
+        assert client.get(f"/jobs/{job}").json()["status"] == "failed"
+
+
+def test_a_data_folder_is_one_servers_alone(start: Callable[..., Any], tmp_path: Path) -> None:
+    with start(), pytest.raises(ConflictError, match="in use"):
+        WorkbenchServer(Settings(data=tmp_path / "data", port=0)).run()
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(InputError, match="--data"):
+        WorkbenchServer(Settings(data=file, port=0)).run()
