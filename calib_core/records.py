@@ -208,6 +208,7 @@ class TcpResidual(CaptureResidual):
     center_distance_mm: float | None = None
     center_offset_in_base_mm: list[float] | None = None
     leave_one_out_rms_mm: float | None = None
+    two_step_surface_rms_mm: float | None = None
     mahalanobis: float | None = None
     side: int | None = None
     zone: float | None = None
@@ -226,7 +227,7 @@ class Result(Record):
 class VarianceComponents(Record):
     """Standard deviations of the point noise and of the robot's random pose errors."""
 
-    point_sigma_mm: float
+    point_sigma_mm: float | None
     position_sigma_mm: float
     orientation_sigma_rad: float
     orientation_sigma_deg: float

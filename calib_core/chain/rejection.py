@@ -122,11 +122,11 @@ def _restricted(state: ChainState, used: np.ndarray) -> ChainState:
 
 
 def _threshold(count: int, used: int, estimated: bool) -> float:
-    from scipy.stats import chi2, f
+    from scipy.special import chdtri, fdtri  # scipy.stats has them too, but takes a second to import
 
     if not estimated:
-        return float(chi2.isf(_FALSE_ALARM / count, 3))
-    return float(3 * f.isf(_FALSE_ALARM_ESTIMATED / count, 3, max(3 * used - 9, 3)))
+        return float(chdtri(3, _FALSE_ALARM / count))
+    return float(3 * fdtri(3, max(3 * used - 9, 3), 1 - _FALSE_ALARM_ESTIMATED / count))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,110 @@
+"""The TCP's solution as the record that is stored, sent and archived."""
+
+import numpy as np
+
+from calib_core.chain.tcp import Answer, TcpSolution
+from calib_core.chain.tcp_verdict import tcp_verdict
+from calib_core.frames import FloatArray
+from calib_core.records import TcpResidual, TcpResult, TwoStep, Undetermined, VarianceComponents
+
+METHOD = "joint maximum likelihood over points, pose errors integrated out"
+_NAMES = ("rx_deg", "ry_deg", "rz_deg", "tx_mm", "ty_mm", "tz_mm")
+
+
+def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpResult:
+    """Return a solution as a record, with its verdict."""
+    verdict, warnings = tcp_verdict(solution)
+    joint = solution.joint
+    covariance = solution.covariance
+    return TcpResult(
+        stage="tcp",
+        method=METHOD,
+        software=software,
+        inputs_sha256=inputs_sha256,
+        verdict=verdict,
+        warnings=warnings,
+        tool0_from_laser=joint.tool0_from_laser.to_rows(),
+        covariance=covariance[:6, :6].tolist(),
+        sphere_center_in_base_mm=joint.center_in_base_mm.tolist(),
+        sphere_center_covariance=covariance[6:9, 6:9].tolist(),
+        surface_rms_mm=joint.surface_rms_mm,
+        leave_one_out_surface_rms_mm=joint.leave_one_out_surface_rms_mm,
+        center_scatter_rms_mm=joint.center_scatter_rms_mm,
+        undetermined=[
+            Undetermined(direction=d.direction.tolist(), description=d.description) for d in solution.undetermined
+        ],
+        two_step=_two_step(solution),
+        variance_components=_variance_components(solution),
+        confidence_95=_confidence(covariance),
+        residuals=_residuals(solution),
+    )
+
+
+def _confidence(covariance: FloatArray) -> dict[str, float]:
+    """Return half the width of the 95 % interval of each of the six parameters."""
+    half = 1.96 * np.sqrt(np.diag(covariance)[:6])
+    half[:3] = np.rad2deg(half[:3])
+    return {name: float(value) for name, value in zip(_NAMES, half, strict=True)}
+
+
+def _variance_components(solution: TcpSolution) -> VarianceComponents:
+    options = solution.options
+    given = {
+        "point_sigma_mm": options.point_sigma_mm,
+        "position_sigma_mm": options.position_sigma_mm,
+        "orientation_sigma_rad": options.orientation_sigma_rad,
+    }
+    return VarianceComponents(
+        point_sigma_mm=solution.point_sigma_mm,
+        position_sigma_mm=solution.sigmas.position_mm,
+        orientation_sigma_rad=solution.sigmas.orientation_rad,
+        orientation_sigma_deg=float(np.rad2deg(solution.sigmas.orientation_rad)),
+        estimated=[name for name, value in given.items() if value is None],
+    )
+
+
+def _two_step(solution: TcpSolution) -> TwoStep:
+    names = [[solution.captures[k] for k in group] for group in solution.two_step_answer.groups]
+    paper = solution.two_step
+    if paper is None:
+        return TwoStep(translations=names, reason=solution.two_step_answer.reason)
+    covariance = solution.two_step_covariance
+    return TwoStep(
+        tool0_from_laser=paper.tool0_from_laser.to_rows(),
+        sphere_center_in_base_mm=paper.center_in_base_mm.tolist(),
+        surface_rms_mm=paper.surface_rms_mm,
+        leave_one_out_surface_rms_mm=paper.leave_one_out_surface_rms_mm,
+        center_scatter_rms_mm=paper.center_scatter_rms_mm,
+        covariance=None if covariance is None else covariance.tolist(),
+        translations=names,
+        reason=None,
+    )
+
+
+def _residuals(solution: TcpSolution) -> list[TcpResidual]:
+    joint = solution.joint
+    return [
+        TcpResidual(
+            capture=name,
+            used=bool(solution.used[k]),
+            reason=solution.reasons[k],
+            points=solution.points[k],
+            surface_rms_mm=float(joint.capture_rms_mm[k]),
+            center_distance_mm=float(np.linalg.norm(joint.offset_in_base_mm[k])),
+            center_offset_in_base_mm=joint.offset_in_base_mm[k].tolist(),
+            leave_one_out_rms_mm=_finite(joint.leave_one_out_rms_mm[k]),
+            two_step_surface_rms_mm=_two_step_rms(solution.two_step, k),
+            mahalanobis=float(np.sqrt(solution.squared_distance[k])),
+            side=int(solution.sides[k]) or None,
+            zone=solution.zones[k],
+        )
+        for k, name in enumerate(solution.captures)
+    ]
+
+
+def _two_step_rms(paper: Answer | None, capture: int) -> float | None:
+    return None if paper is None else float(paper.capture_rms_mm[capture])
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,112 @@
+"""Whether a TCP can be trusted: the verdict, and every reason for doubt as a sentence."""
+
+import numpy as np
+
+from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.undetermined import OpenDirection
+from calib_core.records import Verdict
+
+_HOPELESS_SCATTER_MM = 5.0
+_LARGE_SIGMA_MM = 1.0
+_MOST_REJECTED = 1 / 3
+_CHI2_6_RARE = 22.5  # 99.9 %
+_RIVAL_NEAR = 1.5
+_FEW_SPARE = 6
+
+
+def tcp_verdict(solution: TcpSolution) -> tuple[Verdict, list[str]]:
+    """Return the verdict on a solution and its warnings, the gravest first."""
+    failures = _failures(solution)
+    warnings = _doubts(solution)
+    if failures:
+        return "fail", failures + warnings
+    return ("warn" if warnings else "pass"), warnings
+
+
+def _failures(solution: TcpSolution) -> list[str]:
+    found = [f"Not determined: {_description(d)}." for d in solution.undetermined]
+    scatter = solution.joint.center_scatter_rms_mm
+    if scatter > _HOPELESS_SCATTER_MM:
+        found.append(
+            f"Poses and scans do not fit together: the sphere's centre scatters by {scatter:.1f} mm in base. "
+            "Check the pose convention, the units, and that every capture has its own pose."
+        )
+    rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
+    if len(rejected) > _MOST_REJECTED * len(solution.captures):
+        found.append(
+            f"{len(rejected)} of {len(solution.captures)} captures contradict the others ({', '.join(rejected)}). "
+            "Check that the sphere stands firmly and that the poses belong to the captures, then repeat these."
+        )
+    return found
+
+
+def _doubts(solution: TcpSolution) -> list[str]:
+    return [*_doubts_about_captures(solution), *_doubts_about_motion(solution), *_doubts_about_noise(solution)]
+
+
+def _doubts_about_captures(solution: TcpSolution) -> list[str]:
+    found = [solution.moved] if solution.moved else []
+    rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
+    if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures):
+        found.append(f"Left out because they contradict the others: {', '.join(rejected)}; see their reasons.")
+    rival, scatter = solution.rival_scatter_mm, solution.start_scatter_mm
+    if rival is not None and rival < _RIVAL_NEAR * scatter:
+        found.append(
+            f"Which side of the plane of light the sphere is on is hardly decided: another choice scatters by "
+            f"{rival:.2f} mm against {scatter:.2f} mm. Add captures with the plane well off the sphere's middle."
+        )
+    return found
+
+
+def _doubts_about_motion(solution: TcpSolution) -> list[str]:
+    undetermined = [d.direction for d in solution.undetermined]
+    found = [
+        f"Weakly determined: {_description(d)}."
+        for d in solution.weak
+        if not any(abs(float(d.direction @ known)) > 0.9 for known in undetermined)
+    ]
+    spare = 3 * int(solution.used.sum()) - 9
+    if spare < _FEW_SPARE:
+        found.append(
+            f"Only {int(solution.used.sum())} captures are used, {spare} measured values more than unknowns: errors "
+            "can hide. Add a few orientations."
+        )
+    if solution.two_step is not None and solution.two_step_covariance is not None:
+        difference = solution.joint.tool0_from_laser.difference(solution.two_step.tool0_from_laser)
+        distance = float(difference @ np.linalg.solve(solution.two_step_covariance, difference))
+        if distance > _CHI2_6_RARE:
+            found.append(
+                "The joint answer and the paper's two steps differ by more than their uncertainty "
+                f"({np.linalg.norm(difference[3:]):.2f} mm, {np.rad2deg(np.linalg.norm(difference[:3])):.2f}°): "
+                "the pure translations may not have kept their orientation."
+            )
+    return found
+
+
+def _doubts_about_noise(solution: TcpSolution) -> list[str]:
+    found: list[str] = []
+    if solution.excess > 1:
+        found.append(
+            f"The captures scatter {np.sqrt(solution.excess):.1f} times more than the given sigmas explain; the "
+            "stated uncertainty is enlarged by that. Leave the robot's sigmas out to have them estimated."
+        )
+    measured, given = solution.measured_point_sigma_mm, solution.options.point_sigma_mm
+    if measured and given and not 0.5 < measured / given < 2:
+        found.append(
+            f"The points scatter by {measured:.3f} mm about their arcs, but scanner.point_sigma_mm says {given:.3f} mm."
+        )
+    if solution.sigmas.position_mm > _LARGE_SIGMA_MM:
+        found.append(
+            f"The poses scatter by {solution.sigmas.position_mm:.2f} mm: more than a sound arm. "
+            "Check its mastering, its tool and the sphere's stand."
+        )
+    found.extend(
+        f"The scanner's {s.axis} scale seems wrong by {100 * s.error:+.1f} ± {200 * s.sigma:.1f} %: it hides in the "
+        "TCP. Check the scanner's own calibration and the sphere's diameter."
+        for s in solution.scale_errors
+    )
+    return found
+
+
+def _description(direction: OpenDirection) -> str:
+    return direction.description
