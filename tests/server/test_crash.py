@@ -64,9 +64,8 @@ def test_a_killed_server_has_lost_nothing_that_it_acknowledged(start: Callable[.
             job = client.post(f"/sessions/{make_session(client)}/solve/tcp").json()["id"]
             while not (told := client.get(f"/jobs/{job}").json()["message"]).startswith("worker "):
                 time.sleep(0.02)
-            acknowledged += [
-                client.post(f"/sessions/{session}/sources/simulated/capture").json() for _ in range(5)
-            ]
+            take = f"/sessions/{session}/sources/simulated/capture"
+            acknowledged = [client.post(take).json() for _ in range(5)]
             process.send_signal(signal.SIGKILL)
     finally:
         process.kill()
