@@ -46,7 +46,7 @@ export function plusMinus(uncertainty, unit) {
 
 /** @param {string} unit */
 function space(unit) {
-  return unit === "°" ? "" : THIN;
+  return unit === "°" || unit === "" ? "" : THIN;
 }
 
 /**

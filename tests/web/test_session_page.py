@@ -1,0 +1,202 @@
+"""The session page at work: files and poses, errors, undo, a server that restarts, captures that others add."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from calib_core.simulation import simulate
+from server.settings import Settings
+from tests.server.live_server import make_session, serving, simulated_session
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def api(address: str) -> Any:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+        yield client
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A session folder as the simulator writes it, with six captures."""
+    made = simulate("tcp", 11)
+    record = made.session.to_json()
+    record["captures"] = record["captures"][:6]
+    root = tmp_path / "cell 11"
+    (root / "captures").mkdir(parents=True)
+    (root / "session.json").write_text(json.dumps(record))
+    for capture in record["captures"]:
+        for name in capture["files"]:
+            (root / name).write_bytes(made.files[name])
+    return root
+
+
+def rows(page: Page) -> Any:
+    return page.locator(".captures tbody tr")
+
+
+def test_a_new_session_says_what_is_missing_and_what_looks_wrong(open_page: Callable[..., Any]) -> None:
+    page, watched = open_page()
+    page.get_by_role("button", name="New session").click()
+    create = page.get_by_role("button", name="Create the session")
+    create.click()
+    expect(page.get_by_role("alert").filter(has_text="choose")).to_contain_text("The robot decides")
+    page.get_by_label("Robot", exact=True).select_option("fanuc")
+    create.click()
+    expect(page.locator(".form-problem")).to_contain_text("needs the sphere's diameter")
+    expect(page.get_by_label("Sphere diameter in mm")).to_be_focused()
+    page.get_by_label("Sphere diameter in mm").fill("0,08")
+    create.click()
+    expect(page.locator(".form-problem")).to_contain_text("type 80")
+    page.get_by_label("Sphere diameter in mm").fill("80,003")
+    create.click()
+    expect(page.locator("sc-guide h1")).not_to_be_empty()
+    expect(page.locator("header")).to_contain_text("FANUC")
+    expect(page.locator("header")).to_contain_text("80.003")
+    assert watched.complaints == []
+
+
+def test_a_folder_becomes_a_session(open_page: Callable[..., Any], folder: Path) -> None:
+    page, watched = open_page()
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Open a session folder").click()
+    chooser.value.set_files(folder)
+    expect(page).to_have_url(re.compile("/sessions/"))
+    expect(rows(page)).to_have_count(6)
+    expect(page.locator("header")).to_contain_text("sphere 40 mm")
+    assert watched.complaints == []
+
+
+def test_files_and_pose_lines_are_matched_before_they_are_sent(
+    open_page: Callable[..., Any], api: httpx.Client, folder: Path
+) -> None:
+    record = json.loads((folder / "session.json").read_text())
+    session = make_session(api, cell=record["cell"])
+    page, watched = open_page(f"/sessions/{session}")
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Add files").click()
+    chooser.value.set_files(sorted((folder / "captures").iterdir())[:4])
+    lines = [" ".join(map(str, capture["pose"])) for capture in record["captures"][:3]]
+    page.get_by_label("Pose lines, one a capture").fill("\n".join([*lines, "1 2 3 4 5"]))
+    table = page.locator(".match")
+    expect(table).to_contain_text("a pose of 7 numbers")
+    x_mm, y_mm, _ = record["captures"][0]["pose"][:3]
+    shown = f"{x_mm:.1f}  {y_mm:.1f}".replace("-", "−")
+    expect(table.locator("tbody tr").first).to_contain_text(shown.split()[0])
+    page.get_by_role("button", name="Add 3 captures").click()
+    expect(rows(page)).to_have_count(3)
+    stored = api.get(f"/sessions/{session}/captures").json()["items"]
+    assert [c["pose"] for c in stored] == [c["pose"] for c in record["captures"][:3]]
+    assert watched.complaints == []
+
+
+def test_lines_that_name_their_file_find_it_in_any_order(
+    open_page: Callable[..., Any], api: httpx.Client, folder: Path
+) -> None:
+    record = json.loads((folder / "session.json").read_text())
+    session = make_session(api, cell=record["cell"])
+    page, _ = open_page(f"/sessions/{session}")
+    page.locator("sc-intake input[type=file]").first.set_input_files(sorted((folder / "captures").iterdir())[:3])
+    lines = [f"{c['id']}.csv " + " ".join(map(str, c["pose"])) for c in record["captures"][:3]]
+    page.get_by_label("Pose lines, one a capture").fill("\n".join(reversed(lines)))
+    page.get_by_role("button", name="Add 3 captures").click()
+    expect(rows(page)).to_have_count(3)
+    stored = {c["id"]: c["pose"] for c in api.get(f"/sessions/{session}/captures").json()["items"]}
+    assert stored == {c["id"]: c["pose"] for c in record["captures"][:3]}
+
+
+def test_a_refused_capture_says_what_to_do(
+    open_page: Callable[..., Any], api: httpx.Client, tmp_path: Path
+) -> None:
+    session = make_session(api)
+    flat = tmp_path / "wall.csv"
+    x_mm = np.linspace(-30, 30, 200)
+    flat.write_text("x_mm,z_mm\n" + "\n".join(f"{x:.3f},200.0" for x in x_mm))
+    broken = tmp_path / "broken.csv"
+    broken.write_text("x_mm,z_mm\n1,2\n3\n")
+    page, _ = open_page(f"/sessions/{session}")
+    page.locator("sc-intake input[type=file]").first.set_input_files([flat, broken])
+    page.get_by_label("Pose lines, one a capture").fill("0 0 500 0 0 0\n10 0 500 0 0 0")
+    page.get_by_role("button", name="Add 2 captures").click()
+    expect(page.locator(".toast.bad")).to_contain_text("broken")
+    expect(rows(page)).to_have_count(1)
+    expect(page.locator("sc-quality h2")).to_contain_text("refused")
+    said = page.locator("sc-quality .reason").inner_text()
+    measured = api.get(f"/sessions/{session}/captures/wall").json()["measured"]
+    assert measured["verdict"] == "fail"
+    assert measured["to_do"] in said
+
+
+def test_a_capture_deleted_by_mistake_comes_back(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api, captures=3)
+    before = {c["id"]: c for c in api.get(f"/sessions/{session}/captures").json()["items"]}
+    page, watched = open_page(f"/sessions/{session}")
+    page.get_by_role("button", name="Delete p02").click()
+    expect(rows(page)).to_have_count(2)
+    page.keyboard.press("Control+z")
+    expect(rows(page)).to_have_count(3)
+    after = {c["id"]: c for c in api.get(f"/sessions/{session}/captures").json()["items"]}
+    assert after == before
+    assert watched.complaints == []
+
+
+def test_it_follows_captures_that_others_add(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api)
+    page, watched = open_page(f"/sessions/{session}")
+    expect(page.locator("sc-live")).to_have_text("live")
+    for count in (1, 2):
+        api.post(f"/sessions/{session}/sources/simulated/capture")
+        expect(rows(page)).to_have_count(count)
+    expect(page.locator("sc-quality h2")).to_contain_text("p02")
+    api.patch(f"/sessions/{session}", json={"name": "renamed elsewhere"})
+    expect(page.locator("header")).to_contain_text("renamed elsewhere")
+    api.delete(f"/sessions/{session}/captures/p01")
+    expect(rows(page)).to_have_count(1)
+    assert watched.complaints == []
+
+
+def test_an_address_of_nothing_says_so(open_page: Callable[..., Any]) -> None:
+    page, _ = open_page("/sessions/not-there")
+    expect(page.locator("main")).to_contain_text("not-there")
+    page.get_by_role("link", name="Back to all sessions").click()
+    expect(page.get_by_role("heading", name="Calibrate a scanning cell")).to_be_visible()
+
+
+def test_search_and_removal_of_sessions(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    for name in ("north hall", "south hall"):
+        make_session(api, name=name)
+    page, watched = open_page()
+    page.get_by_role("searchbox").fill("north")
+    expect(page.locator(".session-card")).to_have_count(1)
+    page.get_by_role("button", name="Remove session north hall").click()
+    page.get_by_role("button", name="Remove for good").click()
+    expect(page.locator(".session-card")).to_have_count(0)
+    assert "north hall" not in {s["name"] for s in api.get("/sessions").json()["items"]}
+    assert watched.complaints == []
+
+
+def test_it_survives_a_restart_of_the_server(browser: Browser, tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"data": tmp_path / "data", "warm_up": False}
+    page = browser.new_page()
+    with serving(Settings(port=0, **settings)) as client:
+        port = client.base_url.port
+        assert port is not None
+        session = simulated_session(client, captures=1)
+        page.goto(f"http://127.0.0.1:{port}/sessions/{session}")
+        expect(page.locator("sc-live")).to_have_text("live")
+    expect(page.locator("sc-live")).to_have_text("reconnecting")
+    with serving(Settings(port=port, **settings)) as client:
+        client.post(f"/sessions/{session}/sources/simulated/capture")
+        expect(page.locator("sc-live")).to_have_text("live", timeout=20_000)
+        expect(rows(page)).to_have_count(2)
+        page.keyboard.press("Space")
+        expect(rows(page)).to_have_count(3)
+        page.close()

@@ -1,0 +1,115 @@
+"""From "new session" to a calibrated TCP with the scene drawn, reading only what the page says."""
+
+import os
+import re
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Locator, Page, expect
+
+pytestmark = pytest.mark.browser
+
+PICTURE = Path(__file__).resolve().parents[2] / "docs" / "images" / "session.png"
+
+
+def instruction(page: Page) -> Locator:
+    return page.locator("sc-guide h1")
+
+
+def rows(page: Page) -> Locator:
+    return page.get_by_role("table").locator("tbody tr")
+
+
+def capture_as_told(page: Page, act: Callable[[], None], at_most: int = 30) -> int:
+    """Capture for as long as the page says so; returns how many it took."""
+    expect(instruction(page)).not_to_be_empty()
+    count = 0
+    while not instruction(page).inner_text().startswith("Solve"):
+        assert count < at_most, f"still told to capture: {instruction(page).inner_text()}"
+        act()
+        count += 1
+        expect(rows(page)).to_have_count(count)
+        expect(page.locator("sc-quality h2")).to_contain_text(f"p{count:02d}")
+        page.wait_for_timeout(250)
+    return count
+
+
+def drawn_colours(page: Page) -> int:
+    """How many different colours the scene shows, once its picture rests."""
+    frame = page.locator("sc-scene iframe")
+    before: Any = None
+    for _ in range(60):
+        now = np.array(Image.open(BytesIO(frame.screenshot())).convert("RGB"))
+        if before is not None and now.shape == before.shape and not np.any(now != before):
+            return len(np.unique(now.reshape(-1, 3), axis=0))
+        before = now
+        page.wait_for_timeout(300)
+    raise AssertionError("the scene never comes to rest")
+
+
+def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., Any]) -> None:
+    page, watched = open_page()
+    expect(page.get_by_role("button", name="Start the simulated cell")).to_be_visible()
+    for _ in range(8):
+        page.keyboard.press("Tab")
+        if page.locator(":focus").inner_text() == "Start the simulated cell":
+            break
+    page.keyboard.press("Enter")
+    expect(page).to_have_url(re.compile("/sessions/"))
+    taken = capture_as_told(page, lambda: page.keyboard.press("Space"))
+    assert taken >= 7
+    page.keyboard.press("s")
+
+    expect(page.get_by_role("tab", name="Result")).to_have_attribute("aria-selected", "true")
+    expect(page.locator(".banner")).to_contain_text(re.compile("accepted|usable"))
+    frame = page.get_by_role("region", name="Scanner on the flange")
+    numbers = frame.locator("dd").all_inner_texts()
+    assert len(numbers) == 7  # the simulated cell speaks ABB's x y z q1 q2 q3 q4
+    for number in numbers:
+        assert re.fullmatch(r"−?\d+(\.\d+)? ± \d+(\.\d+)?(\s?mm)?", number), number
+    expect(page.get_by_role("heading", name="Two answers from the same captures")).to_be_visible()
+    expect(page.locator(".residual-plot .mark-point")).to_have_count(taken)
+    expect(page.locator("sc-rail .answer")).to_contain_text("±")
+    assert drawn_colours(page) > 300
+    assert watched.complaints == []
+    assert watched.hosts == {urlsplit(page.url).netloc}
+
+
+def test_mouse_alone_and_a_pick_that_lights_up_everywhere(open_page: Callable[..., Any]) -> None:
+    page, watched = open_page()
+    page.get_by_role("button", name="Start the simulated cell").click()
+    capture_as_told(page, lambda: page.get_by_role("button", name="Capture", exact=False).first.click())
+    page.get_by_role("button", name=re.compile("^Solve")).click()
+    dot = page.locator(".residual-plot .mark-point").nth(1)
+    with page.expect_request(lambda request: request.url.endswith("/highlight")) as lit:
+        dot.click()
+    assert lit.value.post_data_json == {"capture": "p02"}
+    expect(dot).to_have_class(re.compile("picked"))
+    page.get_by_role("tab", name="Measure").click()
+    expect(page.get_by_role("button", name="p02", exact=True)).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("sc-quality h2")).to_contain_text("Picked capture p02")
+
+    # What changes the captures makes the result out of date, here and in the rail.
+    page.get_by_role("checkbox", name="Use p03").uncheck()
+    expect(page.locator("sc-rail")).to_contain_text("out of date")
+    page.get_by_role("checkbox", name="Use p03").check()
+    expect(page.locator("sc-rail .answer")).not_to_contain_text("out of date")
+    assert watched.complaints == []
+
+
+@pytest.mark.skipif("SCANCELL_PICTURE" not in os.environ, reason="makes the README's picture when asked to")
+def test_picture_for_the_readme(open_page: Callable[..., Any]) -> None:
+    page, _ = open_page(width=1600, height=1000)
+    page.get_by_role("button", name="Start the simulated cell").click()
+    capture_as_told(page, lambda: page.keyboard.press("Space"))
+    page.keyboard.press("s")
+    expect(page.locator(".banner")).to_be_visible()
+    assert drawn_colours(page) > 300
+    PICTURE.parent.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURE)
