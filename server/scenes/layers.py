@@ -1,5 +1,6 @@
 """The layers of a scene, each a function from facts to nodes; a new layer is a new entry in `LAYERS`."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from server.scenes.facts import SceneFacts
 from server.scenes.nodes import Node
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
-_LONGEST_REASON = 44
+_LONGEST_REASON = 64
 _FAN_MARGIN = 0.15
 
 
@@ -81,7 +82,7 @@ def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
         opacity = 0.45 if capture.id == look.picked else 0.06 if look.picked else 0.13
         color = REJECTED if capture.state == "rejected" else LIGHT
         corners = _fan(capture.points_in_laser_mm)
-        faces = np.array([[0, 1, 2]], dtype=np.uint32)
+        faces = np.array([[0, 1, 2], [0, 2, 3]][: len(corners) - 2], dtype=np.uint32)
         yield nodes.surface(f"/light/{capture.id}", laser, corners, faces, color, opacity)
 
 
@@ -141,11 +142,26 @@ def draw(facts: SceneFacts, look: Look) -> dict[str, Node]:
 
 
 def _fan(points_in_laser_mm: FloatArray) -> FloatArray:
-    """Return the triangle of light (3, 3) in L: from the scanner's origin past the points, on their side of it."""
+    """Return where the light passed, as a polygon (3 or 4, 3) in L: from where it came past the last point.
+
+    It comes from the side to which the arc bulges, whichever way the scanner counts z.  Where the origin lies well
+    on that side it is taken for the source; else (an origin in the middle of the measuring range) the source is
+    not known, and a band comes from there.
+    """
     x, z = points_in_laser_mm[:, 0], points_in_laser_mm[:, 2]
+    middle = np.abs(x - (x.min() + x.max()) / 2) < np.ptp(x) / 4
+    onwards = 1.0 if not middle.any() or middle.all() or z[middle].mean() <= z[~middle].mean() else -1.0
+    depth = z * onwards
     margin = _FAN_MARGIN * float(np.ptp(x))
-    far = float(z.max() if np.median(z) >= 0 else z.min())
-    return np.array([[0.0, 0.0, 0.0], [x.min() - margin, 0.0, far], [x.max() + margin, 0.0, far]])
+    left, right, far = float(x.min() - margin), float(x.max() + margin), float(depth.max())
+    near = float(depth.min())
+    if near > right - left:
+        outline = [[0.0, 0.0], [left, far], [right, far]]
+    else:
+        start = near - (right - left)
+        inset = 0.1 * (right - left)
+        outline = [[left + inset, start], [left, far], [right, far], [right - inset, start]]
+    return np.array([[along, 0.0, onwards * away] for along, away in outline])
 
 
 def _cross(flange: RigidTransform, size_mm: float) -> FloatArray:
@@ -155,6 +171,6 @@ def _cross(flange: RigidTransform, size_mm: float) -> FloatArray:
 
 
 def _short(reason: str) -> str:
-    """Return the first clause of a reason, short enough for a label."""
-    first = reason.split(". ")[0].rstrip(".")
-    return first if len(first) <= _LONGEST_REASON else first[: _LONGEST_REASON - 1].rstrip() + "…"
+    """Return the first clause of a reason without what stands in brackets, short enough for a label."""
+    clause = re.split(r"[.,;:](?:\s|$)", re.sub(r"\s*\([^)]*\)", "", reason), maxsplit=1)[0]
+    return clause if len(clause) <= _LONGEST_REASON else clause[: _LONGEST_REASON - 1].rstrip() + "…"

@@ -118,6 +118,34 @@ def test_picking_a_capture_touches_its_own_nodes_and_dims_the_other_light() -> N
     assert {"/points/p03", "/frames/p03/flange", "/labels/p03", "/light/p03"} <= touched
 
 
+@pytest.mark.parametrize("z_sign", [1.0, -1.0])
+@pytest.mark.parametrize("away_mm", [190.0, 5.0])
+def test_the_light_comes_from_the_side_that_the_scanner_sees(z_sign: float, away_mm: float) -> None:
+    angle = np.deg2rad(np.linspace(-65, 65, 200))
+    arc = np.stack([12 * np.sin(angle), 0 * angle, away_mm - 12 * np.cos(angle)], axis=1) * [1, 1, z_sign]
+    scene = dataclasses.replace(make_cell().scene(count=1), load_points=lambda _: arc)
+    corners = drawn(scene_facts(scene))["/light/p01"].arguments["vertices"] * 1000.0
+    depth = corners[:, 2] * z_sign  # grows away from the scanner
+    assert depth.max() == pytest.approx((arc[:, 2] * z_sign).max(), abs=1e-3)
+    assert depth.min() <= min(0.0, (arc[:, 2] * z_sign).min() - 10)
+    assert corners[:, 0].min() < arc[:, 0].min()
+    assert corners[:, 0].max() > arc[:, 0].max()
+    assert (corners[:, 1] == 0).all()
+    # From far away it starts in the scanner's origin; from an origin beside the sphere the source is not known.
+    assert (np.abs(corners).sum(axis=1) == 0).any() == (away_mm > 100)
+
+
+def test_a_label_gives_the_first_clause_of_a_long_reason() -> None:
+    scene = make_cell(rejected=("p01",)).scene(count=2)
+    tcp = scene.results["tcp"]
+    reason = "the sphere appears 3.00 mm (x -1.97, y +0.12) from where the others see it, 9 times. Take it again."
+    rows = [r.model_copy(update={"reason": reason}) for r in tcp.residuals]  # pyright: ignore
+    facts = scene_facts(dataclasses.replace(scene, results={"tcp": tcp.model_copy(update={"residuals": rows})}))
+    label = drawn(facts)["/labels/p01"].arguments["text"]
+    assert label == "✕ p01 · the sphere appears 3.00 mm from where the others see it"
+    assert reason in rejected_html(facts)
+
+
 def test_many_points_are_thinned_to_the_bound_evenly() -> None:
     cell = make_cell(count=4, points=120_000)
     facts = scene_facts(cell.scene())
