@@ -67,7 +67,7 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
 
 
 def _as_grey_or_rgb(image: NDArray[Any], where: str) -> ImageArray:
-    if image.dtype not in (np.uint8, np.uint16):
+    if image.dtype.name not in ("uint8", "uint16"):
         raise InputError(
             "an image of 8 or 16 bit", f"one of {image.dtype}", "Save it as PNG or TIFF of 8 or 16 bit.", where
         )

@@ -1,0 +1,100 @@
+"""ChArUco boards: a chessboard whose white squares hold markers, so that a part of it is enough."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.records import Board
+
+_FEWEST_CORNERS = 6
+
+
+def find_charuco(grey: NDArray[np.uint8], board: Board) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+    """Return corners (N, 2), px, their ids (N,) and their places on the board (N, 3), mm.
+
+    Raises
+    ------
+    MeasurementError
+        If fewer than six corners are seen, or the image is mirrored.
+    InputError
+        If the marker's size or the dictionary is not given.
+    """
+    markers, best = 0, None
+    for legacy in (False, True):
+        corners, ids, count = _detect(grey, board, legacy)
+        markers = max(markers, count)
+        if best is None or len(ids) > len(best[1]):
+            best = corners, ids
+        if len(ids) >= _FEWEST_CORNERS:
+            break
+    assert best is not None
+    points, ids = best
+    if len(ids) < _FEWEST_CORNERS:
+        raise _why_not(grey, board, len(ids), markers)
+    columns = board.columns - 1
+    places = np.zeros((len(ids), 3))
+    places[:, 0], places[:, 1] = (ids % columns + 1) * board.pitch_mm, (ids // columns + 1) * board.pitch_mm
+    if np.linalg.matrix_rank(places[:, :2] - places[0, :2], tol=0.1 * board.pitch_mm) < 2:
+        raise MeasurementError(
+            "corners in at least two rows and columns", "corners in one line", "Show more of the board."
+        )
+    return points, ids, places
+
+
+def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> tuple[FloatArray, NDArray[np.int64], int]:
+    import cv2
+
+    if board.marker_mm is None or board.dictionary is None:
+        raise InputError(
+            "marker_mm and dictionary of a ChArUco board",
+            "a board without them",
+            "Add both to cell.board, as printed on the board (dictionary: for example DICT_5X5_100).",
+            "cell.board",
+        )
+    pattern = cv2.aruco.CharucoBoard(
+        (board.columns, board.rows), board.pitch_mm, board.marker_mm, _dictionary(board.dictionary)
+    )
+    pattern.setLegacyPattern(legacy)
+    # OpenCV gives None where it finds none, which its types do not say.
+    found: Any = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
+    corners, ids, _, marker_ids = found
+    count = 0 if marker_ids is None else len(marker_ids)
+    if ids is None or corners is None:
+        return np.zeros((0, 2)), np.zeros(0, np.int64), count
+    return np.asarray(corners, dtype=float).reshape(-1, 2), np.asarray(ids, dtype=np.int64).ravel(), count
+
+
+def _dictionary(name: str):
+    import cv2
+
+    full = name.upper() if name.upper().startswith("DICT_") else f"DICT_{name.upper()}"
+    code = getattr(cv2.aruco, full, None)
+    if code is None:
+        known = sorted(n for n in dir(cv2.aruco) if n.startswith("DICT_"))
+        raise InputError(
+            "a marker dictionary among " + ", ".join(known), repr(name), "Name the one printed.", "cell.board"
+        )
+    return cv2.aruco.getPredefinedDictionary(code)
+
+
+def _why_not(grey: NDArray[np.uint8], board: Board, corners: int, markers: int) -> MeasurementError:
+    from calib_core.optics.board_refusal import why_not_found
+
+    if corners == 0:
+        mirrored = _detect(np.ascontiguousarray(grey[:, ::-1]), board, False)
+        if len(mirrored[1]) >= _FEWEST_CORNERS:
+            return MeasurementError(
+                "the board as it is",
+                "its mirror image",
+                "Turn off mirroring in the camera's driver, or take the mirror out of the optics' path.",
+            )
+    if corners or markers:
+        return MeasurementError(
+            f"at least {_FEWEST_CORNERS} corners of the ChArUco board",
+            f"{corners} corners and {markers} markers",
+            "Show more of the board, and check its columns, rows and dictionary.",
+        )
+    return why_not_found(grey, board)

@@ -1,0 +1,120 @@
+"""Why a frame does not show the board: each case in a sentence of its own."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.records import Board
+
+Grey = NDArray[np.uint8]
+
+_LEAST_CONTRAST = 12.0  # grey values of 255 between the dark and the bright of a frame
+_NAMES = {
+    "chessboard": "inner corners",
+    "charuco": "squares",
+    "circles": "circles",
+    "asymmetric-circles": "circles, every second row shifted",
+}
+
+
+def grey_eight_bit(image: NDArray[Any]) -> tuple[Grey, tuple[str, ...]]:
+    """Return a frame as 8-bit grey, and what was done to it, in sentences.
+
+    Raises
+    ------
+    InputError
+        If it is not an image of 8 or 16 bit.
+    """
+    import cv2
+
+    if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)) or image.ndim not in (2, 3) or image.size == 0:
+        raise InputError(
+            "a grey or colour image of 8 or 16 bit", f"{image.dtype} of shape {image.shape}", "Save it as PNG."
+        )
+    notes: tuple[str, ...] = ()
+    if image.ndim == 3:
+        image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_RGB2GRAY)
+        notes = ("The frame is in colour and was turned into grey.",)
+    if image.dtype == np.uint16:  # 10, 12 or 14 of its bits may be used: the frame's own range says
+        low, high = (float(v) for v in np.percentile(image, [0.1, 99.9]))
+        image = np.clip((image.astype(np.float32) - low) * (255.0 / max(high - low, 255.0)), 0, 255)
+    return np.ascontiguousarray(image, dtype=np.uint8), notes
+
+
+def refuse_flat_image(grey: Grey) -> None:
+    """Raise MeasurementError if nothing at all is to be seen."""
+    dark, bright = (float(v) for v in np.percentile(grey, [0.5, 99.5]))
+    if bright - dark >= _LEAST_CONTRAST:
+        return
+    if dark >= 250:
+        raise MeasurementError(
+            "a frame that shows the board", "a saturated frame, white all over", "Expose it less."
+        )
+    got = "a black frame" if bright < 30 else f"a blank frame, grey {dark:.0f} to {bright:.0f} of 255"
+    raise MeasurementError(
+        "a frame that shows the board", got, "Light the board, and check the exposure and lens cap."
+    )
+
+
+def why_not_found(grey: Grey, board: Board) -> MeasurementError:
+    """Return the likeliest reason why the board was not found."""
+    need = f"the whole {board.kind} board of {board.columns} × {board.rows} {_NAMES[board.kind]}"
+    saturated = float((grey >= 255).mean())
+    if saturated > 0.5:
+        return MeasurementError(need, f"a frame that is saturated over {saturated:.0%}", "Shorten the exposure.")
+    dark, bright = (float(v) for v in np.percentile(grey, [0.5, 99.5]))
+    if bright < 60:
+        return MeasurementError(
+            need, f"a frame too dark to find it (brightest grey {bright:.0f} of 255)", "Light the board."
+        )
+    edge = _sharpest_edge(grey, bright - dark)
+    if edge < 0.06:
+        return MeasurementError(
+            need, "a blurred frame without a sharp edge", "Focus the lens, hold the board still, or expose less."
+        )
+    if board.kind == "chessboard" and (seen := _partial_chessboard(grey)):
+        columns, rows = seen
+        if columns * rows > board.columns * board.rows or (columns > board.columns and rows >= board.rows):
+            to_do = "Check columns and rows in cell.board: count inner corners, not squares."
+        else:
+            to_do = "Bring the whole board into the frame, without shadows, glare or fingers on it."
+        return MeasurementError(need, f"a board of {columns} × {rows} inner corners, or a part of one", to_do)
+    return MeasurementError(
+        need,
+        "no board",
+        "Bring the whole board into the frame, evenly lit, and check kind, columns and rows in cell.board.",
+    )
+
+
+def refuse_second_board(grey: Grey, board: Board, points: FloatArray) -> None:
+    """Raise MeasurementError if a second board like the one found is in the frame."""
+    import cv2
+
+    if board.kind != "chessboard":
+        return
+    hull = cv2.convexHull(points.astype(np.float32))[:, 0]
+    wider = hull.mean(0) + (hull - hull.mean(0)) * (1 + 2.6 / min(board.columns, board.rows))
+    rest = grey.copy()
+    cv2.fillConvexPoly(rest, np.rint(wider).astype(np.int32), int(np.median(grey)))
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    if cv2.findChessboardCorners(rest, (board.columns, board.rows), flags=flags)[0]:
+        raise MeasurementError("one board", "two boards in one frame", "Take or cover one of them.")
+
+
+def _sharpest_edge(grey: Grey, contrast: float) -> float:
+    """Return the steepest slopes of a frame, as a share of its contrast per pixel."""
+    smooth = grey[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2].astype(np.float32)
+    smooth = (smooth[::2, ::2] + smooth[1::2, ::2] + smooth[::2, 1::2] + smooth[1::2, 1::2]) / 4
+    slopes = np.abs(np.diff(smooth, axis=1)) / 2
+    return float(np.percentile(slopes, 99.8)) / max(contrast, 1.0)
+
+
+def _partial_chessboard(grey: Grey) -> tuple[int, int] | None:
+    """Return columns and rows of the largest chessboard to be found, at least 3 × 3."""
+    import cv2
+
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), cv2.CALIB_CB_LARGER)
+    return (int(meta.shape[1]), int(meta.shape[0])) if found else None

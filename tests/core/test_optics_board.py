@@ -1,0 +1,174 @@
+"""Boards of every kind, rendered with known truth; and every frame that must be refused with its own sentence."""
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, MeasurementError
+from calib_core.optics.board import find_board, points_in_board_mm
+from calib_core.records import Board
+
+SIZE = (640, 480)
+TILTED = np.array([[3.0, -0.35, 150.0], [0.25, 2.8, 110.0], [0.0004, -0.0006, 1.0]])  # px from mm
+CHESS = Board(kind="chessboard", columns=9, rows=6, pitch_mm=10.0)
+CHARUCO = Board(kind="charuco", columns=9, rows=7, pitch_mm=12.0, marker_mm=9.0, dictionary="DICT_5X5_100")
+CIRCLES = Board(kind="circles", columns=8, rows=6, pitch_mm=12.0)
+ASYMMETRIC = Board(kind="asymmetric-circles", columns=4, rows=11, pitch_mm=9.0)
+
+
+def chess_ink(board: Board, x: NDArray, y: NDArray) -> NDArray:
+    p = board.pitch_mm
+    column, row = np.floor(x / p).astype(int), np.floor(y / p).astype(int)
+    on_board = (column >= -1) & (column < board.columns) & (row >= -1) & (row < board.rows)
+    return on_board & ((column + row) % 2 == 0)
+
+
+def circle_ink(board: Board, x: NDArray, y: NDArray) -> NDArray:
+    ink = np.zeros(x.shape, bool)
+    for cx, cy, _ in points_in_board_mm(board):
+        ink |= (x - cx) ** 2 + (y - cy) ** 2 < (0.28 * board.pitch_mm) ** 2
+    return ink
+
+
+def charuco_ink(board: Board, x: NDArray, y: NDArray) -> NDArray:
+    pixels_per_mm = 10
+    pattern = cv2.aruco.CharucoBoard(
+        (board.columns, board.rows), board.pitch_mm, board.marker_mm or 0,
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100),
+    )  # fmt: skip
+    shape = (int(board.columns * board.pitch_mm * pixels_per_mm), int(board.rows * board.pitch_mm * pixels_per_mm))
+    picture = pattern.generateImage(shape, marginSize=0)
+    u, v = np.floor(x * pixels_per_mm).astype(int), np.floor(y * pixels_per_mm).astype(int)
+    inside = (u >= 0) & (u < shape[0]) & (v >= 0) & (v < shape[1])
+    ink = np.zeros(x.shape, bool)
+    ink[inside] = picture[v[inside], u[inside]] < 128
+    return ink
+
+
+def render(
+    board: Board, px_from_mm: NDArray = TILTED, noise: float = 1.5, blur_px: float = 0.7, seed: int = 0
+) -> NDArray[np.uint8]:
+    """Four samples a pixel of the board's ink, 40 on 210."""
+    fine = (np.arange(SIZE[0] * 2) + 0.5) / 2 - 0.5, (np.arange(SIZE[1] * 2) + 0.5) / 2 - 0.5
+    u, v = np.meshgrid(*fine)
+    m = np.linalg.inv(px_from_mm)
+    w = m[2, 0] * u + m[2, 1] * v + m[2, 2]
+    x, y = (m[0, 0] * u + m[0, 1] * v + m[0, 2]) / w, (m[1, 0] * u + m[1, 1] * v + m[1, 2]) / w
+    ink = {"chessboard": chess_ink, "charuco": charuco_ink}.get(board.kind, circle_ink)(board, x, y)
+    grey = 210 - 170 * ink.reshape(SIZE[1], 2, SIZE[0], 2).mean(axis=(1, 3))
+    grey = cv2.GaussianBlur(grey, (0, 0), blur_px) if blur_px else grey
+    return np.clip(grey + np.random.default_rng(seed).normal(0, noise, grey.shape), 0, 255).astype(np.uint8)
+
+
+def truth(board: Board, px_from_mm: NDArray = TILTED) -> NDArray:
+    p = points_in_board_mm(board) @ np.diag([1, 1, 0]) + [0, 0, 1]
+    q = p @ px_from_mm.T
+    return q[:, :2] / q[:, 2:]
+
+
+@pytest.mark.parametrize("board", [CHESS, CIRCLES, ASYMMETRIC], ids=lambda b: b.kind)
+@pytest.mark.parametrize("inverted", [False, True], ids=["dark on bright", "bright on dark"])
+def test_points_are_found_to_a_tenth_of_a_pixel(board: Board, inverted: bool) -> None:
+    image = render(board)
+    view = find_board(255 - image if inverted else image, board)
+    expected = truth(board)
+    if inverted and board.kind == "chessboard":
+        expected = expected[::-1]  # with its colours exchanged the board stands on its head
+    error = view.points_px - expected
+    assert np.sqrt((error**2).mean()) < 0.1
+    np.testing.assert_array_equal(view.points_in_board_mm, points_in_board_mm(board))
+    assert view.image_size == SIZE
+    assert 0 < view.corner_sigma_px < 0.2
+
+
+def test_charuco_whole_and_in_part() -> None:
+    image = render(CHARUCO)
+    view = find_board(image, CHARUCO)
+    assert len(view.ids) == 8 * 6
+    h = TILTED
+    q = (view.points_in_board_mm @ np.diag([1, 1, 0]) + [0, 0, 1]) @ h.T
+    assert np.sqrt(((view.points_px - q[:, :2] / q[:, 2:]) ** 2).mean()) < 0.15  # markers crowd its corners
+    image[:, 330:] = 128
+    part = find_board(image, CHARUCO)
+    assert 6 <= len(part.ids) < 40
+    whole = {int(i): p for i, p in zip(view.ids, view.points_px, strict=True)}
+    for i, p in zip(part.ids, part.points_px, strict=True):
+        assert np.linalg.norm(whole[int(i)] - p) < 0.3
+
+
+def test_a_chessboard_turned_upside_down_is_the_same_board() -> None:
+    half_turn = np.array([[-1.0, 0, SIZE[0] - 1], [0, -1, SIZE[1] - 1], [0, 0, 1]])
+    view = find_board(render(CHESS, half_turn @ TILTED), CHESS)
+    assert not view.turn_is_ambiguous
+    assert np.sqrt(((view.points_px - truth(CHESS, half_turn @ TILTED)) ** 2).mean()) < 0.1
+
+
+def test_a_board_that_looks_the_same_turned_says_so() -> None:
+    even = Board(kind="chessboard", columns=8, rows=6, pitch_mm=10.0)
+    view = find_board(render(even), even)
+    assert view.turn_is_ambiguous
+    assert any("180°" in note for note in view.notes)
+
+
+def test_sixteen_bit_and_colour() -> None:
+    image = render(CHESS)
+    reference = find_board(image, CHESS).points_px
+    twelve_bit = find_board(image.astype(np.uint16) * 16, CHESS)
+    assert np.abs(twelve_bit.points_px - reference).max() < 0.1
+    colour = find_board(np.dstack([image, image, image]), CHESS)
+    assert any("colour" in note for note in colour.notes)
+    assert np.abs(colour.points_px - reference).max() < 0.1
+
+
+def half_seen() -> NDArray[np.uint8]:
+    image = render(CHESS)
+    image[:, :260] = 210
+    return image
+
+
+def two_boards() -> NDArray[np.uint8]:
+    small = np.array([[1.6, 0, 90], [0, 1.6, 60], [0, 0, 1]])
+    low = np.array([[1.0, 0, 0], [0, 1, 240], [0, 0, 1]])
+    return np.minimum(render(CHESS, small), render(CHESS, low @ small))
+
+
+BAD_FRAMES = {
+    "black": (np.full((480, 640), 3, np.uint8), "black frame"),
+    "blank": (np.full((480, 640), 128, np.uint8), "blank frame"),
+    "white": (np.full((480, 640), 255, np.uint8), "saturated"),
+    "saturated": (np.clip(render(CHESS).astype(int) * 7, 0, 255).astype(np.uint8), "saturated"),
+    "dark": (np.random.default_rng(2).integers(0, 40, (480, 640)).astype(np.uint8), "too dark"),
+    "blurred": (render(CHESS, blur_px=14.0, noise=1.0), "blurred"),
+    "no board": (np.random.default_rng(1).integers(60, 200, (480, 640)).astype(np.uint8), "no board"),
+    "partial": (half_seen(), r"inner corners, or a part of one"),
+    "two": (two_boards(), "two boards"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FRAMES)
+def test_a_bad_frame_is_refused_by_its_own_sentence(name: str) -> None:
+    image, sentence = BAD_FRAMES[name]
+    with pytest.raises(MeasurementError, match=sentence) as caught:
+        find_board(image, CHESS)
+    assert caught.value.to_do.endswith(".")
+
+
+def test_wrong_counts_are_told_from_a_covered_board() -> None:
+    with pytest.raises(MeasurementError, match=r"9 × 6 inner corners.*count inner corners"):
+        find_board(render(CHESS), Board(kind="chessboard", columns=8, rows=5, pitch_mm=10.0))
+
+
+def test_a_mirrored_charuco_is_named() -> None:
+    with pytest.raises(MeasurementError, match="mirror"):
+        find_board(np.ascontiguousarray(render(CHARUCO)[:, ::-1]), CHARUCO)
+
+
+def test_records_that_lack_something() -> None:
+    image = render(CHARUCO)
+    with pytest.raises(InputError, match="marker_mm"):
+        find_board(image, CHARUCO.model_copy(update={"marker_mm": None}))
+    with pytest.raises(InputError, match="DICT_4X4_50"):
+        find_board(image, CHARUCO.model_copy(update={"dictionary": "6x9"}))
+    with pytest.raises(InputError, match="8 or 16 bit"):
+        find_board(image.astype(np.float32), CHARUCO)
