@@ -63,7 +63,7 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         raise _with_failures(error, failed) from None
     from calib_core.chain.tcp_result import tcp_result
 
-    unused |= {name: f"need {error.need}, got {error.got}" for name, error in failed.items()}
+    unused |= {name: _why(error) for name, error in failed.items()}
     return _with_unused(tcp_result(solution, SOFTWARE, given.inputs_sha256), given.captures, unused)
 
 
@@ -105,6 +105,10 @@ def _with_failures(error: MotionError, failed: dict[str, MeasurementError]) -> M
         return error
     names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
     return MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where)
+
+
+def _why(error: MeasurementError) -> str:
+    return f"need {error.need}, got {error.got}. {error.to_do.removesuffix('.')}"
 
 
 def _with_unused(result: TcpResult, captures: Sequence[Capture], unused: dict[str, str]) -> TcpResult:

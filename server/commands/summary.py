@@ -26,7 +26,6 @@ def tcp_summary(session: Session, result: TcpResult) -> str:
         *_evidence(result),
         *_two_step(result),
         *(f"Not used  {row.capture}: {row.reason}" for row in result.residuals if not row.used),
-        *(f"Open      {direction.description}" for direction in result.undetermined),
         *(f"Warning   {warning}" for warning in result.warnings),
     ]
     return "\n".join(lines)
