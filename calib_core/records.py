@@ -306,6 +306,41 @@ class Finding(Record):
     sentence: str
 
 
+class PlaneInCamera(Record):
+    """The plane of light in the camera frame: normal · p = distance, distance not negative."""
+
+    normal: Vector3
+    distance_mm: float
+
+
+class LaserPlaneResidual(CaptureResidual):
+    """Figures of one board with the stripe: its points on the plane of light, and its corners."""
+
+    points: int = 0
+    line_rms_mm: float | None = None
+    line_mean_mm: float | None = None
+    stripe_sigma_px: float | None = None
+    board_rms_px: float | None = None
+    board_distance_mm: float | None = None
+
+
+class LaserPlaneResult(Result):
+    """The plane of light in the camera frame, and the frame L in it.
+
+    `covariance` is of camera_from_laser, `plane_covariance` (4, 4) of the normal and the distance.
+    """
+
+    stage: Literal["laser-plane"] = "laser-plane"
+    plane_in_camera: PlaneInCamera
+    camera_from_laser: Matrix4
+    plane_rms_mm: float
+    covariance: Rows
+    plane_covariance: Rows
+    normal_sigma_deg: float
+    distance_sigma_mm: float
+    residuals: list[LaserPlaneResidual]
+
+
 GuideStatus = Literal["done", "working", "todo", "later", "stale", "failing", "known", "not-needed"]
 
 

@@ -133,7 +133,7 @@ def find_stripe(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3) in the order blue green red, 8 or 16 bit
+    image : (H, W) or (H, W, 3) in the order red green blue, 8 or 16 bit
         With the stripe alone, or on a lit surface.
     options : StripeOptions, optional
     axis, width_px, color : optional

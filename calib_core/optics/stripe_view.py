@@ -12,9 +12,11 @@ Axis = Literal["columns", "rows"]
 Color = Literal["grey", "red", "green", "blue"]
 ImageArray = NDArray[np.uint8 | np.uint16]
 
-_CHANNEL: dict[Color, int] = {"blue": 0, "green": 1, "red": 2}
+_CHANNEL: dict[Color, int] = {"red": 0, "green": 1, "blue": 2}
 _SMALLEST_PX = 32
 _SAMPLED_LINES = 64
+_LIT_SHARE = 0.08  # of the range of grey values: more than this in the room's light is a lit frame
+_OFFSET_SHARE = 0.08  # keeps the noise's negative half
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ def view_of(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3)
+    image : (H, W) or (H, W, 3), red green blue
     dark : like image, or None
         Taken off.
     axis, color, saturation : see `StripeOptions`
@@ -66,12 +68,29 @@ def view_of(
         image, level = _difference(image, dark, level)
     channels = _channels(image, color)
     axes: list[Axis] = [axis] if axis else ["columns", "rows"]
-    candidates: list[tuple[ImageArray, Axis]] = [(channel, a) for channel in channels for a in axes]
-    best = candidates[0]
+    candidates: list[tuple[int, Axis]] = [(k, a) for k in range(len(channels)) for a in axes]
+    best, along = candidates[0]
     if len(candidates) > 1:
-        best = max(candidates, key=lambda c: _prominence(c[0] if c[1] == "columns" else c[0].T))
-    channel = best[0] if best[1] == "columns" else best[0].T
-    return StripeView(np.ascontiguousarray(channel), best[1], level)
+        best, along = max(candidates, key=lambda c: _prominence(_turned(channels[c[0]], c[1])))
+    channel = channels[best]
+    if image.ndim == 3 and color != "grey":
+        channel = _without_room_light(image, channel, along)
+    return StripeView(np.ascontiguousarray(_turned(channel, along)), along, level)
+
+
+def _turned(channel: ImageArray, axis: Axis) -> ImageArray:
+    return channel if axis == "columns" else channel.T
+
+
+def _without_room_light(image: ImageArray, channel: ImageArray, axis: Axis) -> ImageArray:
+    """Return a channel less the one that sees least of the laser, where room light shows a pattern in both."""
+    others = [image[..., k] for k in range(3) if not np.shares_memory(image[..., k], channel)]
+    least = min(others, key=lambda other: _prominence(_turned(other, axis)))
+    full = float(np.iinfo(image.dtype).max)
+    if float(np.median(least[::8, ::8])) < _LIT_SHARE * full:
+        return channel
+    difference = channel.astype(np.int32) - least + round(_OFFSET_SHARE * full)
+    return np.clip(difference, 0, full).astype(image.dtype)
 
 
 def _require_image(image: ImageArray, where: str) -> None:
@@ -117,7 +136,7 @@ def _channels(image: ImageArray, color: Color | None) -> list[ImageArray]:
     if image.ndim == 2:
         return [image]
     if color is None:
-        return [image[..., k] for k in (2, 1, 0)]
+        return [image[..., k] for k in range(3)]
     if color == "grey":
         return [np.rint(image.mean(axis=2)).astype(image.dtype)]
     return [image[..., _CHANNEL[color]]]

@@ -14,7 +14,7 @@ from calib_core.simulation.frames import Exposure, FloatArray, ImageArray, Light
 from calib_core.simulation.motion import back, pose, turn
 from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
 
-_SPHERE_RADIUS_MM = 20.0
+_SPHERE_RADIUS_MM = 30.0
 _PITCH_MM = 9.0
 _SPHERE_IN_BASE_MM = np.array([900.0, 150.0, 400.0])
 _TOOL0_FROM_CAMERA = pose(turn([0.35, -0.2, 1.1]), [42.0, -75.0, 60.0])
@@ -244,8 +244,9 @@ def _sphere_captures(
         label = f"p{index + 1:02d}"
         turned = index >= options.translations
         rotation = nominal @ turn(rng.uniform(-0.6, 0.6, 3)) if turned else nominal
-        offset = rng.choice([-1, 1]) * rng.uniform(0.2, 0.8) * _SPHERE_RADIUS_MM
-        in_laser = np.array([rng.uniform(-25, 25), offset, rng.uniform(190, 260), 1.0])
+        # Beyond the plane, as the camera sees it: then the stripe lies on the sphere's near side.
+        offset = rng.uniform(0.15, 0.8) * _SPHERE_RADIUS_MM
+        in_laser = np.array([rng.uniform(-25, 25), offset, rng.uniform(200, 260), 1.0])
         in_tool0 = (cell.tool0_from_laser @ in_laser)[:3]
         reported = rounded_pose(pose(rotation, _SPHERE_IN_BASE_MM - rotation @ in_tool0))
         actual = pose(

@@ -1,0 +1,316 @@
+"""The plane of light from views of a board with the stripe on it, with everything that is uncertain in it.
+
+First the boards' poses from their corners, the stripe's points on the boards and a robust plane through them; then
+poses and plane together, corners and stripe centres weighed by their own noise.  The poses are eliminated, so that
+the plane's covariance holds their uncertainty too; the camera's own is carried through where it is given.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import MotionError
+from calib_core.frames import RigidTransform
+from calib_core.optics.adjust import Adjustment, Corners, LaserLines, State, fit_poses, plane_start, shared_vector
+from calib_core.optics.board import BoardView
+from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.camera_start import homographies, poses_from_homographies
+from calib_core.optics.laser_plane import (
+    BoardLine,
+    PlaneFit,
+    fit_plane,
+    oriented_plane,
+    plane_covariance_from_inverse,
+    points_on_board,
+    straight_part,
+)
+from calib_core.optics.stripe import StripeCenters
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_HUBER = 3.0
+_LEAST_CORNER_SIGMA_PX = 0.01
+_LEAST_STRIPE_SIGMA_PX = 0.01
+_LEAST_POINTS = 30
+_INSIDE_SHARE = 0.25
+_SPOILED_RMS_RATIO = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneView:
+    """One board with the stripe on it."""
+
+    name: str
+    board: BoardView
+    stripe: StripeCenters
+
+
+@dataclass(frozen=True, eq=False)
+class CameraUncertainty:
+    """The covariance (C, C) of the camera's parameters at places `free` (C,) of `adjust`'s shared vector."""
+
+    free: NDArray[np.int64]
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ViewFigures:
+    """What one view contributed."""
+
+    name: str
+    reason: str | None
+    points: int
+    line_rms_mm: float
+    line_mean_mm: float
+    stripe_sigma_px: float
+    board_rms_px: float
+    board_distance_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneSolution:
+    """The plane of light and its evidence.
+
+    Parameters
+    ----------
+    normal, distance_mm
+        normal · p = distance in the camera frame, distance not negative.
+    covariance : (4, 4)
+        Of normal and distance.
+    rms_mm : float
+        RMS distance of the stripe's points on the boards from the plane.
+    camera_from_board : list of RigidTransform
+        Of the views that were used.
+    lines : tuple of BoardLine
+        Of the views that were used.
+    fit : PlaneFit
+        The robust fit that the joint one started from.
+    views : tuple of ViewFigures
+        All views, in the order given.
+    noise_factor : float
+        How much larger the stripe's residuals are than its centres' own standard deviations.
+    """
+
+    normal: FloatArray
+    distance_mm: float
+    covariance: FloatArray
+    rms_mm: float
+    camera_from_board: list[RigidTransform]
+    lines: tuple[BoardLine, ...]
+    fit: PlaneFit
+    views: tuple[ViewFigures, ...]
+    noise_factor: float
+
+
+def solve_plane(
+    camera: CameraModel,
+    views: Sequence[PlaneView],
+    camera_uncertainty: CameraUncertainty | None = None,
+    progress: Callable[[float, str], None] = lambda fraction, message: None,
+) -> PlaneSolution:
+    """Return the plane of light from views of a board with the stripe on it.
+
+    Parameters
+    ----------
+    camera : CameraModel
+    views : sequence of PlaneView
+    camera_uncertainty : CameraUncertainty, optional
+        Left out, the camera counts as exact.
+    progress : callable, optional
+
+    Raises
+    ------
+    MotionError
+        If too few boards carry the stripe, or their lines do not fix a plane.
+    """
+    if len(views) < 2:
+        raise MotionError(
+            "at least two boards with the stripe on them, better five at different distances",
+            f"{len(views)}",
+            "Capture the board with the stripe on it at other distances and tilts.",
+        )
+    corners = _corners(views)
+    posed, corner_rms = _fit_poses(camera, corners)
+    poses = posed.poses()
+    progress(0.5, "fitting the plane")
+    on_line = [_on_straight_line(camera, view, pose) for view, pose in zip(views, poses, strict=True)]
+    kept = [view.stripe.selected(mask) for view, mask in zip(views, on_line, strict=True)]
+    lines = [_line(camera, v.name, s, p) for v, s, p in zip(views, kept, poses, strict=True)]
+    fit = fit_plane(lines)
+    reasons = _reasons(lines, fit)
+    used = [i for i, reason in enumerate(reasons) if reason is None]
+    if len(used) < len(lines):
+        fit = fit_plane([lines[i] for i in used])
+    inliers = [kept[i].selected(mask) for i, mask in zip(used, fit.inliers, strict=True)]
+    progress(0.7, "refining plane and boards together")
+    weights = 1.0 / np.maximum(corner_rms, _LEAST_CORNER_SIGMA_PX)
+    weighted = corners.weighted(weights[corners.view_of_each]).take(used)
+    start = posed.take(used)
+    normal, distance, covariance, end, factor = _jointly(camera, weighted, inliers, start, fit, camera_uncertainty)
+    ended = end.poses()
+    final = [_line(camera, views[i].name, s, p) for i, s, p in zip(used, inliers, ended, strict=True)]
+    everywhere = np.concatenate([line.points_in_camera_mm for line in final])
+    figures = _figures(views, lines, poses, corner_rms, reasons, normal, distance)
+    return PlaneSolution(
+        normal,
+        distance,
+        covariance,
+        float(np.sqrt(np.mean((everywhere @ normal - distance) ** 2))),
+        ended,
+        tuple(final),
+        fit,
+        figures,
+        factor,
+    )
+
+
+def board_poses(camera: CameraModel, views: Sequence[BoardView]) -> tuple[list[RigidTransform], FloatArray]:
+    """Return camera_from_board of each view and the RMS (V,) of a corner's coordinate about it, px."""
+    corners = Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
+    posed, rms = _fit_poses(camera, corners)
+    return posed.poses(), rms
+
+
+def _corners(views: Sequence[PlaneView]) -> Corners:
+    return Corners.of([v.board.points_px for v in views], [v.board.points_in_board_mm for v in views])
+
+
+def _fit_poses(camera: CameraModel, corners: Corners) -> tuple[State, FloatArray]:
+    depth = float(np.median([s.near_mm + s.far_mm for s in camera.segments]) / 2) if camera.segments else None
+    rays = camera.undistort(corners.pixels, depth)
+    straight = Corners(rays, corners.points_mm, corners.ends, corners.weights)
+    rotations, translations = poses_from_homographies(homographies(straight), np.eye(3))
+    bands, near, far = camera.bands
+    start = State(shared_vector(camera.camera_matrix, bands), rotations, translations)
+    end = fit_poses(corners, start, (near, far), np.inf)
+    squares = (end.corner_residuals**2).sum(axis=1)
+    rms = [np.sqrt(squares[a:b].mean() / 2) for a, b in zip(corners.ends[:-1], corners.ends[1:], strict=True)]
+    return end.state, np.array(rms)
+
+
+def _on_straight_line(camera: CameraModel, view: PlaneView, pose: RigidTransform) -> Mask:
+    """Return which centres lie on the one straight line on the board; those beside the board only if need be."""
+    on_board = pose.inverse().apply(points_on_board(camera, view.stripe.pixels, pose))[:, :2]
+    corners = view.board.points_in_board_mm[:, :2]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    inside, around = (
+        _straight_within(on_board, low - margin, high + margin)
+        for margin in (_pitch(corners), float((high - low).max()))
+    )
+    enough = inside.sum() >= max(_LEAST_POINTS, _INSIDE_SHARE * around.sum())
+    return inside if enough else around
+
+
+def _straight_within(on_board: FloatArray, low: FloatArray, high: FloatArray) -> Mask:
+    near = np.flatnonzero(((on_board > low) & (on_board < high)).all(axis=1))
+    straight = np.zeros(len(on_board), dtype=bool)
+    straight[near] = straight_part(on_board[near])
+    return straight
+
+
+def _pitch(corners: FloatArray) -> float:
+    distances = np.hypot(*(corners[1:] - corners[0]).T)
+    return float(distances.min())
+
+
+def _line(camera: CameraModel, name: str, stripe: StripeCenters, pose: RigidTransform) -> BoardLine:
+    """Return the stripe's points on a board, and how far a centre's standard deviation moves them."""
+    pixels = stripe.pixels
+    if not len(pixels):
+        return BoardLine(name, np.zeros((0, 3)), np.zeros(0))
+    points = points_on_board(camera, pixels, pose)
+    moved = points_on_board(camera, pixels + 0.1 * stripe.across, pose)
+    return BoardLine(name, points, np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px)
+
+
+def _reasons(lines: Sequence[BoardLine], fit: PlaneFit) -> list[str | None]:
+    """Return why a view is left out, or None."""
+    enough = [len(line.points_in_camera_mm) >= _LEAST_POINTS for line in lines]
+    usual = float(np.median([rms for rms, fine in zip(fit.line_rms_mm, enough, strict=True) if fine] or [np.inf]))
+    reasons: list[str | None] = []
+    for line, rms, inlier in zip(lines, fit.line_rms_mm, fit.inliers, strict=True):
+        reason = None
+        if len(line.points_in_camera_mm) < _LEAST_POINTS:
+            reason = (
+                f"only {len(line.points_in_camera_mm)} points of the stripe lie on the board in a straight line"
+            )
+        elif rms > _SPOILED_RMS_RATIO * max(usual, fit.rms_mm) or inlier.mean() < 0.3:
+            reason = f"its line lies {rms:.2f} mm off the plane of the others: the board or the camera was moved"
+        reasons.append(reason)
+    return reasons
+
+
+def _jointly(
+    camera: CameraModel,
+    corners: Corners,
+    stripes: Sequence[StripeCenters],
+    start: State,
+    fit: PlaneFit,
+    uncertainty: CameraUncertainty | None,
+) -> tuple[FloatArray, float, FloatArray, State, float]:
+    """Return normal, distance, their covariance, the poses, and the stripe's noise factor."""
+    bands, near, far = camera.bands
+    q = fit.normal / fit.distance_mm
+    shared = shared_vector(camera.camera_matrix, bands, q)
+    first = plane_start(len(bands))
+    plane = np.arange(first, first + 3)
+    sigma = np.concatenate([np.maximum(s.sigma_px, _LEAST_STRIPE_SIGMA_PX) for s in stripes])
+    ends = np.concatenate([[0], np.cumsum([len(s.sigma_px) for s in stripes])]).astype(np.int64)
+    axes = np.concatenate([np.full(len(s.sigma_px), 1 if s.axis == "columns" else 0) for s in stripes])
+    lines = LaserLines(np.concatenate([s.pixels for s in stripes]), axes.astype(np.int64), ends, 1.0 / sigma)
+    state = replace(start, shared=shared)
+    factor = 1.0
+    adjusted = None
+    for _ in range(3):
+        weighted = replace(lines, weights=lines.weights / factor)
+        adjustment = Adjustment(corners, near, far, plane, _HUBER, weighted)
+        adjusted = adjustment.solve(state)
+        state = adjusted.state
+        grown = 1.4826 * float(np.median(np.abs(adjusted.line_residuals * weighted.weights)))
+        if abs(grown - 1.0) < 0.05 or factor * grown < 1.0:
+            break
+        factor *= grown
+    assert adjusted is not None
+    q = state.shared[plane]
+    covariance = adjusted.covariance
+    if uncertainty is not None:
+        both = Adjustment(
+            corners, near, far, np.concatenate([uncertainty.free, plane]), _HUBER,
+            replace(lines, weights=lines.weights / factor),
+        ).equations(state).hessian  # fmt: skip
+        size = len(uncertainty.free)
+        follows = -np.linalg.solve(both[size:, size:], both[size:, :size])
+        covariance = covariance + follows @ uncertainty.covariance @ follows.T
+    length = float(np.linalg.norm(q))
+    normal, distance = oriented_plane(q / length, 1.0 / length)
+    return normal, distance, plane_covariance_from_inverse(q, covariance), state, factor
+
+
+def _figures(
+    views: Sequence[PlaneView],
+    lines: Sequence[BoardLine],
+    poses: Sequence[RigidTransform],
+    corner_rms: FloatArray,
+    reasons: Sequence[str | None],
+    normal: FloatArray,
+    distance_mm: float,
+) -> tuple[ViewFigures, ...]:
+    figures: list[ViewFigures] = []
+    for view, line, pose, rms, reason in zip(views, lines, poses, corner_rms, reasons, strict=True):
+        off = line.points_in_camera_mm @ normal - distance_mm
+        figures.append(
+            ViewFigures(
+                view.name,
+                reason,
+                len(off),
+                float(np.sqrt(np.mean(off**2))) if len(off) else float("nan"),
+                float(np.median(off)) if len(off) else float("nan"),
+                float(np.median(view.stripe.sigma_px)),
+                float(rms),
+                float(pose.translation_mm[2]),
+            )
+        )
+    return tuple(figures)
