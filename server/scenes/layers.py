@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
@@ -14,7 +15,7 @@ from server.scenes.nodes import Node
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 _LONGEST_REASON = 64
-_FAN_MARGIN = 0.15
+_FAN_RAYS = 24
 
 
 @dataclass(frozen=True)
@@ -74,15 +75,14 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
 
 
 def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
-    """Draw the plane of light of every profile, as far as it reached."""
+    """Draw the plane of light of every profile, up to the sphere, which stops it."""
     for capture in facts.captures:
         laser = facts.base_from_laser(capture)
         if laser is None or capture.kind != "profile" or len(capture.points_in_laser_mm) < 2:
             continue
         opacity = 0.45 if capture.id == look.picked else 0.06 if look.picked else 0.13
         color = REJECTED if capture.state == "rejected" else LIGHT
-        corners = _fan(capture.points_in_laser_mm)
-        faces = np.array([[0, 1, 2], [0, 2, 3]][: len(corners) - 2], dtype=np.uint32)
+        corners, faces = _fan(capture.points_in_laser_mm)
         yield nodes.surface(f"/light/{capture.id}", laser, corners, faces, color, opacity)
 
 
@@ -141,27 +141,28 @@ def draw(facts: SceneFacts, look: Look) -> dict[str, Node]:
     return {node.name: node for _, layer in LAYERS.values() for node in layer(facts, look)}
 
 
-def _fan(points_in_laser_mm: FloatArray) -> FloatArray:
-    """Return where the light passed, as a polygon (3 or 4, 3) in L: from where it came past the last point.
+def _fan(points_in_laser_mm: FloatArray) -> tuple[FloatArray, NDArray[np.uint32]]:
+    """Return where the light passed, corners (N, 3) in L and triangles: from its source to the arc that it met.
 
     It comes from the side to which the arc bulges, whichever way the scanner counts z.  Where the origin lies well
     on that side it is taken for the source; else (an origin in the middle of the measuring range) the source is
     not known, and a band comes from there.
     """
-    x, z = points_in_laser_mm[:, 0], points_in_laser_mm[:, 2]
-    middle = np.abs(x - (x.min() + x.max()) / 2) < np.ptp(x) / 4
-    onwards = 1.0 if not middle.any() or middle.all() or z[middle].mean() <= z[~middle].mean() else -1.0
-    depth = z * onwards
-    margin = _FAN_MARGIN * float(np.ptp(x))
-    left, right, far = float(x.min() - margin), float(x.max() + margin), float(depth.max())
-    near = float(depth.min())
-    if near > right - left:
-        outline = [[0.0, 0.0], [left, far], [right, far]]
-    else:
-        start = near - (right - left)
-        inset = 0.1 * (right - left)
-        outline = [[left + inset, start], [left, far], [right, far], [right - inset, start]]
-    return np.array([[along, 0.0, onwards * away] for along, away in outline])
+    order = np.argsort(points_in_laser_mm[:, 0])
+    arc = points_in_laser_mm[order[np.linspace(0, len(order) - 1, _FAN_RAYS).astype(int)]]
+    x, z = points_in_laser_mm[order, 0], points_in_laser_mm[order, 2]
+    middle = np.abs(x - (x[0] + x[-1]) / 2) < np.ptp(x) / 4
+    bulges_down = not middle.any() or middle.all() or z[middle].mean() <= z[~middle].mean()
+    onwards = 1.0 if bulges_down else -1.0
+    width, near = float(np.ptp(x)), float((z * onwards).min())
+    source = np.zeros_like(arc)
+    if near <= width:
+        source[:, 0], source[:, 2] = arc[:, 0], onwards * (near - width)
+    ray = np.arange(_FAN_RAYS - 1)
+    lower = np.stack([ray, _FAN_RAYS + ray, _FAN_RAYS + ray + 1], axis=1)
+    upper = np.stack([ray, _FAN_RAYS + ray + 1, ray + 1], axis=1)
+    faces = lower if near > width else np.concatenate([lower, upper])
+    return np.concatenate([source, arc]), faces.astype(np.uint32)
 
 
 def _cross(flange: RigidTransform, size_mm: float) -> FloatArray:

@@ -37,7 +37,7 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
         if along is not None:
             return along
     if name == "Sphere" and facts.sphere_center_in_base_mm is not None:
-        return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, facts.sphere_radius_mm or 20.0)
+        return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, 1.5 * (facts.sphere_radius_mm or 20.0))
     everything = _places_mm(facts)
     if name == "Cell" or not len(everything):
         base = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 250.0]])
