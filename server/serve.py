@@ -1,5 +1,6 @@
 """Serving over HTTP and WebSockets with uvicorn."""
 
+from signal import SIGINT
 from socket import socket
 from types import FrameType
 
@@ -46,9 +47,12 @@ class WorkbenchServer(uvicorn.Server):
         self.should_exit = True
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Stop because of a signal."""
-        self._hub.close()
-        super().handle_exit(sig, frame)
+        """Stop because of a signal; at the second Ctrl-C without waiting for what is under way.
+
+        The signal is not raised again afterwards, as uvicorn would: `run` returns, and all resources are let go.
+        """
+        self.force_exit = self.should_exit and sig == SIGINT
+        self.stop()
 
     @property
     def address(self) -> str:

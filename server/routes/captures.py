@@ -18,6 +18,7 @@ from server.sources.simulated import next_capture
 from server.store.captures import (
     add_capture,
     capture_data,
+    capture_ids,
     capture_row,
     change_capture,
     file_digest,
@@ -28,6 +29,7 @@ from server.store.captures import (
 from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import (
+    empty_session,
     etag,
     load_session,
     locked_session,
@@ -89,9 +91,8 @@ def take_simulated(session_id: SessionId, once: OnceDep, store: StoreDep) -> Res
             raise ConflictError(
                 "a session of the simulated cell", "one of a real cell", "Upload captures to it.", session_id
             )
-        stored = load_session(db, store.blobs, session_id)
-        device = dict(row.simulated)
-    capture, contents = next_capture(device["scenario"], device["seed"], stored.measured.keys())
+        device, taken = dict(row.simulated), capture_ids(db, session_id)
+    capture, contents = next_capture(device["scenario"], device["seed"], taken)
     return _store(store, once, session_id, capture, contents, content="next")
 
 
@@ -109,10 +110,10 @@ def _store(
     if answered is not None:
         return answered
     with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
+        session = empty_session(session_row(db, session_id))
         require_free(db, session_id, capture, digests)
-    check_poses(stored.session, capture)
-    measured = measure(stored.session, capture, contents.__getitem__)
+    check_poses(session, capture)
+    measured = measure(session, capture, contents.__getitem__)
     for part in contents.values():
         store.blobs.put(part)
     sizes = {name: len(part) for name, part in contents.items()}

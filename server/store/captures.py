@@ -28,6 +28,11 @@ def capture_row(db: Transaction, session_id: str, capture_id: str) -> CaptureRow
     return row
 
 
+def capture_ids(db: Transaction, session_id: str) -> set[str]:
+    """Return the ids of a session's captures."""
+    return set(db.scalars(select(CaptureRow.id).where(CaptureRow.session_id == session_id)))
+
+
 def list_captures(db: Transaction, session_id: str, limit: int, cursor: str | None) -> Page:
     """Return a page of captures in the order of their arrival."""
     (position,) = after_cursor(cursor, int) if cursor is not None else (0,)
@@ -86,11 +91,11 @@ def add_capture(
         measured=measured.to_json(),
     )
     db.add(row)
-    db.flush()
-    for name, digest in digests.items():
-        db.add(FileRow(session_id=session.id, capture_id=capture.id, name=name, sha256=digest, size=sizes[name]))
     touch(session)
     record_event(db, session, "capture", {"action": "added", "capture": capture.id})
+    db.flush()  # the files' rows refer to this one
+    for name, digest in digests.items():
+        db.add(FileRow(session_id=session.id, capture_id=capture.id, name=name, sha256=digest, size=sizes[name]))
     return row
 
 

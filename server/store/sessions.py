@@ -145,6 +145,11 @@ def session_data(db: Transaction, row: SessionRow) -> Data:
     }
 
 
+def empty_session(row: SessionRow) -> Session:
+    """Return a session's record without its captures: all that measuring one of them needs."""
+    return parse_session({**row.record, "captures": []}, row.id)
+
+
 def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSession:
     """Return all of a session; raises NotFoundError."""
     row = session_row(db, session_id)
