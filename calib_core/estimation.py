@@ -127,6 +127,9 @@ def _limited(step: FloatArray, limit: FloatArray) -> FloatArray:
     return step / excess if excess > 1 else step
 
 
+_COARSE, _FINE = 13, 9
+
+
 @dataclass(frozen=True, eq=False)
 class GridPosterior:
     """A posterior density on a small grid.
@@ -157,12 +160,11 @@ def grid_posterior(
     log_density: Callable[[FloatArray], float],
     low: FloatArray,
     high: FloatArray,
-    coarse: int = 13,
-    fine: int = 9,
+    around: GridPosterior | None = None,
 ) -> GridPosterior:
     """Return a posterior of few parameters by a coarse grid and a fine one about its bulk.
 
-    Two grids need no start, no gradient and no luck; the density is evaluated coarseᴰ + fineᴰ times.
+    Two grids need no start, no gradient and no luck; the density is evaluated 13ᴰ + 9ᴰ times.
 
     Parameters
     ----------
@@ -170,11 +172,13 @@ def grid_posterior(
         Of one point (D,), up to a constant.
     low, high : (D,)
         The box to search; a dimension with low = high is fixed.
+    around : GridPosterior, optional
+        A posterior that is near this one: then the coarse grid is spared.
     """
-    first = _on_grid(log_density, low, high, coarse)
-    spacing = (high - low) / (coarse - 1)
-    reach = 3 * np.maximum(first.deviation, 0.5 * spacing)
-    return _on_grid(log_density, np.maximum(first.mean - reach, low), np.minimum(first.mean + reach, high), fine)
+    spacing = (high - low) / (_COARSE - 1)
+    first = around or _on_grid(log_density, low, high, _COARSE)
+    reach = 3 * np.maximum(first.deviation, 0.15 * spacing if around else 0.5 * spacing)
+    return _on_grid(log_density, np.maximum(first.mean - reach, low), np.minimum(first.mean + reach, high), _FINE)
 
 
 def _on_grid(

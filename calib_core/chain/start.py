@@ -8,7 +8,7 @@ captures are needed.  What comes out is a start, good to about the scatter of th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,8 +107,7 @@ def find_start(centers: Centers) -> Start:
     if count > _SEARCH_CAPTURES:
         some = np.unique(np.linspace(0, count - 1, _SEARCH_CAPTURES).astype(int))
     candidates = _candidates(centers.chosen(some))
-    starts = [_settled(centers, *candidate) for candidate in candidates]
-    starts.sort(key=_badness)
+    starts = sorted(_settled(centers, candidates), key=_badness)
     best = starts[0]
     rivals = [s for s in starts[1:] if _disagreement(s.sides, best.sides) > 0]
     rival = rivals[0].scatter_mm if rivals else None
@@ -179,11 +178,12 @@ def _heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: 
 
 def _linear_unknowns(centers: Centers, rotations: FloatArray, weight: FloatArray) -> FloatArray:
     """Return the centre and R_sᵀT_s (N, 6) by least squares for each of N rotations: linear once R_s is given."""
-    axes = np.einsum("kij,njc->nkci", centers.rotations, rotations)  # R_0 R_s columns: (N, K, 3 axes, 3)
+    axes = _axes(centers, rotations)
     right = centers.measured + np.einsum("nkci,ki->nkc", axes, centers.translations)
-    rows = np.concatenate([axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3)
-    normal = np.einsum("nkcp,kc,nkcq->npq", rows, weight, rows)
-    vector = np.einsum("nkcp,kc,nkc->np", rows, weight, right)
+    rows = np.concatenate([axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3).reshape(len(axes), -1, 6)
+    weighted = np.swapaxes(rows * weight.reshape(1, -1, 1), 1, 2)
+    normal = weighted @ rows
+    vector = (weighted @ right.reshape(len(axes), -1, 1))[..., 0]
     scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
     return np.linalg.solve(normal + 1e-9 * scale * np.eye(6), vector[..., None])[..., 0]
 
@@ -196,14 +196,16 @@ def _refined(
 
     misfit = _misfit(centers, rotations, linear)
     for _ in range(iterations):
-        axes = np.einsum("kij,njc->nkci", centers.rotations, rotations)
+        axes = _axes(centers, rotations)
         arms_in_laser = centers.measured + misfit + linear[:, None, 3:]
         rows = np.concatenate([skew(arms_in_laser), axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3)
         squared = np.sum(weight * misfit**2, axis=2)
         scale = np.maximum(np.median(squared, axis=1), 1e-4)
         robust = weight / (1 + squared / (6 * scale[:, None]))[:, :, None]
-        normal = np.einsum("nkcp,nkc,nkcq->npq", rows, robust, rows, optimize=True)
-        vector = np.einsum("nkcp,nkc,nkc->np", rows, robust, misfit, optimize=True)
+        flat = rows.reshape(len(rows), -1, 9)
+        weighted = np.swapaxes(flat * robust.reshape(len(rows), -1, 1), 1, 2)
+        normal = weighted @ flat
+        vector = (weighted @ misfit.reshape(len(rows), -1, 1))[..., 0]
         diagonal = np.einsum("npp->np", normal)
         normal = normal + (1e-5 * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True))[:, :, None] * np.eye(9)
         step = -np.linalg.solve(normal, vector[..., None])[..., 0]
@@ -215,36 +217,36 @@ def _refined(
     return rotations, linear, misfit
 
 
+def _axes(centers: Centers, rotations: FloatArray) -> FloatArray:
+    """Return the axes of L in base for N guesses and K captures, (N, K, 3 axes, 3)."""
+    return np.swapaxes(centers.rotations[None] @ rotations[:, None], 2, 3)
+
+
 def _misfit(centers: Centers, rotations: FloatArray, linear: FloatArray) -> FloatArray:
     """Return predicted minus measured centres in L, (N, K, 3)."""
     arms = np.einsum("kji,nkj->nki", centers.rotations, linear[:, None, :3] - centers.translations)
     return arms @ rotations - linear[:, None, 3:] - centers.measured
 
 
-def _settled(centers: Centers, rotation: FloatArray, translation: FloatArray, center: FloatArray) -> Start:
-    """Return a guess refined on all three components, the sides taken from where it puts each sphere."""
-    weight = np.column_stack(
-        [np.ones(len(centers.measured)), centers.height_weight, np.ones(len(centers.measured))]
-    )
-    linear = np.concatenate([center, rotation.T @ translation])
-    rotations, linears, sided, misfit = rotation[None], linear[None], centers, np.empty(0)
+def _settled(centers: Centers, guesses: list[tuple[FloatArray, FloatArray, FloatArray]]) -> list[Start]:
+    """Return guesses refined on all three components, the sides taken from where each guess puts the sphere."""
+    height = np.broadcast_to(centers.height_weight[:, None] * [0.0, 1.0, 0.0], centers.measured.shape)
+    weight = np.broadcast_to([1.0, 0.0, 1.0], height.shape) + height
+    rotations = np.array([rotation for rotation, _, _ in guesses])
+    linear = np.array([np.concatenate([c, r.T @ t]) for r, t, c in guesses])
+    signed = np.broadcast_to(centers.measured, (len(guesses), *centers.measured.shape)).copy()
+    misfit = _misfit(centers, rotations, linear)
     for _ in range(6):
-        before = sided.measured
-        heights = (_misfit(centers, rotations, linears)[0] + centers.measured)[:, 1]
-        signed = centers.measured.copy()
-        signed[centers.open_side, 1] = np.copysign(signed[:, 1], heights)[centers.open_side]
-        sided = Centers(centers.rotations, centers.translations, signed, centers.open_side, centers.height_weight)
-        rotations, linears, misfit = _refined(sided, rotations, linears, weight, 6)
-        if np.array_equal(before, signed):
+        expected = (misfit + signed)[..., 1]
+        other = np.where(centers.open_side, np.copysign(signed[..., 1], expected), signed[..., 1])
+        changed = not np.array_equal(other, signed[..., 1])
+        signed[..., 1] = other
+        rotations, linear, misfit = _refined(replace(centers, measured=signed), rotations, linear, weight, 6)
+        if not changed:
             break
-    distance = np.sqrt(np.sum(weight * misfit[0] ** 2, axis=1))
-    sides = np.where(centers.open_side, np.where(sided.measured[:, 1] < 0, -1, 1), 0)
-    return Start(
-        rotation=rotations[0],
-        translation=rotations[0] @ linears[0, 3:],
-        center=linears[0, :3],
-        sides=sides,
-        misfit_mm=distance,
-        scatter_mm=float(np.median(distance)),
-        rival_scatter_mm=None,
-    )
+    distance = np.sqrt(np.sum(weight * misfit**2, axis=2))
+    sides = np.where(centers.open_side, np.where(signed[..., 1] < 0, -1, 1), 0)
+    return [
+        Start(r, r @ u[3:], u[:3], s, d, float(np.median(d)), None)
+        for r, u, s, d in zip(rotations, linear, sides, distance, strict=True)
+    ]

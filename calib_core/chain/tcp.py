@@ -311,8 +311,9 @@ def surface_distances(
     A capture that reports only a centre gives the one distance between the centres.
     """
     if len(observation.points_in_laser_mm) == 0:
-        return np.array([np.linalg.norm(observation.center_in_laser_mm - center_in_laser_mm)])
-    return np.linalg.norm(observation.points_in_laser_mm - center_in_laser_mm, axis=1) - radius_mm
+        return np.array([float(np.linalg.norm(observation.center_in_laser_mm - center_in_laser_mm))])
+    offsets = observation.points_in_laser_mm - center_in_laser_mm
+    return np.sqrt(np.einsum("ij,ij->i", offsets, offsets)) - radius_mm
 
 
 def _rms(values: FloatArray) -> float:

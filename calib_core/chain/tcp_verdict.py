@@ -68,8 +68,8 @@ def _doubts_about_motion(solution: TcpSolution) -> list[str]:
     spare = 3 * int(solution.used.sum()) - 9
     if spare < _FEW_SPARE:
         found.append(
-            f"Only {int(solution.used.sum())} captures are used, {spare} measured values more than unknowns: errors "
-            "can hide. Add a few orientations."
+            f"Only {int(solution.used.sum())} captures are used, {spare} measured values more than unknowns: "
+            "errors can hide. Add a few orientations."
         )
     if solution.two_step is not None and solution.two_step_covariance is not None:
         difference = solution.joint.tool0_from_laser.difference(solution.two_step.tool0_from_laser)
@@ -93,7 +93,8 @@ def _doubts_about_noise(solution: TcpSolution) -> list[str]:
     measured, given = solution.measured_point_sigma_mm, solution.options.point_sigma_mm
     if measured and given and not 0.5 < measured / given < 2:
         found.append(
-            f"The points scatter by {measured:.3f} mm about their arcs, but scanner.point_sigma_mm says {given:.3f} mm."
+            f"The points scatter by {measured:.3f} mm about their arcs, but scanner.point_sigma_mm says "
+            f"{given:.3f} mm."
         )
     if solution.sigmas.position_mm > _LARGE_SIGMA_MM:
         found.append(
@@ -101,8 +102,8 @@ def _doubts_about_noise(solution: TcpSolution) -> list[str]:
             "Check its mastering, its tool and the sphere's stand."
         )
     found.extend(
-        f"The scanner's {s.axis} scale seems wrong by {100 * s.error:+.1f} ± {200 * s.sigma:.1f} %: it hides in the "
-        "TCP. Check the scanner's own calibration and the sphere's diameter."
+        f"The scanner's {s.axis} scale seems wrong by {100 * s.error:+.1f} ± {200 * s.sigma:.1f} %: it hides in "
+        "the TCP. Check the scanner's own calibration and the sphere's diameter."
         for s in solution.scale_errors
     )
     return found

@@ -64,13 +64,23 @@ def two_step(rotations: FloatArray, translations: FloatArray, centers_in_laser: 
         The sphere's centre in L, sides decided, mm.
     """
     groups = pure_translations(rotations)
-    pairs = [(i, j) for group in groups for n, i in enumerate(group) for j in group[n + 1 :]]
-    missing = _missing_translations(translations, pairs) or _missing_orientations(rotations)
+    missing = _missing_translations(translations, _pairs(groups)) or _missing_orientations(rotations)
     if missing:
         return TwoStepAnswer(None, None, None, groups, missing)
-    rotation = _rotation_step(rotations, translations, centers_in_laser, pairs)
-    translation, center = _translation_step(rotations, translations, centers_in_laser, rotation)
+    rotation, translation, center = both_steps(rotations, translations, centers_in_laser, groups)
     return TwoStepAnswer(rotation, translation, center, groups, None)
+
+
+def both_steps(
+    rotations: FloatArray, translations: FloatArray, centers: FloatArray, groups: Sequence[Sequence[int]]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return R_s, T_s and the sphere's centre, given groups of pure translations that suffice."""
+    rotation = _rotation_step(rotations, translations, centers, _pairs(groups))
+    return rotation, *_translation_step(rotations, translations, centers, rotation)
+
+
+def _pairs(groups: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
+    return [(i, j) for group in groups for n, i in enumerate(group) for j in group[n + 1 :]]
 
 
 def _rotation_step(

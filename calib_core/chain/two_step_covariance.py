@@ -6,7 +6,7 @@ import numpy as np
 
 from calib_core.chain.likelihood import pose_spread
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.two_step import two_step
+from calib_core.chain.two_step import both_steps, pure_translations
 from calib_core.chain.variance import ChainFit
 from calib_core.frames import FloatArray, vector_from_rotation
 
@@ -41,20 +41,17 @@ def two_step_covariance(
         return None
     tool_in_laser = fit.state.tool_rotation.T @ fit.state.tool_translation
     spread = pose_spread(centers, tool_in_laser, fit.sigmas)
-    reference = two_step(rotations, translations, centers)
-    if reference.rotation is None or reference.translation is None:
-        return None
+    groups = pure_translations(rotations)
+    rotation, translation, _ = both_steps(rotations, translations, centers, groups)
     covariance = np.zeros((6, 6))
     for k, observation in enumerate(observations):
         columns = np.empty((6, 3))
         for axis in range(3):
             nudged = centers.copy()
             nudged[k, axis] += _NUDGE_MM
-            other = two_step(rotations, translations, nudged)
-            if other.rotation is None or other.translation is None:
-                return None
-            columns[:3, axis] = vector_from_rotation(reference.rotation.T @ other.rotation)
-            columns[3:, axis] = other.translation - reference.translation
+            other_rotation, other_translation, _ = both_steps(rotations, translations, nudged, groups)
+            columns[:3, axis] = vector_from_rotation(rotation.T @ other_rotation)
+            columns[3:, axis] = other_translation - translation
         columns /= _NUDGE_MM
         covariance += columns @ (_own_covariance(observation, sphere) + spread[k]) @ columns.T
     return covariance

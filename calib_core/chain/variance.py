@@ -67,9 +67,12 @@ def fit_with_sigmas(
     if position_mm is not None and orientation_rad is not None:
         return ChainFit(minimum, sigmas, covariance_of(minimum.at.hessian))
     low, high = _search_box(position_mm, orientation_rad)
+    posterior: GridPosterior | None = None
     for iteration in range(1, 5):
         likelihood = _Restricted(data, minimum)
-        posterior = grid_posterior(lambda node, of=likelihood: of.value(node) + _log_prior(node), low, high)
+        posterior = grid_posterior(
+            lambda node, of=likelihood: of.value(node) + _log_prior(node), low, high, around=posterior
+        )
         before, mean = sigmas, np.exp(posterior.mean)
         sigmas = Sigmas(float(mean[0]), float(mean[1]))
         minimum = fit(data, minimum.state, sigmas)
