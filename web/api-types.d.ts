@@ -278,6 +278,7 @@ export interface TcpResidual {
   center_distance_mm?: number | null;
   center_offset_in_base_mm?: number[] | null;
   leave_one_out_rms_mm?: number | null;
+  two_step_surface_rms_mm?: number | null;
   mahalanobis?: number | null;
   side?: number | null;
   zone?: number | null;
@@ -331,7 +332,7 @@ export interface Undetermined {
 }
 
 export interface VarianceComponents {
-  point_sigma_mm: number;
+  point_sigma_mm: number | null;
   position_sigma_mm: number;
   orientation_sigma_rad: number;
   orientation_sigma_deg: number;

@@ -24,14 +24,22 @@ export function decimalsFor(uncertainty) {
 }
 
 /**
+ * Decimals that serve several numbers in a column.
+ * @param {readonly number[]} uncertainties
+ */
+export function decimalsForAll(uncertainties) {
+  return Math.max(...uncertainties.map(decimalsFor));
+}
+
+/**
  * `140.32 ± 0.08 mm`.
  * @param {number} value
  * @param {number | null | undefined} uncertainty expanded, k = 2
  * @param {string} unit
+ * @param {number} [decimals] as the numbers beside it have
  */
-export function measured(value, uncertainty, unit) {
+export function measured(value, uncertainty, unit, decimals = decimalsFor(uncertainty ?? 0)) {
   if (!uncertainty || !Number.isFinite(uncertainty)) return `${fixed(value, 3)}${THIN}${unit}`;
-  const decimals = decimalsFor(uncertainty);
   return `${fixed(value, decimals)} ± ${fixed(uncertainty, decimals)}${space(unit)}${unit}`;
 }
 

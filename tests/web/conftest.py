@@ -1,16 +1,18 @@
 """A real Chromium on the real server; pages that remember what they complained about and whom they asked."""
 
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Page, Request, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, Request, expect, sync_playwright
 
 from server.settings import Settings
 from tests.server.live_server import serving
 
+_SCENE = re.compile(r"/scenes/[^/]+/(\?.*)?$")
 _ARGUMENTS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
@@ -37,6 +39,7 @@ class Watched:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
+    expect.set_options(timeout=30_000)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=_ARGUMENTS)
         yield browser
@@ -51,15 +54,20 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield str(client.base_url).removesuffix("/api/v1/")
 
 
+def leave_out_the_scene(context: BrowserContext) -> None:
+    """Put an empty page in the scene's place: drawing it in software takes most of a test's time."""
+    context.route(_SCENE, lambda route: route.fulfill(body="<title>no scene</title>", content_type="text/html"))
+
+
 @pytest.fixture
 def open_page(browser: Browser, address: str) -> Iterator[Callable[..., tuple[Page, Watched]]]:
-    """Open a page in a browser profile of its own, at a path of the server."""
+    """Open a page in a browser profile of its own, at a path of the server, with or without the 3-D scene."""
     contexts = []
 
-    def begin(path: str = "/", theme: str = "light", width: int = 1280, height: int = 800) -> tuple[Page, Watched]:
-        context = browser.new_context(
-            viewport={"width": width, "height": height}, color_scheme="dark" if theme == "dark" else "light"
-        )
+    def begin(path: str = "/", scene: bool = False, width: int = 1280, height: int = 800) -> tuple[Page, Watched]:
+        context = browser.new_context(viewport={"width": width, "height": height}, color_scheme="light")
+        if not scene:
+            leave_out_the_scene(context)
         context.grant_permissions(["clipboard-read", "clipboard-write"])
         context.set_default_timeout(30_000)
         contexts.append(context)

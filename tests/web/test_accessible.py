@@ -21,6 +21,7 @@ def page(request: pytest.FixtureRequest, browser: Browser, address: str) -> Iter
     context = browser.new_context(
         base_url=address, color_scheme=request.param, bypass_csp=True, reduced_motion="reduce"
     )
+    leave_out_the_scene(context)
     yield context.new_page()
     context.close()
 

@@ -185,7 +185,9 @@ def test_search_and_removal_of_sessions(open_page: Callable[..., Any], api: http
 
 def test_it_survives_a_restart_of_the_server(browser: Browser, tmp_path: Path) -> None:
     settings: dict[str, Any] = {"data": tmp_path / "data", "warm_up": False}
-    page = browser.new_page()
+    context = browser.new_context()
+    leave_out_the_scene(context)
+    page = context.new_page()
     with serving(Settings(port=0, **settings)) as client:
         port = client.base_url.port
         assert port is not None
@@ -199,4 +201,4 @@ def test_it_survives_a_restart_of_the_server(browser: Browser, tmp_path: Path) -
         expect(rows(page)).to_have_count(2)
         page.keyboard.press("Space")
         expect(rows(page)).to_have_count(3)
-        page.close()
+        context.close()

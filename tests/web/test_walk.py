@@ -54,7 +54,7 @@ def drawn_colours(page: Page) -> int:
 
 
 def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., Any]) -> None:
-    page, watched = open_page()
+    page, watched = open_page(scene=True)
     expect(page.get_by_role("button", name="Start the simulated cell")).to_be_visible()
     for _ in range(8):
         page.keyboard.press("Tab")
@@ -105,7 +105,7 @@ def test_mouse_alone_and_a_pick_that_lights_up_everywhere(open_page: Callable[..
 
 @pytest.mark.skipif("SCANCELL_PICTURE" not in os.environ, reason="makes the README's picture when asked to")
 def test_picture_for_the_readme(open_page: Callable[..., Any]) -> None:
-    page, _ = open_page(width=1600, height=1000)
+    page, _ = open_page(scene=True, width=1600, height=1000)
     page.get_by_role("button", name="Start the simulated cell").click()
     capture_as_told(page, lambda: page.keyboard.press("Space"))
     page.keyboard.press("s")

@@ -12,6 +12,7 @@ export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
   #capture = h("button", { type: "button", class: "capture", onclick: () => void this.capture() }, t("actions.capture"), h("kbd", { "aria-hidden": "true" }, t("key.space")));
   #solve = h("button", { type: "button", class: "solve", onclick: () => void this.solve() }, t("actions.solve"), h("kbd", { "aria-hidden": "true" }, "S"));
+  #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
   #progress = h("div", { class: "job", hidden: true });
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
   #capturing = false;
@@ -23,7 +24,7 @@ export class ActionsElement extends StateElement {
 
   build() {
     this.append(
-      h("div", { class: "row" }, this.#capture, this.#solve,
+      h("div", { class: "row" }, this.#look, this.#capture, this.#solve,
         h("span", { class: "ways-in" },
           this.#files,
           wayIn(t("actions.folder"), () => this.intake?.chooseFolder()),
@@ -35,11 +36,13 @@ export class ActionsElement extends StateElement {
   update() {
     const { session, guide, job, captures } = this.state;
     const simulated = session?.simulated === true;
-    const ready = guide?.current?.action === "solve";
+    const ready = guide?.current.action === "solve";
     this.#capture.hidden = !simulated;
-    this.#capture.classList.toggle("primary", !ready);
+    const solved = guide?.current.action === "review";
+    this.#look.hidden = !solved;
+    this.#capture.classList.toggle("primary", !ready && !solved);
     this.#solve.classList.toggle("primary", ready);
-    this.#files.className = simulated || ready ? "plain wide" : "primary";
+    this.#files.className = simulated || ready || solved ? "plain wide" : "primary";
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working));
     this.#showJob();
     if (job && job.id === this.#followed) this.#ended();
@@ -88,7 +91,7 @@ export class ActionsElement extends StateElement {
   async solve() {
     if (this.state.working || !this.state.captures.length) return;
     await attempt(async () => {
-      const job = await api.solve(this.state.id, this.state.guide?.current?.stage ?? "tcp");
+      const job = await api.solve(this.state.id, this.state.guide?.current.stage ?? "tcp");
       this.#followed = job.id;
       this.state.follows(job);
     });

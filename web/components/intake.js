@@ -25,7 +25,7 @@ export class IntakeElement extends StateElement {
   #picker = h("input", { type: "file", multiple: true, accept: ACCEPT, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
   #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
   #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
-  #table = h("div", { class: "match", "aria-live": "polite" });
+  #table = h("div", { class: "match", role: "region", tabindex: 0, "aria-label": t("match.label"), "aria-live": "polite" });
   #add = h("button", { type: "button", class: "primary", onclick: () => void this.#send() }, t("intake.add_none"));
   #panel = h(
     "section", { class: "panel intake-panel", "aria-labelledby": "intake-title", hidden: true },

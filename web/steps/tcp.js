@@ -1,7 +1,7 @@
 // The TCP: the scanner's frame on the flange, in numbers, beside the paper's two steps, with its evidence.
 
 import { h } from "../dom.js";
-import { decimalsFor, fixed, measured, plusMinus, significant, small } from "../format.js";
+import { decimalsForAll, fixed, measured, plusMinus, significant, small } from "../format.js";
 import { icon, mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { residualPlot } from "../components/residual-plot.js";
@@ -66,14 +66,18 @@ function frame(result, state) {
   const { convention, names, numbers, sigmas, text } = written(result, state.tool);
   return h(
     "section", { class: "panel frame", "aria-labelledby": "frame-title" },
-    h("h2", { id: "frame-title" }, t("frame.title")),
+    h("div", { class: "row spread" }, h("h2", { id: "frame-title" }, t("frame.title")), copyButton(text, t("frame.copy"))),
     h("p", { class: "soft small" }, t("frame.what", { convention: maybe(`convention.${convention}`, convention) })),
-    h("div", { class: "frame-columns number" }, ...[names.slice(0, 3), names.slice(3)].filter((part) => part.length).map((part, column) =>
-      h("dl", {}, ...part.map((name, row) => {
-        const index = column * 3 + row;
-        return h("div", {}, h("dt", {}, name), h("dd", {}, measured(numbers[index] ?? 0, (sigmas[index] ?? 0) * K, unitOf(name, convention))));
-      })))),
-    h("div", { class: "copy-row controller" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
+    h("div", { class: "frame-columns number" }, ...[0, 3].filter((start) => start < names.length).map((start) => {
+      const end = start === 0 ? 3 : names.length;
+      const decimals = decimalsForAll(sigmas.slice(start, end).map((sigma) => sigma * K));
+      return h("dl", {}, ...names.slice(start, end).map((name, row) => {
+        const index = start + row;
+        const shown = measured(numbers[index] ?? 0, (sigmas[index] ?? 0) * K, unitOf(name, convention), decimals);
+        return h("div", {}, h("dt", {}, name), h("dd", {}, shown));
+      }));
+    })),
+    h("code", { class: "controller" }, text),
   );
 }
 
@@ -163,11 +167,12 @@ function comparison(result) {
  */
 function comparisonRows(result, other) {
   const sigmas = positionSigmas_mm(result);
+  const decimals = decimalsForAll(sigmas.map((sigma) => sigma * K));
   const rows = ["x", "y", "z"].map((axis, index) => {
     const mine = result.tool0_from_laser[index]?.[3] ?? 0;
     const theirs = other[index]?.[3] ?? 0;
     const sigma = sigmas[index] ?? 0;
-    return compareRow(t("compare.axis", { axis }), measured(mine, sigma * K, "mm"), `${fixed(theirs, decimalsFor(sigma * K))} mm`, `${fixed((theirs - mine) / sigma, 1)} σ`);
+    return compareRow(t("compare.axis", { axis }), measured(mine, sigma * K, "mm", decimals), `${fixed(theirs, decimals)} mm`, `${fixed((theirs - mine) / sigma, 1)} σ`);
   });
   const turned = differenceInSigmas(result, other);
   rows.push(compareRow(t("compare.rotation"), plusMinus(worst(rotationSigmas_deg(result.covariance)) * K, "°"), t("compare.turned", { angle: significant(turned.angle_deg, 2) }), `${fixed(turned.sigmas, 1)} σ`));

@@ -155,6 +155,7 @@ export const en = Object.freeze({
   "plot.profile": "Profile of capture {capture}: {points} points, the fitted arc over them",
 
   "actions.capture": "Capture",
+  "actions.look": "See the result",
   "actions.solve": "Solve",
   "actions.files": "Add files",
   "actions.folder": "Add folder",
@@ -203,6 +204,7 @@ export const en = Object.freeze({
   "intake.unknown": "Not measurements: {names}. Profiles are CSV or NPY; clouds PLY, PCD, XYZ or NPY.",
   "intake.bad_json": "The session.json cannot be read as JSON. Mend it in an editor, then drop the folder again.",
   "intake.drop": "Drop to add",
+  "match.label": "Files and the poses put to them",
   "match.file": "File",
   "match.line": "Pose line",
   "match.flange": "Flange in the robot's base",
