@@ -52,7 +52,7 @@ class _Running:
     future: Future[Data]
     attempt: int
     process: int | None = None
-    ending: str | None = None  # "cancelled" or "failed", once it is to be ended by force
+    ended_by_us: bool = False  # by force: the store knows why already
     timer: threading.Timer | None = field(default=None, repr=False)
 
 
@@ -122,12 +122,16 @@ class Jobs:
             raise ConflictError(
                 "a job that waits or runs", f"one that is {job['status']}", "There is nothing to cancel.", job_id
             )
+        self.end(job_id)
+        return job
+
+    def end(self, job_id: str) -> None:
+        """End what a job does, if it still does something; the store is not told."""
         with self._lock:
             running = self._running.get(job_id)
             if running is not None and not running.future.cancel():
-                running.ending = "cancelled"
+                running.ended_by_us = True
                 _kill(running)
-        return job
 
     def _fail_unfinished(self, got: str) -> None:
         error = problem_of_status(503, f"the job did not end: {got}", "The server restarted; run it again.")
@@ -164,7 +168,7 @@ class Jobs:
                 if running is None:
                     return
                 running.process = value
-                if running.ending is not None:
+                if running.ended_by_us:
                     _kill(running)
                 running.timer = threading.Timer(self._settings.job_timeout_s, self._time_out, [job_id])
                 running.timer.daemon = True
@@ -184,11 +188,7 @@ class Jobs:
         )
         with self._store.write() as db:
             fail_job(db, job_id, error)
-        with self._lock:
-            running = self._running.get(job_id)
-            if running is not None:
-                running.ending = "failed"
-                _kill(running)
+        self.end(job_id)
 
     def _ended(self, job_id: str, future: Future[Data]) -> None:
         with self._lock:
@@ -203,7 +203,7 @@ class Jobs:
         if isinstance(error, BrokenProcessPool):
             self._renew(running.pool)
             innocent = running.process is None or running.pool.broken_on_purpose
-            if running.ending is None and innocent and running.attempt < _ATTEMPTS:
+            if not running.ended_by_us and innocent and running.attempt < _ATTEMPTS:
                 self._submit_again(job_id, running.attempt + 1)
                 return
         with self._store.write() as db:

@@ -75,6 +75,7 @@ def add(
         raise TooLargeError(
             f"at most {settings.max_files_per_capture} files", f"{len(files)}", "Split the capture.", "files"
         )
+    data.pop("measured", None)  # of a record that came from here
     contents = named_files(data, [(file.filename or "", file.file.read()) for file in files])
     return _store(store, once, session_id, parse_capture(data, "record"), contents)
 
@@ -147,7 +148,7 @@ def change(
     session_id: SessionId, capture_id: CaptureId, body: CaptureChanges, store: StoreDep, if_match: IfMatch = None
 ) -> Response:
     """Correct a capture's record; its files stay as they came."""
-    changes = body.model_dump(exclude_unset=True)
+    changes = {name: value for name, value in body.model_dump(exclude_unset=True).items() if name != "measured"}
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         before = capture_row(db, session_id, capture_id)

@@ -9,13 +9,14 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.records import Guide, Session, parse_session
-from server.deps import Cursor, HubDep, IfMatch, Limit, OnceDep, SessionId, StoreDep
+from server.deps import Cursor, HubDep, IfMatch, JobsDep, Limit, OnceDep, SessionId, StoreDep
 from server.events import follow, to_sse
 from server.measuring import check_poses, measure
 from server.schemas import NewSession, PoseLine, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
 from server.sources.simulated import simulated_session
 from server.store.models import Data
 from server.store.sessions import (
+    STORE_FIELDS,
     change_session,
     create_session,
     delete_session,
@@ -29,6 +30,7 @@ from server.store.sessions import (
     session_row,
     unused,
 )
+from server.store.solves import unfinished_jobs
 from server.strict_json import StrictRoute, plain_json
 
 router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=StrictRoute)
@@ -40,7 +42,7 @@ _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner")
 @router.post("", status_code=201, response_model=StoredSession)
 def create(body: NewSession, once: OnceDep, store: StoreDep) -> Response:
     """Make a session, of a real cell or of the simulated one."""
-    record = {name: value for name, value in body.to_json().items() if name != "simulated"}
+    record = {name: value for name, value in body.to_json().items() if name not in STORE_FIELDS}
     simulated = None
     if body.simulated is not None:
         simulated = body.simulated.model_dump()
@@ -81,7 +83,7 @@ def get(session_id: SessionId, store: StoreDep) -> Response:
 @router.patch("/{session_id}", response_model=StoredSession)
 def change(session_id: SessionId, body: SessionChanges, store: StoreDep, if_match: IfMatch = None) -> Response:
     """Change a session's name or cell; captures are measured anew where the cell's change bears on them."""
-    changes = body.model_dump(exclude_unset=True)
+    changes = {n: v for n, v in body.model_dump(exclude_unset=True).items() if n not in STORE_FIELDS}
     if "captures" in changes:
         raise InputError("changes of the session", "captures", "Patch each capture by itself.", "captures")
     with store.read() as db:
@@ -106,11 +108,14 @@ def change(session_id: SessionId, body: SessionChanges, store: StoreDep, if_matc
 
 
 @router.delete("/{session_id}", status_code=204)
-def delete(session_id: SessionId, store: StoreDep, if_match: IfMatch = None) -> None:
+def delete(session_id: SessionId, store: StoreDep, jobs: JobsDep, if_match: IfMatch = None) -> None:
     """Remove a session with its captures and results, for good."""
     with store.write() as db:
         require_revision(locked_session(db, session_id), if_match)
+        unfinished = unfinished_jobs(db, session_id)
         digests = delete_session(db, session_id)
+    for job_id in unfinished:
+        jobs.end(job_id)
     with store.read() as db:
         digests = unused(db, digests)
     store.blobs.remove(digests)

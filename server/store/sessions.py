@@ -128,6 +128,10 @@ def touch(row: SessionRow) -> None:
     row.updated = now()
 
 
+STORE_FIELDS = frozenset({"id", "created", "updated", "revision", "scene", "simulated"})
+"""What the store knows about a session beside its record; what comes back with a record is left out of it."""
+
+
 def session_data(db: Transaction, row: SessionRow) -> Data:
     """Return a session's record, captures inside, with what the store knows about it."""
     captures = db.scalars(

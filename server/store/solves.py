@@ -77,9 +77,10 @@ def fail_job(db: Transaction, job_id: str, error: Data) -> None:
         update_job(db, job_id, "failed", error["detail"])
 
 
-def unfinished_jobs(db: Transaction) -> list[str]:
-    """Return the ids of jobs that were waiting or running when the server stopped."""
-    return list(db.scalars(select(JobRow.id).where(JobRow.status.not_in(ENDED))))
+def unfinished_jobs(db: Transaction, session_id: str | None = None) -> list[str]:
+    """Return the ids of jobs that wait or run, of one session or of all."""
+    query = select(JobRow.id).where(JobRow.status.not_in(ENDED))
+    return list(db.scalars(query if session_id is None else query.where(JobRow.session_id == session_id)))
 
 
 def add_result(db: Transaction, job_id: str, record: Data) -> None:

@@ -105,7 +105,9 @@ def test_jobs_are_cancelled_while_they_run_and_while_they_wait(start: Callable[.
             assert client.post(f"/jobs/{job}/cancel").json()["status"] == "cancelled"
         assert wait_until_it_runs(client, next_one) != worker
         assert client.get(f"/jobs/{running}").json()["status"] == "cancelled"
-        client.delete(f"/sessions/{session}")
+        client.delete(f"/sessions/{session}")  # ends its job too: the next session's runs at once
+        other = client.post(f"/sessions/{make_session(client)}/solve/tcp").json()["id"]
+        wait_until_it_runs(client, other)
 
 
 @pytest.mark.usefixtures("slow")

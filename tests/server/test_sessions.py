@@ -115,6 +115,15 @@ def test_changes_merge_and_count_revisions(client: httpx.Client) -> None:
     assert client.get(f"/sessions/{session}").headers["etag"] == changed.headers["etag"]
 
 
+def test_what_the_server_gave_may_be_sent_back(client: httpx.Client) -> None:
+    session = client.get(f"/sessions/{make_session(client)}").json()
+    assert session.pop("captures") == []
+    copy = {name: value for name, value in session.items() if name != "simulated"}
+    assert client.post("/sessions", json={**copy, "revision": 77}).json()["revision"] == 1
+    changed = client.patch(f"/sessions/{session['id']}", json={**session, "name": "again"}).json()
+    assert changed == {**session, "name": "again", "captures": [], "revision": 2, "updated": changed["updated"]}
+
+
 def test_a_change_against_an_older_revision_is_refused(client: httpx.Client) -> None:
     session = make_session(client)
     tag = client.get(f"/sessions/{session}").headers["etag"]
