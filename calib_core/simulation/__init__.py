@@ -7,20 +7,27 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.simulation.bound import tcp_bound
+from calib_core.simulation.chain_bound import ChainBound, chain_bound
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.profile_cell import Shot, World, build_world
 from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
+from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
 from calib_core.simulation.writing import session_files, session_record
 
 __all__ = [
     "FRAME_SCENARIOS",
     "SCENARIOS",
+    "TABLE_SCENARIOS",
+    "ChainBound",
     "Shot",
     "SimulatedSession",
+    "TableScenario",
     "TcpScenario",
     "World",
+    "chain_bound",
     "simulate",
+    "simulate_table",
     "simulate_tcp",
     "tcp_bound",
 ]
@@ -37,8 +44,10 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     if scenario in FRAME_SCENARIOS:
         _require_seed(seed)
         return SimulatedSession(*simulate_frames(FRAME_SCENARIOS[scenario], scenario, seed), None)
+    if scenario in TABLE_SCENARIOS:
+        return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)
     if scenario not in SCENARIOS:
-        names = ", ".join([*SCENARIOS, *FRAME_SCENARIOS])
+        names = ", ".join([*SCENARIOS, *TABLE_SCENARIOS, *FRAME_SCENARIOS])
         raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
 
@@ -57,6 +66,25 @@ def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> Simulate
     return SimulatedSession(
         session_record(world, f"simulated {name}, seed {seed}"), session_files(world), truth, world
     )
+
+
+def simulate_table(seed: int, options: TableScenario, name: str = "turntable") -> SimulatedSession:
+    """Return a session of TCP and turntable captures of a simulated cell with explicit options.
+
+    Raises
+    ------
+    InputError
+        If the seed is negative.
+    """
+    _require_seed(seed)
+    world, table = build_table_world(options, np.random.default_rng([seed, 20_261]))
+    truth = {**world.truth(), **table.truth(), "seed": seed, "scenario": name}
+    record = session_record(world, f"simulated {name}, seed {seed}")
+    if options.tcp.sigmas == "given":
+        sigma_deg = float(np.rad2deg(options.angle_sigma_rad))
+        turntable = record.cell.turntable.model_copy(update={"angle_sigma_deg": sigma_deg})
+        record = record.model_copy(update={"cell": record.cell.model_copy(update={"turntable": turntable})})
+    return SimulatedSession(record, session_files(world), truth, world, table)
 
 
 def _require_seed(seed: int) -> None:

@@ -16,7 +16,7 @@ def tcp_bound(simulated: SimulatedSession) -> FloatArray:
     The rotation perturbs on the right, R·exp(r), the translation adds.  Unknown are the six of tool0_from_laser
     and the sphere's centre; the diameter is known.  A capture's residuals are the distances of its points to the
     sphere; their covariance is σ_point² I plus what the robot's pose errors add, so that these are integrated out.
-    Spoiled captures and stray points give nothing.
+    Spoiled captures, stray points and captures of a turntable give nothing.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def tcp_bound(simulated: SimulatedSession) -> FloatArray:
         raise InputError("a simulated cell that measures points", "one that takes frames", "Use a tcp scenario.")
     information = np.zeros((9, 9))
     for shot in world.shots:
-        if not shot.fault and len(shot.true_points_mm):
+        if not shot.fault and shot.table is None and len(shot.true_points_mm):
             information += _information(shot, world)
     scale = 1 / np.sqrt(np.diag(information))  # radians and millimetres side by side
     scaled = information * scale[:, None] * scale

@@ -14,6 +14,28 @@ _TRANSLATION_SHIFT_MM = (30.0, 80.0)
 _SOLID_ENOUGH = 0.15  # the volume that three unit shifts span; 0 where they lie in a plane
 
 
+@dataclass(frozen=True)
+class TableReading:
+    """How the turntable stood in one capture.
+
+    Parameters
+    ----------
+    angle_rad : float
+        How far it truly had turned about its axis, right-handed.
+    mount : int
+        Which mounting of the sphere it truly was.
+    reported_angle : float
+        The record's `table_deg`: in degrees, unless the user was mistaken.
+    reported_mount : str
+        The record's `mount`.
+    """
+
+    angle_rad: float
+    mount: int
+    reported_angle: float
+    reported_mount: str
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
     """One capture: what is true of it and what was measured.
@@ -34,6 +56,8 @@ class Shot:
     fault : str or None
     reported : (4, 4)
         The pose that the session's record has.
+    table : TableReading or None
+        How the turntable stood; None where the sphere stands on the floor.
     """
 
     name: str
@@ -46,6 +70,7 @@ class Shot:
     measured_points_mm: FloatArray
     fault: Fault | None
     reported: FloatArray
+    table: TableReading | None = None
 
     @property
     def side(self) -> int:
@@ -97,7 +122,7 @@ def build_world(options: TcpScenario, rng: np.random.Generator) -> World:
     nominal = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
     centers = _centers_in_laser(options, rng)
     orientations = _orientations(nominal, options, rng)
-    commanded = [_commanded(world, r, c) for r, c in zip(orientations, centers, strict=True)]
+    commanded = [commanded_pose(world, r, c) for r, c in zip(orientations, centers, strict=True)]
     faults = _faults(len(commanded), options, rng)
     shots = tuple(_shot(world, k, commanded, faults.get(k), rng) for k in range(len(commanded)))
     return replace(world, shots=shots)
@@ -107,15 +132,16 @@ def _centers_in_laser(options: TcpScenario, rng: np.random.Generator) -> FloatAr
     """Return where the sphere's centre is to be seen in each capture, (N, 3)."""
     count = options.translations + options.orientations
     if options.pivot:
-        return np.tile(_draw_centers(1, options, rng), (count, 1))
+        return np.tile(draw_centers(1, options, rng), (count, 1))
     for _ in range(10_000):
-        centers = _draw_centers(count, options, rng)
+        centers = draw_centers(count, options, rng)
         if _shifts_are_good(centers[: min(options.translations, 4)]):
             return centers
     raise AssertionError("the measuring range leaves no room for translations of 30 to 80 mm")
 
 
-def _draw_centers(count: int, options: TcpScenario, rng: np.random.Generator) -> FloatArray:
+def draw_centers(count: int, options: TcpScenario, rng: np.random.Generator) -> FloatArray:
+    """Return places of the sphere's centre in L (count, 3), as the scenario spreads them."""
     radius = options.sphere_diameter_mm / 2
     y = rng.uniform(options.offset_low, options.offset_high, count) * radius * rng.choice([-1.0, 1.0], count)
     x = rng.uniform(-options.lateral_mm, options.lateral_mm, count)
@@ -140,7 +166,7 @@ def _orientations(nominal: FloatArray, options: TcpScenario, rng: np.random.Gene
     return [nominal @ turn(v) for v in (*tiny, *large)]
 
 
-def _commanded(world: World, rotation: FloatArray, center_in_laser_mm: FloatArray) -> FloatArray:
+def commanded_pose(world: World, rotation: FloatArray, center_in_laser_mm: FloatArray) -> FloatArray:
     """Return the base_from_tool0 that brings the sphere to a place of the laser frame, as a robot reports it."""
     center_in_tool0 = world.tool0_from_laser[:3, :3] @ center_in_laser_mm + world.tool0_from_laser[:3, 3]
     return rounded_pose(pose(rotation, world.sphere_center_in_base_mm - rotation @ center_in_tool0))
@@ -170,9 +196,7 @@ def _shot(
     world: World, k: int, commanded: list[FloatArray], fault: Fault | None, rng: np.random.Generator
 ) -> Shot:
     options = world.options
-    error_rad = rng.standard_normal(3) * options.orientation_sigma_rad
-    error_mm = rng.standard_normal(3) * options.position_sigma_mm
-    actual = pose(commanded[k][:3, :3] @ turn(error_rad), commanded[k][:3, 3] + error_mm)
+    actual = true_pose(commanded[k], options, rng)
     center_in_base = world.sphere_center_in_base_mm
     if fault == "moved-sphere":
         direction = rng.standard_normal(3)
@@ -181,12 +205,28 @@ def _shot(
     if fault == "wrong-pose":
         others = [j for j in range(len(commanded)) if j != k]
         reported = commanded[int(rng.choice(others))]
+    center, true_points, measured = measure(k, world, actual, center_in_base, rng)
+    kind = options.kinds[k % len(options.kinds)]
+    name = f"p{k + 1:02d}"
+    return Shot(name, kind, commanded[k], actual, center_in_base, center, true_points, measured, fault, reported)
+
+
+def true_pose(commanded: FloatArray, options: TcpScenario, rng: np.random.Generator) -> FloatArray:
+    """Return where the arm really goes when it reports a pose, both (4, 4)."""
+    error_rad = rng.standard_normal(3) * options.orientation_sigma_rad
+    error_mm = rng.standard_normal(3) * options.position_sigma_mm
+    return pose(commanded[:3, :3] @ turn(error_rad), commanded[:3, 3] + error_mm)
+
+
+def measure(
+    k: int, world: World, actual: FloatArray, center_in_base: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what capture `k` sees in L: the sphere's centre, the true points (N, 3), the measured ones (M, 3)."""
+    options = world.options
     laser_from_base = back(actual @ world.tool0_from_laser)
     center = laser_from_base[:3, :3] @ center_in_base + laser_from_base[:3, 3]
     kind = options.kinds[k % len(options.kinds)]
-    true_points, measured = _measure(kind, world, center, center_in_base, laser_from_base, rng)
-    name = f"p{k + 1:02d}"
-    return Shot(name, kind, commanded[k], actual, center_in_base, center, true_points, measured, fault, reported)
+    return center, *_measure(kind, world, center, center_in_base, laser_from_base, rng)
 
 
 def _measure(

@@ -5,6 +5,7 @@ from typing import Any
 
 from calib_core.records import Session
 from calib_core.simulation.profile_cell import World
+from calib_core.simulation.table_cell import TableTruth
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +23,12 @@ class SimulatedSession:
         `scenario` and more.
     world : World or None
         The simulated cell itself, for bounds and benchmarks; none behind frames.
+    table : TableTruth or None
+        The simulated turntable, where there is one.
     """
 
     session: Session
     files: dict[str, bytes]
     truth: dict[str, Any]
     world: World | None
+    table: TableTruth | None = None

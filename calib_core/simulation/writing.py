@@ -52,6 +52,8 @@ def _capture(shot: Shot, world: World) -> dict[str, object]:
         data["center_mm"] = (np.round(shot.measured_points_mm[0], 4) * scale).tolist()
     else:
         data["files"] = [_file(shot)]
+    if shot.table is not None:
+        data |= {"step": "turntable", "table_deg": shot.table.reported_angle, "mount": shot.table.reported_mount}
     return data | {"pose": pose_numbers(shot.reported)}
 
 
