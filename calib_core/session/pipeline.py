@@ -11,6 +11,8 @@ from calib_core.records import Capture, Known, Result, Session, Stage, Step
 from calib_core.session.measure import ReadFile
 from calib_core.session.stage_tcp import Progress, StageInput, solve_tcp_stage
 
+_TO_CAPTURE = {"camera": "Capture the board, tilted differently in each frame, and add the frames to the session."}
+
 
 @dataclass(frozen=True)
 class StageEntry:
@@ -21,7 +23,14 @@ class StageEntry:
     solve: Callable[[StageInput], Result]
 
 
+def _solve_camera(given: StageInput) -> Result:
+    from calib_core.session.stage_camera import solve_camera_stage  # brings numba, which other stages may not need
+
+    return solve_camera_stage(given)
+
+
 STAGES: dict[Stage, StageEntry] = {
+    "camera": StageEntry(("camera", "laser-plane"), lambda known: known.camera, _solve_camera),
     "tcp": StageEntry(("tcp",), lambda known: known.tool0_from_laser, solve_tcp_stage),
 }
 
@@ -123,6 +132,6 @@ def _require_captures(captures: list[Capture], stage: str) -> None:
         raise InputError(
             f"captures with step {steps}",
             "none",
-            "Capture the sphere from several robot poses and add them to the session.",
+            _TO_CAPTURE.get(stage, "Capture the sphere from several robot poses and add them to the session."),
             "captures",
         )

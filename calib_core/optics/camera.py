@@ -1,0 +1,316 @@
+"""The camera from views of a board: robust adjustment, views rejected with reasons, and the model they ask for."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from calib_core.errors import MotionError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State, shape_start, shared_vector
+from calib_core.optics.board import BoardView
+from calib_core.optics.camera_choice import Candidate, choose_model
+from calib_core.optics.camera_evidence import Coverage, summarise
+from calib_core.optics.camera_model import COEFFICIENTS, CameraModel, Model, Segment
+from calib_core.optics.camera_segments import depth_bands
+from calib_core.optics.camera_start import homographies, poses_from_homographies, start_from_homographies
+
+FEWEST_VIEWS = 3
+_HUBER_SIGMAS = 3.0
+_OUTLIER_SIGMAS = 6.0
+_WORST_VIEW_FACTOR = 4.0
+_FREE: dict[Model, list[int]] = {
+    "plain": list(range(9)),
+    "rational": list(range(12)),
+    "tilted": [*range(9), 16, 17],
+    "segmental": [],  # follows from the bands
+}
+
+
+@dataclass(frozen=True)
+class CameraOptions:
+    """What to solve.
+
+    Parameters
+    ----------
+    model : str
+        "auto" chooses by held-out error; or one of the models.
+    refine_board : bool
+        Whether the board may be bent (quadratic and cubic deviation from its plane).
+    folds : int
+        For the held-out error.
+    segments : int
+        How many bands of depth a segmental camera has at most.
+    """
+
+    model: Model | Literal["auto"] = "auto"
+    refine_board: bool = False
+    folds: int = 5
+    segments: int = 4
+
+
+@dataclass(frozen=True, eq=False)
+class CameraSolution:
+    """A calibrated camera with its evidence.
+
+    Attributes
+    ----------
+    camera : CameraModel
+    parameters : tuple of str
+        What the rows of `covariance` stand for.
+    covariance : (C, C)
+        Scaled by the residuals.
+    camera_from_board : tuple of RigidTransform or None
+        One a view; None where the view was rejected.
+    pose_covariances : dict
+        View index to (6, 6), order rx ry rz tx ty tz.
+    reprojection_rms_px : float
+        Of the corners' 2-D distances, over used views.
+    corner_sigma_px : float
+        Standard deviation of one coordinate, from the residuals.
+    view_rms_px : (V,)
+        NaN where the view was never fitted.
+    residuals_px : tuple of (N, 2)
+        Seen minus predicted, one array a view.
+    rejected : dict
+        View index to the reason.
+    rejected_corners : int
+        Corners left out in used views.
+    candidates : tuple of Candidate
+        Held-out errors of the models that were compared.
+    tilt_correlation : float or None
+        Largest |correlation| between a tilt and the principal point.
+    board_shape_mm : (7,) or None
+        Deviation from the plane: x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
+    coverage : Coverage
+    converged : bool
+    """
+
+    camera: CameraModel
+    parameters: tuple[str, ...]
+    covariance: FloatArray
+    camera_from_board: tuple[RigidTransform | None, ...]
+    pose_covariances: dict[int, FloatArray]
+    reprojection_rms_px: float
+    corner_sigma_px: float
+    view_rms_px: FloatArray
+    residuals_px: tuple[FloatArray, ...]
+    rejected: dict[int, str]
+    rejected_corners: int
+    candidates: tuple[Candidate, ...]
+    tilt_correlation: float | None
+    board_shape_mm: FloatArray | None
+    coverage: Coverage
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Which shared parameters a model frees, and its bands of depth."""
+
+    model: Model
+    nears: FloatArray
+    fars: FloatArray
+    free: np.ndarray
+
+    @property
+    def bands(self) -> tuple[FloatArray, FloatArray]:
+        """The bands' near and far ends, (B,), mm."""
+        return self.nears, self.fars
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(parameter_name(int(i), len(self.nears)) for i in self.free)
+
+    def with_bent_board(self) -> "Layout":
+        """Return the layout with the board's shape free too."""
+        start = shape_start(len(self.nears))
+        return replace(self, free=np.concatenate([self.free, np.arange(start, start + 7)]))
+
+
+def whole_depth(model: Model) -> Layout:
+    """Return the layout of a model whose distortion does not change with depth."""
+    return Layout(model, np.array([-np.inf]), np.array([np.inf]), np.array(_FREE[model], dtype=np.int64))
+
+
+def banded(nears: FloatArray, fars: FloatArray) -> Layout:
+    """Return the layout of a segmental camera: k1 k2 p1 p2 k3 in each band."""
+    places = [4 + 14 * b + j for b in range(len(nears)) for j in range(5)]
+    return Layout("segmental", nears, fars, np.array([0, 1, 2, 3, *places], dtype=np.int64))
+
+
+def calibrate_camera(
+    views: Sequence[BoardView],
+    image_size: tuple[int, int],
+    options: CameraOptions | None = None,
+    progress: Callable[[float, str], None] | None = None,
+) -> CameraSolution:
+    """Return the camera that saw the boards.
+
+    Parameters
+    ----------
+    views
+        What `find_board` gave, of one board and one camera.
+    image_size : (width, height)
+    options : CameraOptions, optional
+    progress : callable, optional
+        Told the fraction done and what is being done.
+
+    Raises
+    ------
+    MotionError
+        If there are fewer than three views of use, or they do not fix the focal length.
+    """
+    options = options or CameraOptions()
+    tell = progress or _tell_nobody
+    _require_views(len(views))
+    tell(0.0, "adjusting camera and boards")
+    corners = Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
+    fit = _robust_fit(corners, whole_depth("plain"), start_from_homographies(corners, image_size))
+    layouts: dict[Model, Layout] = {m: whole_depth(m) for m in ("plain", "rational", "tilted")}
+    bands = depth_bands(fit.corners, fit.adjusted.state, options.segments)
+    if bands is not None:
+        layouts["segmental"] = banded(*bands)
+    if options.model == "auto":
+        tell(0.2, "comparing models on held-out views")
+        chosen, candidates = choose_model(fit.corners, fit.adjusted.state, layouts, options.folds)
+    else:
+        if options.model not in layouts:
+            raise MotionError(
+                "views from near to far, at least 6 in each band of depth, for a segmental camera",
+                "too few, or all at about one depth" if options.model == "segmental" else repr(options.model),
+                "Take more views, or choose the model plain, rational or tilted.",
+            )
+        chosen, candidates = options.model, ()
+    layout = layouts[chosen]
+    if options.refine_board:
+        layout = layout.with_bent_board()
+    tell(0.8, f"final adjustment, {chosen} model")
+    final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
+    return summarise(final, layout, image_size, candidates)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An adjustment of the views that remained: which, why others did not, and the corners with their weights."""
+
+    all_corners: Corners
+    corners: Corners
+    adjusted: Adjusted
+    used: list[int]
+    rejected: dict[int, str]
+    view_rms_px: FloatArray
+    sigma_px: float
+
+
+def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: dict[int, str] | None = None) -> Fit:
+    """Fit with a robust loss, leave out what does not belong, fit again by least squares."""
+    rejected = dict(rejected or {})
+    start = start if len(start.rotations) == corners.views else State(start.shared, *_poses_of(corners, start))
+    while True:
+        used = [v for v in range(corners.views) if v not in rejected]
+        _require_views(len(used))
+        part = corners.take(used)
+        first = Adjustment(part, *layout.bands, layout.free, huber=np.inf).solve(start.take(used), 1e-4)
+        spread = max(robust_sigma(first.corner_residuals), 1e-4)
+        scaled = part.weighted(np.full(len(part.weights), 1 / spread))
+        first = Adjustment(scaled, *layout.bands, layout.free, _HUBER_SIGMAS).solve(first.state, 1e-4)
+        sigma = max(robust_sigma(first.corner_residuals), 1e-4)
+        lengths = np.linalg.norm(first.corner_residuals, axis=1)
+        keep = lengths < _OUTLIER_SIGMAS * sigma
+        worst = _worst_view(scaled, first, sigma)
+        if worst is not None:
+            rejected[used[worst[0]]] = worst[1]
+            continue
+        weights = np.where(keep, 1 / sigma, 0.0)
+        final = Adjustment(part.weighted(weights), *layout.bands, layout.free).solve(first.state)
+        return _fit_of(corners, part.weighted(weights), final, used, rejected)
+
+
+def _fit_of(corners: Corners, part: Corners, end: Adjusted, used: list[int], rejected: dict[int, str]) -> Fit:
+    squares = (end.corner_residuals**2).sum(axis=1)
+    kept = part.weights > 0
+    freedom = 2 * int(kept.sum()) - len(end.free) - 6 * len(used)
+    sigma = float(np.sqrt(squares[kept].sum() / max(freedom, 1)))
+    rms = np.full(corners.views, np.nan)
+    rms[used] = np.sqrt(np.add.reduceat(squares, part.ends[:-1]) / np.diff(part.ends))
+    return Fit(corners, part, end, used, rejected, rms, sigma)
+
+
+def _worst_view(corners: Corners, fit: Adjusted, sigma_px: float) -> tuple[int, str] | None:
+    """Return the view that fits worst, and why it must go; None if all may stay."""
+    squares = (fit.corner_residuals**2).sum(axis=1)
+    medians = np.array([np.median(squares[a:b]) for a, b in zip(corners.ends[:-1], corners.ends[1:], strict=True)])
+    typical = np.sqrt(medians)  # by its median a view is not condemned for one bad corner
+    worst = int(np.argmax(typical))
+    others = float(np.median(typical))
+    if typical[worst] > _WORST_VIEW_FACTOR * max(others, 0.3 * sigma_px):
+        return worst, (
+            f"its corners miss the camera by {typical[worst]:.2f} px, those of other views by {others:.2f} px: "
+            "board moved, bent or mistaken"
+        )
+    return None
+
+
+def robust_sigma(residuals_px: FloatArray) -> float:
+    """Return the standard deviation of a coordinate from the median of |residuals| (N, 2)."""
+    return float(1.4826 * np.median(np.abs(residuals_px)))
+
+
+def restart(state: State, layout: Layout) -> State:
+    """Return a state laid out for another model: the same camera, its distortion in every band."""
+    matrix = np.array([[state.shared[0], 0, state.shared[2]], [0, state.shared[1], state.shared[3]], [0, 0, 1.0]])
+    bands = np.tile(state.shared[4:18], (len(layout.nears), 1))
+    return State(shared_vector(matrix, bands), state.rotations, state.translations)
+
+
+def _poses_of(corners: Corners, state: State) -> tuple[FloatArray, FloatArray]:
+    """Return start poses of all views for a camera, where a state holds those of some only."""
+    s = state.shared
+    matrix = np.array([[s[0], 0, s[2]], [0, s[1], s[3]], [0, 0, 1.0]])
+    return poses_from_homographies(homographies(corners), matrix)
+
+
+def camera_of(shared: FloatArray, layout: Layout, image_size: tuple[int, int]) -> CameraModel:
+    """Return the camera that a shared vector describes."""
+    matrix = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1.0]])
+    count = len(layout.nears)
+    bands = shared[4 : 4 + 14 * count].reshape(count, 14).copy()
+    if layout.model != "segmental":
+        return CameraModel(matrix, bands[0], layout.model, image_size)
+    segments = tuple(
+        Segment(float(a), float(b), d) for a, b, d in zip(layout.nears, layout.fars, bands, strict=True)
+    )
+    return CameraModel(matrix, bands[count // 2], "segmental", image_size, segments)
+
+
+def parameter_places(names: Sequence[str]) -> np.ndarray:
+    """Return the places (C,) in the shared vector of named parameters; those of the board are left out."""
+    band_count = max([int(name.partition("@")[2] or 1) for name in names], default=1)
+    places = {parameter_name(i, band_count): i for i in range(shape_start(band_count))}
+    return np.array([places[name] for name in names if not name.startswith("board")], dtype=np.int64)
+
+
+def parameter_name(place: int, bands: int) -> str:
+    """Return the name of a place in the shared vector; coefficients of bands end in their number, from near."""
+    if place < 4:
+        return ("fx", "fy", "cx", "cy")[place]
+    if place < shape_start(bands):
+        band, j = divmod(place - 4, 14)
+        return COEFFICIENTS[j] if bands == 1 else f"{COEFFICIENTS[j]}@{band + 1}"
+    return f"board{place - shape_start(bands) + 1}"
+
+
+def _tell_nobody(_fraction: float, _what: str) -> None:
+    pass
+
+
+def _require_views(count: int) -> None:
+    if count < FEWEST_VIEWS:
+        raise MotionError(
+            f"at least {FEWEST_VIEWS} views of the board, better 15",
+            f"{count} of use",
+            "Take more views, the board tilted differently in each, all over the image.",
+        )

@@ -1,0 +1,94 @@
+"""Which camera model the data asks for: the plainest whose error on held-out views none beats significantly."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+from calib_core.optics.adjust import Adjustment, Corners, State, fit_poses
+from calib_core.optics.camera_model import Model
+
+if TYPE_CHECKING:
+    from calib_core.optics.camera import Layout
+
+_LEAST_GAIN = 0.03  # of the mean squared error; less is not worth a parameter
+_SIGNIFICANT = 2.5  # standard errors of the views' mean gain
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model and how it did.
+
+    Attributes
+    ----------
+    model : str
+    parameters : int
+    held_out_rms_px : float
+        Of the corners of views that had no part in the fit, their poses alone fitted to them.
+    """
+
+    model: Model
+    parameters: int
+    held_out_rms_px: float
+
+
+def choose_model(
+    corners: Corners, state: State, layouts: "dict[Model, Layout]", folds: int
+) -> tuple[Model, tuple[Candidate, ...]]:
+    """Return the chosen model, and all candidates with their held-out errors.
+
+    Parameters
+    ----------
+    corners, state
+        The plain model's, of the views of use.
+    layouts
+        From the plainest on; a later one must beat those before it.
+    folds : int
+    """
+    errors: dict[Model, FloatArray] = {}
+    for model, layout in layouts.items():
+        found = held_out_errors(corners, state, layout, folds)
+        if found is not None:
+            errors[model] = found
+    candidates = tuple(
+        Candidate(model, len(layouts[model].free), float(np.sqrt(np.mean(e)))) for model, e in errors.items()
+    )
+    best: Model = "plain"
+    for model, squares in errors.items():
+        gain = errors[best] - squares
+        mean, deviation = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
+        if mean > _LEAST_GAIN * float(errors[best].mean()) and mean > _SIGNIFICANT * deviation:
+            best = model
+    return best, candidates
+
+
+def held_out_errors(corners: Corners, state: State, layout: "Layout", folds: int) -> FloatArray | None:
+    """Return each view's mean squared error (V,), px², when it is left out; None if a fold cannot be solved.
+
+    Views are dealt to the folds by their depth in turn, so that every fold spans the depths.
+    """
+    from calib_core.optics.camera import restart
+
+    order = np.argsort(state.translations[:, 2], kind="stable")
+    folds = max(2, min(folds, corners.views // 2))
+    squares = np.full(corners.views, np.nan)
+    start = restart(state, layout)
+    for fold in range(folds):
+        out = np.sort(order[fold::folds])
+        kept = np.setdiff1d(np.arange(corners.views), out)
+        if 2 * int((corners.take(kept).weights > 0).sum()) < len(layout.free) + 6 * len(kept) + 10:
+            return None
+        try:
+            trained = Adjustment(corners.take(kept), *layout.bands, layout.free).solve(start.take(kept), 1e-3)
+        except np.linalg.LinAlgError:
+            return None
+        left = corners.take(out)
+        there = start.take(out)
+        end = fit_poses(
+            left, State(trained.state.shared, there.rotations, there.translations), layout.bands, np.inf
+        )
+        each = (end.corner_residuals**2).sum(axis=1) * (left.weights > 0)
+        counts = np.add.reduceat((left.weights > 0).astype(float), left.ends[:-1])
+        squares[out] = np.add.reduceat(each, left.ends[:-1]) / np.maximum(counts, 1)
+    return squares if np.isfinite(squares).all() else None

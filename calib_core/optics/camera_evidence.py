@@ -1,0 +1,159 @@
+"""What a camera's solution says about itself: covariance, correlations, coverage, and warnings in sentences."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.optics.camera_choice import Candidate
+from calib_core.optics.camera_segments import corner_depths
+
+if TYPE_CHECKING:
+    from calib_core.optics.camera import CameraSolution, Fit, Layout
+
+_CELLS = (8, 6)
+_ADVISED_VIEWS = 10
+_ADVISED_COVERAGE = 0.6
+_LARGE_RMS_PX = 1.0
+_UNSURE_FOCAL = 0.005
+_ADVISED_TILT_RAD = 0.26
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Where the boards were seen.
+
+    Attributes
+    ----------
+    counts : (6, 8)
+        Corners in each cell of the image, rows from the top.
+    depth_mm : (near, far)
+        Of all corners.
+    covered : float
+        Share of the cells with a corner.
+    largest_tilt_rad : float
+        Between a board and the image plane.
+    """
+
+    counts: np.ndarray
+    depth_mm: tuple[float, float]
+    covered: float
+    largest_tilt_rad: float
+
+
+def coverage(fit: "Fit", image_size: tuple[int, int]) -> Coverage:
+    """Return where in the image and how deep the boards were seen."""
+    counts = image_coverage(fit.corners.pixels, image_size)
+    depths = corner_depths(fit.corners, fit.adjusted.state)
+    tilt = np.arccos(np.clip(np.abs(fit.adjusted.state.rotations[:, 2, 2]), 0, 1)).max()
+    return Coverage(counts, (float(depths.min()), float(depths.max())), float((counts > 0).mean()), float(tilt))
+
+
+def image_coverage(pixels: FloatArray, image_size: tuple[int, int]) -> np.ndarray:
+    """Return how many points (N, 2) fall into each of 8 × 6 cells of the image, as (6, 8)."""
+    width, height = image_size
+    counts, _, _ = np.histogram2d(
+        pixels[:, 1], pixels[:, 0], bins=_CELLS[::-1], range=((-0.5, height - 0.5), (-0.5, width - 0.5))
+    )
+    return counts.astype(np.int64)
+
+
+def summarise(
+    fit: "Fit", layout: "Layout", image_size: tuple[int, int], candidates: tuple[Candidate, ...]
+) -> "CameraSolution":
+    """Return the solution of a finished fit."""
+    from calib_core.optics.adjust import shape_start
+    from calib_core.optics.camera import CameraSolution, camera_of
+
+    end, state = fit.adjusted, fit.adjusted.state
+    weight = float(fit.corners.weights.max())
+    scale = (fit.sigma_px * weight) ** 2  # the covariance was for 1 / weight as standard deviation
+    covariance = end.covariance * scale
+    kept = fit.corners.weights > 0
+    poses: list[RigidTransform | None] = [None] * fit.all_corners.views
+    for view, pose in zip(fit.used, state.poses(), strict=True):
+        poses[view] = pose
+    residuals = [np.zeros((0, 2))] * fit.all_corners.views
+    for k, view in enumerate(fit.used):
+        residuals[view] = end.corner_residuals[fit.corners.ends[k] : fit.corners.ends[k + 1]]
+    shape_at = shape_start(len(layout.nears))
+    bent = bool(np.any(layout.free >= shape_at))
+    return CameraSolution(
+        camera=camera_of(state.shared, layout, image_size),
+        parameters=layout.names,
+        covariance=covariance,
+        camera_from_board=tuple(poses),
+        pose_covariances={v: c * scale for v, c in zip(fit.used, end.pose_covariances, strict=True)},
+        reprojection_rms_px=float(np.sqrt((end.corner_residuals[kept] ** 2).sum(axis=1).mean())),
+        corner_sigma_px=fit.sigma_px,
+        view_rms_px=fit.view_rms_px,
+        residuals_px=tuple(residuals),
+        rejected=fit.rejected,
+        rejected_corners=int((~kept).sum()),
+        candidates=candidates,
+        tilt_correlation=tilt_correlation(layout.names, covariance),
+        board_shape_mm=state.shared[shape_at : shape_at + 7].copy() if bent else None,
+        coverage=coverage(fit, image_size),
+        converged=end.converged,
+    )
+
+
+def tilt_correlation(names: tuple[str, ...], covariance: FloatArray) -> float | None:
+    """Return the largest |correlation| between a tilt and the principal point, or None without tilts."""
+    if "tauX" not in names:
+        return None
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviation, deviation)
+    tilts, centres = [names.index("tauX"), names.index("tauY")], [names.index("cx"), names.index("cy")]
+    return float(np.abs(correlation[np.ix_(tilts, centres)]).max())
+
+
+def remarks_of(solution: "CameraSolution") -> list[str]:
+    """Return how the model was chosen and what that means, in sentences; nothing in them is wrong."""
+    found: list[str] = []
+    chosen = solution.camera.model
+    if solution.candidates:
+        errors = ", ".join(f"{c.model} {c.held_out_rms_px:.3f} px" for c in solution.candidates)
+        why = "no other is" if chosen == "plain" else "it is"
+        found.append(f"The {chosen} model was chosen: {why} significantly better on held-out views ({errors}).")
+    if solution.tilt_correlation is not None and solution.tilt_correlation > 0.9:
+        found.append(
+            f"Tilt and principal point are correlated by {solution.tilt_correlation:.3f}: "
+            "use them together, never one of them alone."
+        )
+    if solution.rejected_corners:
+        found.append(f"{solution.rejected_corners} single corners were left out as outliers.")
+    return found
+
+
+def problems_of(solution: "CameraSolution") -> list[str]:
+    """Return what makes a solution doubtful and what to do about it, in sentences."""
+    found: list[str] = []
+    used = sum(pose is not None for pose in solution.camera_from_board)
+    if not solution.converged:
+        found.append(
+            "The adjustment did not settle: the views hardly determine this model. Take more, or a plainer one."
+        )
+    if used < _ADVISED_VIEWS:
+        found.append(f"Only {used} views are used: take at least {_ADVISED_VIEWS}, better 15 to 25.")
+    seen = solution.coverage
+    if seen.covered < _ADVISED_COVERAGE:
+        found.append(
+            f"The boards cover {seen.covered:.0%} of the image: the distortion of the rest is extrapolated. "
+            "Show the board in the corners too."
+        )
+    if seen.largest_tilt_rad < _ADVISED_TILT_RAD:
+        found.append(
+            f"No board is tilted by more than {np.rad2deg(seen.largest_tilt_rad):.0f}°: focal length and distance "
+            "are hard to tell apart. Tilt it by 20 to 45° in some views."
+        )
+    focal, deviation = solution.camera.camera_matrix[0, 0], float(np.sqrt(solution.covariance[0, 0]))
+    if deviation > _UNSURE_FOCAL * focal:
+        found.append(f"The focal length is known to ±{100 * deviation / focal:.1f} % only: tilt the board more.")
+    if solution.reprojection_rms_px > _LARGE_RMS_PX:
+        found.append(
+            f"The corners miss by {solution.reprojection_rms_px:.1f} px RMS, where 0.05 to 0.5 px is usual: check "
+            "that the board is flat and still, and its columns and rows."
+        )
+    return found

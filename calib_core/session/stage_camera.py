@@ -1,0 +1,223 @@
+"""The camera stage: the board found in every frame that shows it, the adjustment, a row of residuals a capture."""
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.camera import CameraSolution, calibrate_camera
+from calib_core.optics.camera_evidence import problems_of, remarks_of
+from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
+from calib_core.records import (
+    Board,
+    CameraCandidate,
+    CameraCoverage,
+    CameraResidual,
+    CameraResult,
+    CameraSegment,
+    Capture,
+    Verdict,
+)
+from calib_core.session.images import decode_image
+from calib_core.session.measure import ReadFile
+from calib_core.session.stage_tcp import SOFTWARE
+
+if TYPE_CHECKING:
+    from calib_core.session.stage_tcp import StageInput
+
+_FAIL_RMS_PX = 3.0
+_FINDING_SHARE = 0.7
+
+
+def solve_camera_stage(given: "StageInput") -> CameraResult:
+    """Return the camera from all frames that show the board, of camera and laser-plane captures.
+
+    Raises
+    ------
+    InputError
+        If the cell names no board, a file is of no use, or frames differ in size.
+    MeasurementError
+        If no frame shows the board.
+    MotionError
+        If the views do not determine a camera.
+    """
+    board = given.session.cell.board
+    if board is None:
+        raise InputError(
+            "the calibration board",
+            "nothing",
+            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
+            "cell.board",
+        )
+    captures = [c for c in given.captures if c.kind == "frame" and not c.excluded]
+    views, failed = _find_all(given, captures, board)
+    if not views:
+        if not failed:
+            raise InputError("frames of the board", "none", "Capture the board and add the frames.", "captures")
+        first_name, first = next(iter(failed.items()))
+        got = f"{first.got} (none of {len(captures)} frames shows the board)"
+        raise MeasurementError(first.need, got, first.to_do, first_name)
+    image_size = _one_size(views)
+    solution = _calibrate(given, views, image_size, failed)
+    return _result(given, solution, views, failed, image_size)
+
+
+def camera_from_result(result: CameraResult) -> CameraModel:
+    """Return the camera that a result holds."""
+    plain = CameraModel.from_names(result.camera_matrix, result.distortion, result.image_size)
+    segments = tuple(
+        Segment(s.near_mm, s.far_mm, CameraModel.from_names(np.eye(3), s.distortion).distortion)
+        for s in result.segments
+    )
+    return CameraModel(plain.camera_matrix, plain.distortion, result.model, result.image_size, segments)
+
+
+def board_frame(capture: Capture, read: ReadFile) -> np.ndarray:
+    """Return the frame of a capture that shows the board: its first file."""
+    name = capture.files[0]
+    return decode_image(read(name), name)
+
+
+def _find_all(
+    given: "StageInput", captures: list[Capture], board: Board
+) -> tuple[dict[str, BoardView], dict[str, MeasurementError]]:
+    views: dict[str, BoardView] = {}
+    failed: dict[str, MeasurementError] = {}
+    for number, capture in enumerate(captures):
+        given.progress(_FINDING_SHARE * number / len(captures), f"Finding the board in {capture.id}")
+        try:
+            views[capture.id] = find_board(board_frame(capture, given.read), board)
+        except MeasurementError as error:
+            failed[capture.id] = error
+    return views, failed
+
+
+def _one_size(views: dict[str, BoardView]) -> tuple[int, int]:
+    sizes = Counter(view.image_size for view in views.values())
+    usual = sizes.most_common(1)[0][0]
+    for name, view in views.items():
+        if view.image_size != usual:
+            raise InputError(
+                f"frames of one size, {usual[0]}×{usual[1]} as in most captures",
+                f"mixed image sizes, {view.image_size[0]}×{view.image_size[1]} here",
+                "Take all frames with one camera and one setting, or remove this capture.",
+                name,
+            )
+    return usual
+
+
+def _calibrate(
+    given: "StageInput",
+    views: dict[str, BoardView],
+    image_size: tuple[int, int],
+    failed: dict[str, MeasurementError],
+) -> CameraSolution:
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
+
+    try:
+        return calibrate_camera(list(views.values()), image_size, progress=tell)
+    except MotionError as error:
+        if not failed:
+            raise
+        names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
+        raise MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where) from None
+
+
+def _result(
+    given: "StageInput",
+    solution: CameraSolution,
+    views: dict[str, BoardView],
+    failed: dict[str, MeasurementError],
+    image_size: tuple[int, int],
+) -> CameraResult:
+    camera = solution.camera
+    problems = problems_of(solution)
+    rows = _rows(given, solution, views, failed)
+    not_used = [
+        f"{row.capture} is not used: {(row.reason or '').removesuffix('.')}."
+        for row in rows
+        if not row.used and row.reason and not row.reason.startswith("excluded")
+    ]
+    seen = solution.coverage
+    return CameraResult(
+        method="bundle adjustment of camera and board poses, least squares after robust rejection; "
+        "model by held-out error",
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), len(rows)),
+        warnings=[*remarks_of(solution), *problems, *not_used],
+        model=camera.model,
+        image_size=image_size,
+        camera_matrix=camera.camera_matrix.tolist(),
+        distortion=camera.distortion_by_name,
+        tilt_rad=camera.distortion[TILT].tolist(),
+        segments=[
+            CameraSegment(near_mm=s.near_mm, far_mm=s.far_mm, distortion=name_distortion(s.distortion))
+            for s in camera.segments
+        ],
+        reprojection_rms_px=solution.reprojection_rms_px,
+        corner_sigma_px=solution.corner_sigma_px,
+        parameters=list(solution.parameters),
+        covariance=solution.covariance.tolist(),
+        tilt_correlation=solution.tilt_correlation,
+        candidates=[
+            CameraCandidate(model=c.model, parameters=c.parameters, held_out_rms_px=c.held_out_rms_px)
+            for c in solution.candidates
+        ],
+        coverage=CameraCoverage(
+            counts=seen.counts.tolist(),
+            covered=seen.covered,
+            near_mm=seen.depth_mm[0],
+            far_mm=seen.depth_mm[1],
+            largest_tilt_rad=seen.largest_tilt_rad,
+        ),
+        residuals=rows,
+    )
+
+
+def _verdict(solution: CameraSolution, problems: bool, used: int, captures: int) -> Verdict:
+    if solution.reprojection_rms_px > _FAIL_RMS_PX:
+        return "fail"
+    return "warn" if problems or used < 0.5 * captures else "pass"
+
+
+def _rows(
+    given: "StageInput",
+    solution: CameraSolution,
+    views: dict[str, BoardView],
+    failed: dict[str, MeasurementError],
+) -> list[CameraResidual]:
+    place = {name: index for index, name in enumerate(views)}
+    rows: list[CameraResidual] = []
+    for capture in given.captures:
+        if capture.kind != "frame":
+            reason = f"a capture of kind '{capture.kind}', not a frame"
+        elif capture.excluded:
+            reason = "excluded by the user"
+        elif capture.id in failed:
+            error = failed[capture.id]
+            reason = f"need {error.need}, got {error.got}. {error.to_do}"
+        else:
+            rows.append(_row_of_view(capture.id, views[capture.id], solution, place[capture.id]))
+            continue
+        rows.append(CameraResidual(capture=capture.id, used=False, reason=reason))
+    return rows
+
+
+def _row_of_view(name: str, view: BoardView, solution: CameraSolution, index: int) -> CameraResidual:
+    pose = solution.camera_from_board[index]
+    rms, width = float(solution.view_rms_px[index]), view.edge_width_px
+    return CameraResidual(
+        capture=name,
+        used=pose is not None,
+        reason=solution.rejected.get(index),
+        corners=len(view.ids),
+        rms_px=rms if np.isfinite(rms) else None,
+        edge_width_px=width if np.isfinite(width) else None,
+        camera_from_board=None if pose is None else pose.to_rows(),
+        points_px=np.round(view.points_px, 3).tolist(),
+        residuals_px=np.round(solution.residuals_px[index], 4).tolist(),
+    )

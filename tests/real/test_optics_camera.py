@@ -1,0 +1,40 @@
+"""Real cameras: their figures beside independent plain solvers'."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from calib_core.records import CameraResult, parse_session
+from calib_core.session.pipeline import solve_stage
+
+
+def solve(folder: Path) -> CameraResult:
+    session = parse_session(json.loads((folder / "session.json").read_text()))
+    result = solve_stage(session, "camera", lambda name: (folder / name).read_bytes())
+    assert isinstance(result, CameraResult)
+    return result
+
+
+def test_chessboard_of_25_views(data_folder: Path) -> None:
+    result = solve(data_folder / "camera-chessboard")
+    assert result.reprojection_rms_px <= 0.17
+    assert result.camera_matrix[0][0] == pytest.approx(524.55, abs=2)
+    assert result.camera_matrix[1][1] == pytest.approx(525.09, abs=2)
+    assert result.camera_matrix[0][2] == pytest.approx(314.07, abs=2)
+    assert result.camera_matrix[1][2] == pytest.approx(249.96, abs=2)
+    assert [row.used for row in result.residuals] == [True] * 25
+    assert result.model == "plain"
+    assert result.verdict == "pass"
+    assert "held-out" in result.warnings[0]
+
+
+def test_boards_of_laser_plane_captures_serve_the_camera(data_folder: Path) -> None:
+    result = solve(data_folder / "laser-plane-arm-640")
+    used = [row for row in result.residuals if row.used]
+    assert len(used) >= 13
+    assert all(row.reason for row in result.residuals if not row.used)
+    assert result.reprojection_rms_px <= 0.435
+    # The reference is a plain fit to fewer views; its own standard deviation of f is about 1.3 px.
+    assert result.camera_matrix[0][0] == pytest.approx(644.9, abs=4)
+    assert result.camera_matrix[1][1] == pytest.approx(644.2, abs=4)
