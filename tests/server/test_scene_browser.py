@@ -17,7 +17,7 @@ from tests.server.scene_cell import make_cell, serve_scenes
 
 pytestmark = pytest.mark.browser
 
-CELL = make_cell(count=6, points=200, rejected=("p05",))
+CELL = make_cell(count=5, points=100, rejected=("p05",))
 DRAWN = """(name) => window.__viserSceneTree && name in window.__viserSceneTree.getState()
            && window.__viserMutable.nodeRefFromName[name]"""
 
@@ -70,7 +70,7 @@ def test_the_scene_draws_follows_and_keeps_to_its_own_server(browser: Browser) -
     manager = SceneManager(inputs.get)
     try:
         with serve_scenes(manager) as address:
-            page = browser.new_page(viewport={"width": 440, "height": 340})
+            page = browser.new_page(viewport={"width": 360, "height": 320})
             page.set_default_timeout(90_000)  # software rendering on a busy machine draws a frame a second
             watched = Watched(page)
             page.goto(
