@@ -1,40 +1,22 @@
-"""A real Chromium on the real server; pages that remember what they complained about and whom they asked."""
+"""A real Chromium on the real server."""
 
-import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, Request, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from server.settings import Settings
 from tests.server.live_server import serving
+from tests.web.browsing import Watched, leave_out_the_scene
 
-_SCENE = re.compile(r"/scenes/[^/]+/(\?.*)?$")
 _ARGUMENTS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--no-sandbox",
     "--disable-background-networking",
 ]
-
-
-class Watched:
-    """What a page complained about, and which hosts it asked."""
-
-    def __init__(self, page: Page) -> None:
-        self.complaints: list[str] = []
-        self.hosts: set[str] = set()
-        page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.on("request", self._asked)
-        page.on("websocket", lambda socket: self.hosts.add(urlsplit(socket.url).netloc))
-
-    def _asked(self, request: Request) -> None:
-        if urlsplit(request.url).scheme not in ("data", "blob"):
-            self.hosts.add(urlsplit(request.url).netloc)
 
 
 @pytest.fixture(scope="session")
@@ -52,11 +34,6 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     settings = Settings(data=tmp_path_factory.mktemp("sessions"), port=0, warm_up=False)
     with serving(settings) as client:
         yield str(client.base_url).removesuffix("/api/v1/")
-
-
-def leave_out_the_scene(context: BrowserContext) -> None:
-    """Put an empty page in the scene's place: drawing it in software takes most of a test's time."""
-    context.route(_SCENE, lambda route: route.fulfill(body="<title>no scene</title>", content_type="text/html"))
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.server.live_server import make_session, simulated_session
+from tests.web.browsing import leave_out_the_scene
 
 pytestmark = pytest.mark.browser
 

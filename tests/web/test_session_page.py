@@ -14,6 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 from calib_core.simulation import simulate
 from server.settings import Settings
 from tests.server.live_server import make_session, serving, simulated_session
+from tests.web.browsing import leave_out_the_scene
 
 pytestmark = pytest.mark.browser
 

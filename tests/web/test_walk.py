@@ -54,7 +54,7 @@ def drawn_colours(page: Page) -> int:
 
 
 def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., Any]) -> None:
-    page, watched = open_page(scene=True)
+    page, watched = open_page(scene=True, width=1100, height=640)
     expect(page.get_by_role("button", name="Start the simulated cell")).to_be_visible()
     for _ in range(8):
         page.keyboard.press("Tab")
