@@ -75,6 +75,8 @@ class Jobs:
     @property
     def ready(self) -> bool:
         """Whether a worker waits for jobs, warm."""
+        if not self._settings.warm_up:
+            return self._pool is not None
         return self._ready is not None and self._ready.done() and self._ready.exception() is None
 
     def stop(self) -> None:
@@ -92,6 +94,8 @@ class Jobs:
         """Hand a stored job to the workers, for the first time or after the worker of another job was ended."""
         with self._store.read() as db:
             row = job_row(db, job_id)
+            if row.status != "queued":  # cancelled meanwhile
+                return
             stored = load_session(db, self._store.blobs, row.session_id)
             stage = row.stage
         paths = {name: str(self._store.blobs.path(digest)) for name, digest in stored.digests.items()}
