@@ -320,7 +320,7 @@ class LaserPlaneResidual(CaptureResidual):
     line_rms_mm: float | None = None
     line_mean_mm: float | None = None
     stripe_sigma_px: float | None = None
-    board_rms_px: float | None = None
+    board_sigma_px: float | None = None
     board_distance_mm: float | None = None
 
 

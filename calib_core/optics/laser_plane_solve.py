@@ -32,11 +32,12 @@ FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _HUBER = 3.0
+_POSE_HUBER = 2.0
 _LEAST_CORNER_SIGMA_PX = 0.01
 _LEAST_STRIPE_SIGMA_PX = 0.01
 _LEAST_POINTS = 30
 _INSIDE_SHARE = 0.25
-_SPOILED_RMS_RATIO = 4.0
+_SPOILED_RMS_RATIO = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class ViewFigures:
     line_rms_mm: float
     line_mean_mm: float
     stripe_sigma_px: float
-    board_rms_px: float
+    board_sigma_px: float
     board_distance_mm: float
 
 
@@ -133,7 +134,7 @@ def solve_plane(
             "Capture the board with the stripe on it at other distances and tilts.",
         )
     corners = _corners(views)
-    posed, corner_rms = _fit_poses(camera, corners)
+    posed, corner_sigma = _fit_poses(camera, corners)
     poses = posed.poses()
     progress(0.5, "fitting the plane")
     on_line = [_on_straight_line(camera, view, pose) for view, pose in zip(views, poses, strict=True)]
@@ -146,14 +147,14 @@ def solve_plane(
         fit = fit_plane([lines[i] for i in used])
     inliers = [kept[i].selected(mask) for i, mask in zip(used, fit.inliers, strict=True)]
     progress(0.7, "refining plane and boards together")
-    weights = 1.0 / np.maximum(corner_rms, _LEAST_CORNER_SIGMA_PX)
+    weights = 1.0 / corner_sigma
     weighted = corners.weighted(weights[corners.view_of_each]).take(used)
     start = posed.take(used)
     normal, distance, covariance, end, factor = _jointly(camera, weighted, inliers, start, fit, camera_uncertainty)
     ended = end.poses()
     final = [_line(camera, views[i].name, s, p) for i, s, p in zip(used, inliers, ended, strict=True)]
     everywhere = np.concatenate([line.points_in_camera_mm for line in final])
-    figures = _figures(views, lines, poses, corner_rms, reasons, normal, distance)
+    figures = _figures(views, lines, poses, corner_sigma, reasons, normal, distance)
     return PlaneSolution(
         normal,
         distance,
@@ -168,10 +169,10 @@ def solve_plane(
 
 
 def board_poses(camera: CameraModel, views: Sequence[BoardView]) -> tuple[list[RigidTransform], FloatArray]:
-    """Return camera_from_board of each view and the RMS (V,) of a corner's coordinate about it, px."""
+    """Return camera_from_board of each view and the standard deviation (V,) of a corner's coordinate, px."""
     corners = Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
-    posed, rms = _fit_poses(camera, corners)
-    return posed.poses(), rms
+    posed, sigma = _fit_poses(camera, corners)
+    return posed.poses(), sigma
 
 
 def _corners(views: Sequence[PlaneView]) -> Corners:
@@ -186,9 +187,18 @@ def _fit_poses(camera: CameraModel, corners: Corners) -> tuple[State, FloatArray
     bands, near, far = camera.bands
     start = State(shared_vector(camera.camera_matrix, bands), rotations, translations)
     end = fit_poses(corners, start, (near, far), np.inf)
-    squares = (end.corner_residuals**2).sum(axis=1)
-    rms = [np.sqrt(squares[a:b].mean() / 2) for a, b in zip(corners.ends[:-1], corners.ends[1:], strict=True)]
-    return end.state, np.array(rms)
+    # The stripe runs over some corners and draws them to it: they must not turn the board.
+    for _ in range(2):
+        sigma = _robust_sigma(end.corner_residuals, corners)
+        end = fit_poses(corners.weighted(1.0 / sigma[corners.view_of_each]), end.state, (near, far), _POSE_HUBER)
+    return end.state, _robust_sigma(end.corner_residuals, corners)
+
+
+def _robust_sigma(residuals: FloatArray, corners: Corners) -> FloatArray:
+    """Return the standard deviation (V,) of a corner's coordinate in each view, px, whatever a few corners do."""
+    spans = zip(corners.ends[:-1], corners.ends[1:], strict=True)
+    sigma = [1.4826 * float(np.median(np.abs(residuals[a:b]))) for a, b in spans]
+    return np.maximum(sigma, _LEAST_CORNER_SIGMA_PX)
 
 
 def _on_straight_line(camera: CameraModel, view: PlaneView, pose: RigidTransform) -> Mask:
@@ -293,13 +303,13 @@ def _figures(
     views: Sequence[PlaneView],
     lines: Sequence[BoardLine],
     poses: Sequence[RigidTransform],
-    corner_rms: FloatArray,
+    corner_sigma: FloatArray,
     reasons: Sequence[str | None],
     normal: FloatArray,
     distance_mm: float,
 ) -> tuple[ViewFigures, ...]:
     figures: list[ViewFigures] = []
-    for view, line, pose, rms, reason in zip(views, lines, poses, corner_rms, reasons, strict=True):
+    for view, line, pose, rms, reason in zip(views, lines, poses, corner_sigma, reasons, strict=True):
         off = line.points_in_camera_mm @ normal - distance_mm
         figures.append(
             ViewFigures(

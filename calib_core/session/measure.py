@@ -53,7 +53,11 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     TooLargeError
         If a file is larger than the limits.
     """
-    if capture.kind in ("frame", "sweep"):
+    if capture.kind == "frame" and capture.step not in _SPHERE_STEPS:
+        from calib_core.session.measure_frame import measure_frame
+
+        return measure_frame(session, capture, read)
+    if capture.kind == "sweep":
         return Measured(
             capture=capture.id,
             kind=capture.kind,
@@ -65,7 +69,7 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     if capture.kind == "center":
         assert capture.center_mm is not None
         return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
-    points = read_points(capture, read)
+    points = _points(session, capture, read)
     if capture.step not in _SPHERE_STEPS:
         return Measured(
             capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=_thinned(points)
@@ -109,7 +113,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
             point_sigma_mm=sigma_mm or CENTER_SIGMA_MM,
         )
     with _named(capture):
-        seen = _see(session.cell, capture, read_points(capture, read))
+        seen = _see(session.cell, capture, _points(session, capture, read))
     fit, points = seen.fit, seen.points[seen.on_sphere]
     scale = (sigma_mm / fit.point_sigma_mm) ** 2 if sigma_mm and fit.point_sigma_mm else 1.0
     if isinstance(fit, ArcFit):
@@ -160,6 +164,15 @@ def read_points(capture: Capture, read: ReadFile) -> FloatArray:
     )
 
 
+def _points(session: Session, capture: Capture, read: ReadFile) -> FloatArray:
+    """Return the points of a capture in L; a raw frame's by the session's camera and plane of light."""
+    if capture.kind != "frame":
+        return read_points(capture, read)
+    from calib_core.session.frames import read_profile_frame
+
+    return read_profile_frame(session, capture, read)
+
+
 def pose_of(cell: Cell, capture: Capture) -> RigidTransform:
     """Return base_from_tool0 of a capture; raises InputError where its pose is missing or wrong."""
     if capture.pose is None:
@@ -176,7 +189,7 @@ def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
     """Return the sphere's size; raises InputError where it is missing and a capture needs it."""
     diameter_mm = cell.sphere_diameter_mm
     if diameter_mm is None:
-        if any(capture.kind == "profile" for capture in captures):
+        if any(capture.kind in ("profile", "frame") for capture in captures):
             raise InputError(
                 "the sphere's diameter in cell.sphere_diameter_mm",
                 "none",
@@ -189,7 +202,7 @@ def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
 
 def _see(cell: Cell, capture: Capture, points: FloatArray) -> _Seen:
     diameter_mm = cell.sphere_diameter_mm
-    if capture.kind == "profile":
+    if capture.kind in ("profile", "frame"):
         sphere_of(cell, [capture])
         arc = fit_arc(points, diameter_mm, cell.scanner.z_axis)
         return _Seen(points, arc.inliers, arc)

@@ -11,7 +11,11 @@ from calib_core.records import Capture, Known, Result, Session, Stage, Step
 from calib_core.session.measure import ReadFile
 from calib_core.session.stage_tcp import Progress, StageInput, solve_tcp_stage
 
-_TO_CAPTURE = {"camera": "Capture the board, tilted differently in each frame, and add the frames to the session."}
+_TO_CAPTURE = {
+    "camera": "Capture the board, tilted differently in each frame, and add the frames to the session.",
+    "laser-plane": "Capture the board with the stripe on it, near and far, and add the frames to the session.",
+}
+_OF_FRAMES: tuple[Step, ...] = ("camera", "laser-plane")  # what raw frames of later stages rest on
 
 
 @dataclass(frozen=True)
@@ -29,8 +33,15 @@ def _solve_camera(given: StageInput) -> Result:
     return solve_camera_stage(given)
 
 
+def _solve_laser_plane(given: StageInput) -> Result:
+    from calib_core.session.stage_laser_plane import solve_laser_plane_stage
+
+    return solve_laser_plane_stage(given)
+
+
 STAGES: dict[Stage, StageEntry] = {
     "camera": StageEntry(("camera", "laser-plane"), lambda known: known.camera, _solve_camera),
+    "laser-plane": StageEntry(("laser-plane",), lambda known: known.laser_plane, _solve_laser_plane),
     "tcp": StageEntry(("tcp",), lambda known: known.tool0_from_laser, solve_tcp_stage),
 }
 
@@ -106,7 +117,7 @@ def inputs_sha256(session: Session, stage: str, read: ReadFile, digest: Callable
     files, `digest` gives it by a file's name, and nothing is read.
     """
     digest = digest or (lambda name: hashlib.sha256(read(name)).hexdigest())
-    captures = stage_captures(session, stage)
+    captures = _captures_it_rests_on(session, stage)
     names = [name for capture in captures if not capture.excluded for name in capture.files]
     inputs = {
         "stage": stage,
@@ -116,6 +127,15 @@ def inputs_sha256(session: Session, stage: str, read: ReadFile, digest: Callable
     }
     text = json.dumps(inputs, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _captures_it_rests_on(session: Session, stage: str) -> list[Capture]:
+    """Return a stage's captures, and those that tell how its raw frames become points."""
+    captures = stage_captures(session, stage)
+    if stage != "camera" and any(capture.kind in ("frame", "sweep") for capture in captures):
+        steps = {*_entry(stage).steps, *_OF_FRAMES}
+        return [capture for capture in session.captures if capture.step in steps]
+    return captures
 
 
 def _entry(stage: str) -> StageEntry:

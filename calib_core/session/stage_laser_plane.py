@@ -1,0 +1,184 @@
+"""The laser-plane stage: board and stripe found in every capture, the plane through them, one row a capture."""
+
+import numpy as np
+
+from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.optics.board import find_board
+from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.laser_plane import (
+    camera_from_laser_covariance,
+    camera_from_laser_of,
+    plane_warnings,
+    rotation_sigma_deg,
+)
+from calib_core.optics.laser_plane_solve import (
+    CameraUncertainty,
+    PlaneSolution,
+    PlaneView,
+    ViewFigures,
+    solve_plane,
+)
+from calib_core.records import (
+    CameraResult,
+    Capture,
+    LaserPlaneResidual,
+    LaserPlaneResult,
+    PlaneInCamera,
+    Verdict,
+)
+from calib_core.session.frames import camera_of, read_frame, stripe_of
+from calib_core.session.stage_tcp import SOFTWARE, StageInput
+
+_FINDING_SHARE = 0.6
+_FAIL_NORMAL_SIGMA_DEG = 2.0
+
+
+def solve_laser_plane_stage(given: StageInput) -> LaserPlaneResult:
+    """Return the plane of light in the camera frame and the frame L, from captures of the board with the stripe.
+
+    Raises
+    ------
+    InputError
+        If the cell names no board, a file is of no use, or a frame's size is not the camera's.
+    MeasurementError
+        If no capture shows board and stripe.
+    MotionError
+        If the boards do not fix a plane.
+    """
+    camera, result = camera_of(given.session, given.read)
+    return solve_laser_plane(given, camera, result)
+
+
+def solve_laser_plane(
+    given: StageInput, camera: CameraModel, camera_result: CameraResult | None = None
+) -> LaserPlaneResult:
+    """Return the plane of light for a camera; with the camera's result its uncertainty counts too."""
+    views, failed = _find_all(given, camera)
+    if not views:
+        first_name, first = next(iter(failed.items()), ("captures", None))
+        if first is None:
+            raise InputError(
+                "frames of the board with the stripe on it", "none", "Capture some and add them.", "captures"
+            )
+        got = f"{first.got} (none of {len(failed)} captures shows both board and stripe)"
+        raise MeasurementError(first.need, got, first.to_do, first_name)
+
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
+
+    try:
+        solution = solve_plane(camera, views, _uncertainty(camera_result), tell)
+    except MotionError as error:
+        if not failed:
+            raise
+        names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
+        raise MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where) from None
+    return _result(given, solution, failed)
+
+
+def _find_all(given: StageInput, camera: CameraModel) -> tuple[list[PlaneView], dict[str, MeasurementError]]:
+    board = given.session.cell.board
+    if board is None:
+        raise InputError(
+            "the calibration board",
+            "nothing",
+            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
+            "cell.board",
+        )
+    captures = [c for c in given.captures if c.kind == "frame" and not c.excluded]
+    views: list[PlaneView] = []
+    failed: dict[str, MeasurementError] = {}
+    for number, capture in enumerate(captures):
+        given.progress(_FINDING_SHARE * number / len(captures), f"Finding board and stripe in {capture.id}")
+        try:
+            view = find_board(read_frame(capture, given.read), board)
+            _require_size(camera, view.image_size, capture)
+            views.append(PlaneView(capture.id, view, stripe_of(capture, given.read)))
+        except MeasurementError as error:
+            failed[capture.id] = error
+    return views, failed
+
+
+def _require_size(camera: CameraModel, size: tuple[int, int], capture: Capture) -> None:
+    if camera.image_size[0] and camera.image_size != size:
+        raise InputError(
+            f"frames of {camera.image_size[0]}×{camera.image_size[1]} pixels, as the camera was calibrated with",
+            f"{size[0]}×{size[1]} pixels",
+            "Take all frames with one camera and one setting, or remove this capture.",
+            capture.id,
+        )
+
+
+def _uncertainty(result: CameraResult | None) -> CameraUncertainty | None:
+    if result is None:
+        return None
+    from calib_core.optics.camera import parameter_places
+
+    own = [i for i, name in enumerate(result.parameters) if not name.startswith("board")]
+    covariance = np.array(result.covariance)[np.ix_(own, own)]
+    return CameraUncertainty(parameter_places(result.parameters), covariance)
+
+
+def _result(given: StageInput, solution: PlaneSolution, failed: dict[str, MeasurementError]) -> LaserPlaneResult:
+    normal, distance, covariance = solution.normal, solution.distance_mm, solution.covariance
+    sigma_deg = rotation_sigma_deg(covariance)
+    rows = _rows(given, solution, failed)
+    warnings = plane_warnings(solution.fit, solution.lines, sigma_deg)
+    left_out = [
+        f"{row.capture} is not used: {(row.reason or '').removesuffix('.')}."
+        for row in rows
+        if not row.used and row.reason and not row.reason.startswith("excluded")
+    ]
+    verdict: Verdict = "warn" if warnings or sum(row.used for row in rows) < 0.5 * len(rows) else "pass"
+    if sigma_deg > _FAIL_NORMAL_SIGMA_DEG:
+        verdict = "fail"
+    return LaserPlaneResult(
+        method="robust plane through the stripe's points on the boards, then plane and board poses together",
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=verdict,
+        warnings=[*warnings, *left_out],
+        plane_in_camera=PlaneInCamera(normal=normal.tolist(), distance_mm=distance),
+        camera_from_laser=camera_from_laser_of(normal, distance).to_rows(),
+        plane_rms_mm=solution.rms_mm,
+        covariance=camera_from_laser_covariance(normal, distance, covariance).tolist(),
+        plane_covariance=covariance.tolist(),
+        normal_sigma_deg=sigma_deg,
+        distance_sigma_mm=float(np.sqrt(covariance[3, 3])),
+        residuals=rows,
+    )
+
+
+def _rows(
+    given: StageInput, solution: PlaneSolution, failed: dict[str, MeasurementError]
+) -> list[LaserPlaneResidual]:
+    seen = {view.name: view for view in solution.views}
+    rows: list[LaserPlaneResidual] = []
+    for capture in given.captures:
+        if capture.id in seen:
+            rows.append(_row(seen[capture.id]))
+            continue
+        if capture.kind != "frame":
+            reason = f"a capture of kind '{capture.kind}', not a frame"
+        elif capture.excluded:
+            reason = "excluded by the user"
+        else:
+            error = failed[capture.id]
+            reason = f"need {error.need}, got {error.got}. {error.to_do}"
+        rows.append(LaserPlaneResidual(capture=capture.id, used=False, reason=reason))
+    return rows
+
+
+def _row(view: ViewFigures) -> LaserPlaneResidual:
+    measured = view.points > 0
+    return LaserPlaneResidual(
+        capture=view.name,
+        used=view.reason is None,
+        reason=view.reason,
+        points=view.points,
+        line_rms_mm=view.line_rms_mm if measured else None,
+        line_mean_mm=view.line_mean_mm if measured else None,
+        stripe_sigma_px=view.stripe_sigma_px,
+        board_sigma_px=view.board_sigma_px,
+        board_distance_mm=view.board_distance_mm,
+    )
