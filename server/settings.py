@@ -2,12 +2,13 @@
 
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from calib_core.errors import InputError
+from calib_core.records import input_error
 
 MEBIBYTE = 1024 * 1024
 
@@ -46,6 +47,13 @@ class Settings(BaseSettings):
     allow_without_login: bool = Field(
         default=False, description="Serve beyond this machine, open to everyone there."
     )
+
+    def __init__(self, **values: Any) -> None:
+        """Take values given here, then those of the environment; raises InputError."""
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise input_error(error, values, "settings (arguments and SCANCELL_… variables)") from None
 
     @model_validator(mode="after")
     def _stay_on_this_machine(self) -> "Settings":

@@ -1,9 +1,13 @@
 """What no foreign page may do, and what every answer says to browsers."""
 
+import socket
 from pathlib import Path
 
 import httpx
 import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from calib_core.errors import InputError
 from server.settings import Settings
@@ -71,6 +75,25 @@ def test_a_wrong_method_names_the_right_ones(client: httpx.Client) -> None:
     answer = client.put("/sessions")
     assert_problem(answer, 405, "PUT")
     assert "POST" in answer.headers["allow"] or "GET" in answer.headers["allow"]
+
+
+@pytest.mark.parametrize(("name", "origin"), [("evil.example", None), ("127.0.0.1", "https://evil.example")])
+def test_foreign_pages_open_no_websocket(client: httpx.Client, name: str, origin: Origin | None) -> None:
+    path = f"/scenes/{make_session(client)}/"
+    with (
+        socket.create_connection((client.base_url.host, client.base_url.port or 0)) as connection,
+        pytest.raises(InvalidStatus) as refused,
+    ):
+        connect(f"ws://{name}:{client.base_url.port}{path}", sock=connection, origin=origin, proxy=None)
+    assert refused.value.response.status_code == 403
+
+
+def test_settings_from_the_environment_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SCANCELL_WORKERS", "3")
+    assert Settings(data=tmp_path).workers == 3
+    monkeypatch.setenv("SCANCELL_WORKERS", "many")
+    with pytest.raises(InputError, match="workers"):
+        Settings(data=tmp_path)
 
 
 def test_serving_beyond_this_machine_must_be_said_twice(tmp_path: Path) -> None:
