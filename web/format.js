@@ -13,14 +13,14 @@ export function fixed(value, decimals) {
 }
 
 /**
- * Decimals that show an uncertainty: two digits where it starts with 1 or 2, one otherwise.
+ * Decimals that show an uncertainty: two digits where it starts with 1, 2 or 3, one otherwise.
  * @param {number} uncertainty
  */
 export function decimalsFor(uncertainty) {
   if (!(uncertainty > 0) || !Number.isFinite(uncertainty)) return 3;
   const exponent = Math.floor(Math.log10(uncertainty));
   const leading = uncertainty / 10 ** exponent;
-  return Math.min(9, Math.max(0, (leading < 2.95 ? 1 : 0) - exponent));
+  return Math.min(9, Math.max(0, (leading < 3.95 ? 1 : 0) - exponent));
 }
 
 /**

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import httpx
 import numpy as np
 import pytest
 from PIL import Image
@@ -104,9 +105,10 @@ def test_mouse_alone_and_a_pick_that_lights_up_everywhere(open_page: Callable[..
 
 
 @pytest.mark.skipif("SCANCELL_PICTURE" not in os.environ, reason="makes the README's picture when asked to")
-def test_picture_for_the_readme(open_page: Callable[..., Any]) -> None:
-    page, _ = open_page(scene=True, width=1600, height=1000)
-    page.get_by_role("button", name="Start the simulated cell").click()
+def test_picture_for_the_readme(open_page: Callable[..., Any], address: str) -> None:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as api:
+        made = api.post("/sessions", json={"name": "cell 4", "simulated": {"scenario": "tcp", "seed": 7}}).json()
+    page, _ = open_page(f"/sessions/{made['id']}", scene=True, width=1600, height=1000)
     capture_as_told(page, lambda: page.keyboard.press("Space"))
     page.keyboard.press("s")
     expect(page.locator(".banner")).to_be_visible()

@@ -40,6 +40,7 @@ export class ActionsElement extends StateElement {
     this.#capture.hidden = !simulated;
     const solved = guide?.current.action === "review";
     this.#look.hidden = !solved;
+    this.#solve.hidden = solved;
     this.#capture.classList.toggle("primary", !ready && !solved);
     this.#solve.classList.toggle("primary", ready);
     this.#files.className = simulated || ready || solved ? "plain wide" : "primary";

@@ -19,6 +19,8 @@ export class CapturesElement extends StateElement {
     h("thead", {}, h("tr", {}, ...columns())), this.#body,
   );
 
+  /** @type {WeakMap<Element, { capture: CaptureOut, told: string }>} */ #shown = new WeakMap();
+
   get parts() {
     return /** @type {const} */ (["captures", "results", "selection"]);
   }
@@ -50,10 +52,11 @@ export class CapturesElement extends StateElement {
     const picked = this.state.selected === capture.id;
     row.classList.toggle("picked", picked);
     row.querySelector(".pick")?.setAttribute("aria-pressed", String(picked));
-    const content = JSON.stringify([capture, residual]);
-    if (row.getAttribute("data-content") === content) return;
+    const told = JSON.stringify(residual ?? null);
+    const shown = this.#shown.get(row);
+    if (shown && shown.capture === capture && shown.told === told) return;
+    this.#shown.set(row, { capture, told });
     const focused = row.contains(document.activeElement) ? document.activeElement?.className : "";
-    row.setAttribute("data-content", content);
     row.classList.toggle("out", capture.excluded === true || residual?.used === false);
     row.replaceChildren(...this.#cells(capture, residual, picked));
     if (focused) /** @type {HTMLElement | null} */ (row.querySelector(`.${focused.split(" ").at(-1)}`))?.focus();
@@ -70,7 +73,7 @@ export class CapturesElement extends StateElement {
     return [
       h("td", { class: "thumb" }, (measured.preview ?? []).length > 0 && thumbnail(capture)),
       h("td", {}, h("button", { type: "button", class: "plain pick", "aria-pressed": String(picked), onclick: () => this.state.select(capture.id) }, capture.id)),
-      h("td", { class: "pose" }, pose(capture)),
+      h("td", { class: "pose" }, pose(capture), residual?.used === false && residual.reason && h("span", { class: "why" }, residual.reason)),
       h("td", { class: "right number" }, measured.zone === null || measured.zone === undefined ? "–" : fixed(measured.zone, 2)),
       h("td", { class: "right number" }, rms === null || rms === undefined ? "–" : `±${small(rms)}`),
       h("td", { class: "state" }, status(capture, residual)),
@@ -109,7 +112,7 @@ function columns() {
 
 /** @param {CaptureOut} capture */
 function thumbnail(capture) {
-  const plot = profilePlot(capture.measured, { width: 48, height: 28, scale: false });
+  const plot = profilePlot(capture.measured, { width: 48, height: 28, scale: false, most: 60 });
   plot.removeAttribute("role");
   plot.removeAttribute("aria-label");
   plot.setAttribute("aria-hidden", "true");
@@ -129,9 +132,7 @@ function pose({ pose: numbers }) {
  */
 function status(capture, residual) {
   if (capture.excluded) return mark("todo", t("captures.excluded"));
-  if (residual?.used === false) {
-    return h("span", { title: residual.reason ?? "" }, mark("fail", t("captures.rejected")), residual.reason && h("span", { class: "why" }, residual.reason));
-  }
+  if (residual?.used === false) return mark("fail", t("captures.rejected"));
   if (residual) return mark("pass", t("captures.used"));
   const { verdict } = capture.measured;
   return mark(verdict, maybe(`quality.${verdict}`, verdict));

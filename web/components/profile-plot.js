@@ -47,10 +47,10 @@ function frame(points, measured, aspect) {
 
 /**
  * @param {Measured} measured
- * @param {{ width: number, height: number, scale?: boolean }} size
+ * @param {{ width: number, height: number, scale?: boolean, most?: number }} size `most`: points to draw at most
  * @returns {SVGSVGElement}
  */
-export function profilePlot(measured, { width, height, scale = true }) {
+export function profilePlot(measured, { width, height, scale = true, most = 2000 }) {
   const points = flat(measured);
   const root = s("svg", { class: "profile-plot", viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": label(measured) });
   if (!points.length) return root;
@@ -60,9 +60,10 @@ export function profilePlot(measured, { width, height, scale = true }) {
   const place = (/** @type {number} */ x, /** @type {number} */ z) =>
     `${((x - view.left) * unit).toFixed(1)} ${((z - view.low) * unit).toFixed(1)}`;
   const on = measured.preview_on_sphere ?? [];
+  const step = Math.ceil(points.length / most);
   for (const kind of [false, true]) {
     const path = points.flatMap(([x, z], index) =>
-      (on[index] ?? false) === kind && inside(view, x, z) ? [`M${place(x, z)}h0`] : []);
+      index % step === 0 && (on[index] ?? false) === kind && inside(view, x, z) ? [`M${place(x, z)}h0`] : []);
     if (path.length) root.append(s("path", { class: kind ? "point on" : "point", d: path.join("") }));
   }
   const { center_mm: center, radius_mm: radius } = measured;

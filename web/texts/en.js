@@ -264,7 +264,7 @@ export const en = Object.freeze({
   "residuals.dot_out": "{capture}: {ratio} σ, rejected. {reason}",
 
   "compare.title": "Two answers from the same captures",
-  "compare.what": "",
+  "compare.what": "Quantity",
   "compare.joint": "Joint likelihood",
   "compare.two": "Two steps",
   "compare.difference": "Difference",
