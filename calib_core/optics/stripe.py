@@ -18,6 +18,7 @@ from calib_core.optics.stripe_view import Axis, Color, ImageArray, view_of
 FloatArray = NDArray[np.float64]
 
 _PHASES = 32
+_USUAL_WIDTH_PX = 2.0
 _SAMPLED_COLUMNS = 64
 _NOISE_SAMPLES = 1024
 _QUANTISATION_VARIANCE = 1 / 12
@@ -153,9 +154,13 @@ def find_stripe(
         chosen, axis=axis or chosen.axis, width_px=width_px or chosen.width_px, color=color or chosen.color
     )
     view = view_of(image, dark, chosen.axis, chosen.color, chosen.saturation)
-    codes, found = _measure(view.image, view.saturation, chosen)
-    if found.width_px > 3.5 and not chosen.width_px:  # the search box was too small for so wide a stripe
-        codes, found = _measure(view.image, view.saturation, chosen, box_width_px=found.width_px)
+    box = chosen.width_px or _USUAL_WIDTH_PX
+    codes, found = _measure(view.image, view.saturation, chosen, box)
+    for _ in range(3):
+        if found.width_px <= 1.75 * box:
+            break
+        box = found.width_px  # the search box was too small for so wide a stripe
+        codes, found = _measure(view.image, view.saturation, chosen, box)
     if len(found.column_px) < max(1, chosen.least_centers):
         raise _no_stripe(view.image, view.saturation, codes, chosen)
     if view.axis == "columns":
@@ -167,13 +172,12 @@ def _measure(
     image: ImageArray,
     saturation: float,
     options: StripeOptions,
-    box_width_px: float | None = None,
+    start_width: float,
 ) -> tuple[NDArray[np.uint8], StripeCenters]:
     """Find one centre per column; return each column's code and the good centres."""
     from calib_core.kernels import stripe as kernel
 
     variance = _surroundings_variance(image)
-    start_width = options.width_px or box_width_px or 2.0
     seeds, codes = _seeds(image, start_width, variance, options)
     columns = np.flatnonzero(codes == kernel.OK)
     width, good, rows = start_width, columns, np.empty((0, 5))
