@@ -73,7 +73,7 @@ export class CapturesElement extends StateElement {
     return [
       h("td", { class: "thumb" }, (measured.preview ?? []).length > 0 && thumbnail(capture)),
       h("td", {}, h("button", { type: "button", class: "plain pick", "aria-pressed": String(picked), onclick: () => this.state.select(capture.id) }, capture.id)),
-      h("td", { class: "pose" }, pose(capture), residual?.used === false && residual.reason && h("span", { class: "why" }, residual.reason)),
+      h("td", { class: "pose" }, pose(capture), residual?.used === false && residual.reason && h("span", { class: "why", title: residual.reason }, residual.reason)),
       h("td", { class: "right number" }, measured.zone === null || measured.zone === undefined ? "–" : fixed(measured.zone, 2)),
       h("td", { class: "right number" }, rms === null || rms === undefined ? "–" : `±${small(rms)}`),
       h("td", { class: "state" }, status(capture, residual)),

@@ -11,13 +11,15 @@ import { profilePlot, zoneBar } from "./profile-plot.js";
 
 export class QualityElement extends StateElement {
   get parts() {
-    return /** @type {const} */ (["captures", "selection"]);
+    return /** @type {const} */ (["captures", "selection", "results"]);
   }
 
   update() {
     const capture = this.state.shown;
     this.hidden = capture === null;
-    if (capture) this.replaceChildren(heading(capture, this.state.selected === capture.id), body(capture));
+    if (!capture) return;
+    const left = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : result.residuals)).find((row) => row.capture === capture.id && !row.used);
+    this.replaceChildren(heading(capture, this.state.selected === capture.id), body(capture, left?.reason ?? null));
   }
 }
 
@@ -33,13 +35,16 @@ function heading(capture, picked) {
   );
 }
 
-/** @param {CaptureOut} capture */
-function body(capture) {
+/**
+ * @param {CaptureOut} capture
+ * @param {string | null} rejected why the solve left it out
+ */
+function body(capture, rejected) {
   const { measured } = capture;
   return h(
     "div", { class: "quality-body" },
     (measured.preview ?? []).length > 0 && h("figure", {}, profilePlot(measured, { width: 232, height: 152 })),
-    h("div", { class: "quality-words" }, reason(capture), figures(capture)),
+    h("div", { class: "quality-words" }, rejected ? said("fail", rejected) : reason(capture), figures(capture)),
   );
 }
 
@@ -48,7 +53,12 @@ function reason({ measured }) {
   if (!measured.reason) return null;
   // The reason ends with what to do already where it comes from an error; never say it twice.
   const toDo = measured.to_do && !measured.reason.includes(measured.to_do) ? ` ${measured.to_do}` : "";
-  return h("p", { class: `reason reason-${measured.verdict}` }, sentence(measured.reason) + toDo);
+  return said(measured.verdict, sentence(measured.reason) + toDo);
+}
+
+/** @param {string} verdict @param {string} text */
+function said(verdict, text) {
+  return h("p", { class: `reason reason-${verdict}` }, sentence(text));
 }
 
 /** @param {string} text */

@@ -53,8 +53,14 @@ function banner(result) {
     "section", { class: `banner banner-${verdict}`, "aria-label": t("result.verdict") },
     h("h2", {}, mark(verdict, verdictWord(result)), " ", h("span", { class: "words" }, words)),
     ...(result.undetermined ?? []).map((one) => h("p", {}, mark("warn", one.description))),
-    (result.warnings ?? []).length > 0 && h("ul", {}, ...(result.warnings ?? []).map((warning) => h("li", {}, warning))),
+    ...list(result.warnings ?? []),
+    ...list(result.residuals.flatMap((row) => (row.used || !row.reason ? [] : [`${row.capture}: ${row.reason}`]))),
   );
+}
+
+/** @param {string[]} sentences */
+function list(sentences) {
+  return sentences.length ? [h("ul", {}, ...sentences.map((sentence) => h("li", {}, sentence)))] : [];
 }
 
 /**
