@@ -19,11 +19,14 @@ from calib_core.optics.camera_start import homographies, poses_from_homographies
 FEWEST_VIEWS = 3
 _HUBER_SIGMAS = 3.0
 _OUTLIER_SIGMAS = 6.0
+_LEAST_OUTLIER_PX = 0.5  # below, it may be the model that is wrong, not the corner
 _WORST_VIEW_FACTOR = 4.0
+_HARMLESS_PX = 0.2  # nobody rejects a view for less
 _FREE: dict[Model, list[int]] = {
     "plain": list(range(9)),
     "rational": list(range(12)),
-    "tilted": [*range(9), 16, 17],
+    # Decentring (p1, p2) is left out: with the principal point it imitates a tilt almost perfectly.
+    "tilted": [0, 1, 2, 3, 4, 5, 8, 16, 17],
     "segmental": [],  # follows from the bands
 }
 
@@ -219,7 +222,7 @@ def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: dict[i
         first = Adjustment(scaled, *layout.bands, layout.free, _HUBER_SIGMAS).solve(first.state, 1e-4)
         sigma = max(robust_sigma(first.corner_residuals), 1e-4)
         lengths = np.linalg.norm(first.corner_residuals, axis=1)
-        keep = lengths < _OUTLIER_SIGMAS * sigma
+        keep = lengths < max(_OUTLIER_SIGMAS * sigma, _LEAST_OUTLIER_PX)
         worst = _worst_view(scaled, first, sigma)
         if worst is not None:
             rejected[used[worst[0]]] = worst[1]
@@ -246,7 +249,7 @@ def _worst_view(corners: Corners, fit: Adjusted, sigma_px: float) -> tuple[int, 
     typical = np.sqrt(medians)  # by its median a view is not condemned for one bad corner
     worst = int(np.argmax(typical))
     others = float(np.median(typical))
-    if typical[worst] > _WORST_VIEW_FACTOR * max(others, 0.3 * sigma_px):
+    if typical[worst] > max(_WORST_VIEW_FACTOR * max(others, 0.3 * sigma_px), _HARMLESS_PX):
         return worst, (
             f"its corners miss the camera by {typical[worst]:.2f} px, those of other views by {others:.2f} px: "
             "board moved, bent or mistaken"
@@ -262,7 +265,10 @@ def robust_sigma(residuals_px: FloatArray) -> float:
 def restart(state: State, layout: Layout) -> State:
     """Return a state laid out for another model: the same camera, its distortion in every band."""
     matrix = np.array([[state.shared[0], 0, state.shared[2]], [0, state.shared[1], state.shared[3]], [0, 0, 1.0]])
-    bands = np.tile(state.shared[4:18], (len(layout.nears), 1))
+    lens = np.zeros(14)
+    own = [int(place) - 4 for place in layout.free if 4 <= place < 18]
+    lens[own] = state.shared[4:18][own]
+    bands = np.tile(lens, (len(layout.nears), 1))
     return State(shared_vector(matrix, bands), state.rotations, state.translations)
 
 

@@ -1,4 +1,4 @@
-"""Bands of depth for a segmental camera: as many as the views can carry, overlapping by a third."""
+"""Bands of depth for a segmental camera: as many as the views can carry, overlapping wholly."""
 
 import numpy as np
 
@@ -6,7 +6,6 @@ from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Corners, State
 
 _LEAST_DEPTH_RATIO = 1.25  # farthest over nearest corner: below, one set of coefficients holds for all
-_OVERLAP = 1 / 3
 _LEAST_CORNERS = 200
 _LEAST_VIEWS = 4
 
@@ -20,8 +19,10 @@ def corner_depths(corners: Corners, state: State) -> FloatArray:
 def depth_bands(corners: Corners, state: State, most: int) -> tuple[FloatArray, FloatArray] | None:
     """Return the bands' near and far ends (B,), mm, or None where the views do not span enough depth.
 
-    Bands are equally wide in inverse depth, the quantity in which an image changes evenly; neighbours overlap by a
-    third of their distance. Each must hold 200 corners of four views, else there are fewer bands.
+    Each band reaches from the middle of the one before it to the middle of the one after, so that the coefficients
+    run linearly from middle to middle and nowhere make a step. The middles are equally
+    far apart in inverse depth, the quantity in which an image changes evenly. Each band must hold 200 corners of
+    four views, else there are fewer bands.
     """
     depths = corner_depths(corners, state)
     near, far = float(depths.min()), float(depths.max())
@@ -29,11 +30,9 @@ def depth_bands(corners: Corners, state: State, most: int) -> tuple[FloatArray, 
         return None
     views = corners.view_of_each
     for count in range(most, 1, -1):
-        edges = 1 / np.linspace(1 / near, 1 / far, count + 1)
-        widths = np.diff(edges)
-        half = _OVERLAP / 2 * np.minimum(widths[:-1], widths[1:])
-        nears = np.concatenate([[edges[0]], edges[1:-1] - half])
-        fars = np.concatenate([edges[1:-1] + half, [edges[-1]]])
+        middles = 1 / np.linspace(1 / near, 1 / far, count)
+        nears = np.concatenate([middles[:1], middles[:-1]])
+        fars = np.concatenate([middles[1:], middles[-1:]])
         inside = [(depths >= a) & (depths <= b) for a, b in zip(nears, fars, strict=True)]
         if all(i.sum() >= _LEAST_CORNERS and len(np.unique(views[i])) >= _LEAST_VIEWS for i in inside):
             return nears, fars

@@ -1,0 +1,245 @@
+"""The camera from views: truth recovered, spoiled views rejected by name, and the model that the data asks for."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from calib_core.errors import InputError, MotionError
+from calib_core.frames import FloatArray
+from calib_core.optics.board import BoardView
+from calib_core.optics.camera import CameraOptions, calibrate_camera, parameter_places
+from calib_core.optics.camera_evidence import problems_of, remarks_of
+from calib_core.optics.camera_model import CameraModel, Model, Segment
+from calib_core.records import CameraResult, parse_session
+from calib_core.session.pipeline import solve_stage
+
+SIZE = (1280, 1024)
+MATRIX = np.array([[2400.0, 0, 650], [0, 2390, 500], [0, 0, 1]])
+PLAIN = CameraModel.from_names(MATRIX, {"k1": -0.2, "k2": 0.12, "p1": 0.001, "p2": -0.0007}, SIZE)
+TILTED = CameraModel.from_names(MATRIX, {"k1": -0.2, "k2": 0.12, "tauX": 0.10, "tauY": -0.04}, SIZE)
+BOARD = np.array([[x, y, 0.0] for y in range(8) for x in range(11)]) * 8
+
+
+def view(pixels: FloatArray) -> BoardView:
+    return BoardView(pixels, BOARD, np.arange(len(BOARD)), SIZE, 0.05)
+
+
+def simulate(
+    camera: CameraModel, count: int, seed: int, sigma_px: float = 0.05, depths: tuple[float, float] = (300, 600)
+) -> list[BoardView]:
+    rng = np.random.default_rng(seed)
+    views: list[BoardView] = []
+    while len(views) < count:
+        r = Rotation.from_rotvec(rng.uniform(-0.6, 0.6, 3)).as_matrix()
+        z = rng.uniform(*depths)
+        t = np.array([rng.uniform(-0.15, 0.15) * z, rng.uniform(-0.12, 0.12) * z, z]) - r @ BOARD.mean(0)
+        pixels = camera.project(BOARD @ r.T + t)
+        if (pixels > 0).all() and (pixels < SIZE).all():
+            views.append(view(pixels + rng.normal(0, sigma_px, pixels.shape)))
+    return views
+
+
+def held_out_rms_px(camera: CameraModel, views: list[BoardView]) -> float:
+    """Of views that had no part: their poses alone are fitted, by an independent general solver."""
+    from scipy.optimize import least_squares
+
+    from calib_core.optics.adjust import Corners
+    from calib_core.optics.camera_start import homographies, poses_from_homographies
+
+    squares = []
+    for v in views:
+        middle = 450.0 if camera.segments else None
+        rays = camera.undistort(v.points_px, middle)
+        corners = Corners.of([rays], [BOARD])
+        r, t = poses_from_homographies(homographies(corners), np.eye(3))
+
+        def residuals(x: FloatArray, v: BoardView = v) -> FloatArray:
+            points = BOARD @ Rotation.from_rotvec(x[:3]).as_matrix().T + x[3:]
+            return (camera.project(points) - v.points_px).ravel()
+
+        start = np.concatenate([Rotation.from_matrix(r[0]).as_rotvec(), t[0]])
+        end = least_squares(residuals, start, x_scale=[1e-3, 1e-3, 1e-3, 1, 1, 1])
+        squares.append((end.fun**2).reshape(-1, 2).sum(1))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def test_plain_camera_is_found_within_its_covariance() -> None:
+    truth = np.array([2400, 2390, 650, 500, -0.2, 0.12, 0.001, -0.0007, 0.0])
+    scores = []
+    runs = 20
+    for seed in range(runs):
+        solution = calibrate_camera(simulate(PLAIN, 12, seed), SIZE, CameraOptions(model="plain"))
+        found = np.concatenate(
+            [solution.camera.camera_matrix[[0, 1, 0, 1], [0, 1, 2, 2]], solution.camera.distortion[:5]]
+        )
+        error = found - truth
+        scores.append(error @ np.linalg.solve(solution.covariance, error))
+        assert solution.corner_sigma_px == pytest.approx(0.05, rel=0.1)
+    low, high = chi2.ppf([0.005, 0.995], 9 * runs) / runs
+    assert low < np.mean(scores) < high
+
+
+def test_the_plain_model_stays_where_it_is_true() -> None:
+    solution = calibrate_camera(simulate(PLAIN, 20, 1), SIZE)
+    assert solution.camera.model == "plain"
+    assert {c.model for c in solution.candidates} == {"plain", "rational", "tilted", "segmental"}
+    assert "plain model was chosen" in remarks_of(solution)[0]
+
+
+def test_a_tilted_sensor_over_300_mm_is_found_and_pays() -> None:
+    views, fresh = simulate(TILTED, 30, 2, 0.02), simulate(TILTED, 8, 50, 0.0)
+    solution = calibrate_camera(views, SIZE)
+    assert solution.camera.model == "tilted"
+    deviation = np.sqrt(np.diag(solution.covariance))[-2:]
+    assert (np.abs(solution.camera.distortion[12:] - [0.10, -0.04]) < 4 * deviation).all()
+    assert deviation.max() < 0.001
+    assert solution.tilt_correlation is not None
+    assert solution.tilt_correlation > 0.7
+    plain = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
+    assert held_out_rms_px(plain.camera, fresh) > 10 * held_out_rms_px(solution.camera, fresh)
+
+
+def test_a_decentred_lens_does_not_spoil_a_tilted_camera() -> None:
+    names = {**TILTED.distortion_by_name, "p1": 0.001, "p2": -0.0007}
+    truth = CameraModel.from_names(MATRIX, names, SIZE)
+    solution = calibrate_camera(simulate(truth, 30, 2, 0.02), SIZE)
+    assert solution.camera.model == "tilted"
+    assert held_out_rms_px(solution.camera, simulate(truth, 8, 50, 0.0)) < 0.004
+
+
+def test_a_lens_that_changes_with_depth_asks_for_bands() -> None:
+    near, far = PLAIN.distortion.copy(), PLAIN.distortion.copy()
+    far[:2] = [-0.26, 0.2]
+    truth = CameraModel(MATRIX, near, "segmental", SIZE, (Segment(250, 560, near), Segment(340, 700, far)))
+    views, fresh = simulate(truth, 40, 3, 0.02), simulate(truth, 8, 60, 0.0)
+    solution = calibrate_camera(views, SIZE)
+    assert solution.camera.model == "segmental"
+    plain = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
+    assert held_out_rms_px(plain.camera, fresh) > 3 * held_out_rms_px(solution.camera, fresh)
+
+
+def test_no_step_where_bands_meet() -> None:
+    views = simulate(TILTED, 40, 4, 0.02)
+    camera = calibrate_camera(views, SIZE, CameraOptions(model="segmental")).camera
+    camera = camera.with_laser_plane([0.0, 0.8, 0.6], 260.0)
+    rays = camera.undistort(np.column_stack([np.full(40000, 900.0), np.linspace(150, 900, 40000)]))
+    depth = 260.0 / (0.8 * rays[:, 1] + 0.6)
+    assert depth.min() < camera.segments[0].far_mm
+    assert depth.max() > camera.segments[-1].near_mm
+    # the surface advances by about 20 µm a step here; a jump where bands meet would stand out by itself
+    steps = np.diff(depth) * 1e3
+    assert np.abs(np.diff(steps)).max() < 2.0
+
+
+def test_spoiled_views_are_named() -> None:
+    views = simulate(PLAIN, 15, 5)
+    rng = np.random.default_rng(5)
+    views[4] = view(views[4].points_px + rng.normal(0, 3.0, views[4].points_px.shape))
+    bent = views[9].points_px.copy()
+    bent[::7] += 4.0
+    views[9] = view(bent)
+    solution = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
+    assert list(solution.rejected) == [4]
+    assert "px" in solution.rejected[4]
+    assert solution.camera_from_board[4] is None
+    assert solution.rejected_corners >= len(bent[::7])
+    assert solution.camera.camera_matrix[0, 0] == pytest.approx(2400, abs=4 * np.sqrt(solution.covariance[0, 0]))
+
+
+def test_poor_views_are_talked_about() -> None:
+    views = simulate(PLAIN, 4, 6, depths=(550, 600))
+    said = " ".join(problems_of(calibrate_camera(views, SIZE, CameraOptions(model="plain"))))
+    assert "Only 4 views" in said
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_too_few_views(count: int) -> None:
+    with pytest.raises(MotionError, match="at least 3 views"):
+        calibrate_camera(simulate(PLAIN, count, 7), SIZE)
+
+
+def test_a_segmental_camera_needs_depth() -> None:
+    with pytest.raises(MotionError, match="near to far"):
+        calibrate_camera(simulate(PLAIN, 8, 8, depths=(400, 405)), SIZE, CameraOptions(model="segmental"))
+
+
+@pytest.mark.parametrize(("model", "count"), [("plain", 9), ("tilted", 9), ("segmental", 0)])
+def test_parameters_know_their_places(model: Model, count: int) -> None:
+    solution = calibrate_camera(simulate(PLAIN, 30, 9), SIZE, CameraOptions(model=model, refine_board=True))
+    places = parameter_places(solution.parameters)
+    bands = len(solution.camera.segments)
+    assert len(places) == (count or 4 + 5 * bands)
+    assert len(solution.parameters) == len(places) + 7
+    assert solution.covariance.shape == (len(places) + 7,) * 2
+    assert solution.board_shape_mm is not None
+    assert np.abs(solution.board_shape_mm).max() < 0.1
+
+
+def frames(count: int, size: tuple[int, int] = (640, 480)) -> dict[str, bytes]:
+    """A board of squares drawn by its corners' homography, one PNG each."""
+    import cv2
+
+    rng = np.random.default_rng(11)
+    pattern = np.full((80 * 10, 110 * 10), 255, np.uint8)
+    for row in range(7):
+        for column in range(10):
+            if (row + column) % 2 == 0:
+                pattern[50 + row * 100 : 150 + row * 100, 50 + column * 100 : 150 + column * 100] = 20
+    files: dict[str, bytes] = {}
+    matrix = np.array([[900.0, 0, 320], [0, 900, 240], [0, 0, 1]])
+    for k in range(count):
+        r = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).as_matrix()
+        middle = np.array([55.0, 40.0, 0])
+        t = np.array([rng.uniform(-15, 15), rng.uniform(-10, 10), rng.uniform(190, 230)]) - r @ middle
+        shrink = np.diag([0.1, 0.1, 1.0]) @ np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
+        h = matrix @ np.column_stack([r[:, 0], r[:, 1], t]) @ shrink
+        picture = cv2.warpPerspective(pattern, h, size, flags=cv2.INTER_AREA, borderValue=128)
+        picture = cv2.GaussianBlur(picture, (0, 0), 0.8)
+        files[f"captures/f{k}.png"] = cv2.imencode(".png", picture)[1].tobytes()
+    return files
+
+
+def session_of(files: dict[str, bytes], **cell: object):
+    board = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 10.0}
+    return parse_session({
+        "format": "scancell-session/1",
+        "cell": {"pose_convention": "matrix", "board": board, **cell},
+        "captures": [
+            {"id": f"f{k}", "step": "camera", "kind": "frame", "files": [name]} for k, name in enumerate(files)
+        ],
+    })  # fmt: skip
+
+
+def test_the_stage_from_frames_to_result() -> None:
+    files = frames(9)
+    black = np.zeros((480, 640), np.uint8)
+    import cv2
+
+    files["captures/black.png"] = cv2.imencode(".png", black)[1].tobytes()
+    result = solve_stage(session_of(files), "camera", files.__getitem__)
+    assert isinstance(result, CameraResult)
+    assert result.reprojection_rms_px < 0.3
+    assert result.camera_matrix[0][0] == pytest.approx(900, rel=0.01)
+    assert [row.used for row in result.residuals] == [True] * 9 + [False]
+    assert "black frame" in (result.residuals[-1].reason or "")
+    assert any("f9 is not used" in warning for warning in result.warnings)
+    assert len(result.covariance) == len(result.parameters)
+    assert CameraResult.model_validate_json(result.model_dump_json()) == result
+
+
+def test_bad_sessions_are_refused_in_words() -> None:
+    import cv2
+
+    files = frames(3)
+    with pytest.raises(InputError, match=r"cell\.board"):
+        solve_stage(session_of(files, board=None), "camera", files.__getitem__)
+    larger = {**files, **{k.replace("f0", "g0"): v for k, v in frames(1, (700, 500)).items()}}
+    with pytest.raises(InputError, match="mixed image sizes"):
+        solve_stage(session_of(larger), "camera", larger.__getitem__)
+    blank = {"captures/a.png": cv2.imencode(".png", np.full((480, 640), 90, np.uint8))[1].tobytes()}
+    with pytest.raises(Exception, match="none of 1 frames shows the board"):
+        solve_stage(session_of(blank), "camera", blank.__getitem__)
+    known = {"camera": {"camera_matrix": MATRIX.tolist(), "distortion": {}}}
+    with pytest.raises(InputError, match=r"cell\.known"):
+        solve_stage(session_of(files, known=known), "camera", files.__getitem__)
