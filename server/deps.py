@@ -44,6 +44,9 @@ StageName = Annotated[str, Path(description="`tcp`, and the other stages as they
 IfMatch = Annotated[
     str | None, Header(max_length=200, description="The ETag that the change was made against; else 412.")
 ]
+LastEventId = Annotated[
+    str | None, Header(pattern=r"^\d{1,15}$", description="The last event's id: the stream goes on after it.")
+]
 Cursor = Annotated[str | None, Query(max_length=500, description="The `next` of the page before.")]
 Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
 

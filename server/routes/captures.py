@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse, JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, InputError, TooLargeError
-from calib_core.records import Capture, parse_capture
+from calib_core.records import Capture, Session, parse_capture
 from server.deps import CaptureId, Cursor, IfMatch, Limit, Once, OnceDep, SessionId, SettingsDep, StoreDep
 from server.measuring import check_poses, measure
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
@@ -27,7 +27,7 @@ from server.store.captures import (
     require_free,
 )
 from server.store.database import Store
-from server.store.models import Data
+from server.store.models import Data, SessionRow
 from server.store.sessions import (
     empty_session,
     etag,
@@ -120,7 +120,9 @@ def _store(
     sizes = {name: len(part) for name, part in contents.items()}
 
     def act(db: Transaction) -> Data:
-        return capture_data(add_capture(db, locked_session(db, session_id), capture, measured, digests, sizes))
+        row = locked_session(db, session_id)
+        _require_same_cell(row, session)
+        return capture_data(add_capture(db, row, capture, measured, digests, sizes))
 
     answer, _ = once.run(store, content, 201, act)
     return answer
@@ -158,6 +160,7 @@ def change(
     measured = measure(stored.session, capture, stored.read)
     with store.write() as db:
         session = locked_session(db, session_id)
+        _require_same_cell(session, stored.session)
         row = capture_row(db, session_id, capture_id)
         require_revision(row, if_match)
         if row.revision != revision:
@@ -165,6 +168,12 @@ def change(
         change_capture(db, session, row, capture.to_json(), measured)
         answer, tag = capture_data(row), etag(row)
     return JSONResponse(answer, headers={"ETag": tag})
+
+
+def _require_same_cell(row: SessionRow, session: Session) -> None:
+    """Refuse what was measured for a cell that was changed meanwhile."""
+    if empty_session(row).cell != session.cell:
+        raise ConflictError("a cell that rests", "one that was just changed", "Send the request again.", "cell")
 
 
 def _changed(record: Data, changes: Data) -> Capture:

@@ -3,13 +3,13 @@
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.records import Guide, Session, parse_session
-from server.deps import Cursor, HubDep, IfMatch, JobsDep, Limit, OnceDep, SessionId, StoreDep
+from server.deps import Cursor, HubDep, IfMatch, JobsDep, LastEventId, Limit, OnceDep, SessionId, StoreDep
 from server.events import follow, to_sse
 from server.measuring import check_poses, measure
 from server.schemas import NewSession, PoseLine, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
@@ -156,11 +156,6 @@ def existing_session(session_id: SessionId, store: StoreDep) -> str:
     """Return the id of a session that is there, before a stream about it begins; raises NotFoundError."""
     with store.read() as db:
         return session_row(db, session_id).id
-
-
-LastEventId = Annotated[
-    str | None, Header(pattern=r"^\d{1,15}$", description="The last event's id: the stream goes on after it.")
-]
 
 
 @router.get("/{session_id}/events", response_class=EventSourceResponse)

@@ -10,9 +10,8 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
-from server.deps import HubDep, JobsDep, OnceDep, SessionId, StageName, StoreDep
+from server.deps import HubDep, JobsDep, LastEventId, OnceDep, SessionId, StageName, StoreDep
 from server.events import follow, to_sse
-from server.routes.sessions import LastEventId
 from server.schemas import Job, StoredTcpResult
 from server.store.models import Data
 from server.store.sessions import load_session, locked_session

@@ -9,6 +9,7 @@ import httpx
 import numpy as np
 import pytest
 
+from server.routes import captures
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload
 
 POSE = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]
@@ -222,3 +223,19 @@ def test_the_simulated_cell_delivers_all_its_captures_and_then_says_so(client: h
     assert_problem(client.post(path), 409, "14 captures", "Solve")
     assert client.get("/sessions", params={"limit": 1}).json()["items"][0]["capture_count"] == 14
     assert_problem(client.post(f"/sessions/{make_session(client)}/sources/simulated/capture"), 409, "real cell")
+
+
+def test_a_cell_that_changes_while_a_capture_is_measured_is_noticed(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = make_session(client)
+    measure = captures.measure
+
+    def change_meanwhile(*given: Any) -> Any:
+        monkeypatch.undo()
+        client.patch(f"/sessions/{session}", json={"cell": {"sphere_diameter_mm": 41.0}})
+        return measure(*given)
+
+    monkeypatch.setattr(captures, "measure", change_meanwhile)
+    assert_problem(upload(client, session, record(), arc_csv()), 409, "again")
+    assert upload(client, session, record(), arc_csv()).status_code == 201
