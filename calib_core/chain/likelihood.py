@@ -1,6 +1,7 @@
 """The joint likelihood of all captures of a sphere, with every pose's random error integrated out.
 
-Unknown are tool0_from_laser (6), the sphere's centre in base (3) and, where its diameter is uncertain, the radius.
+Unknown are tool0_from_laser (6), the still sphere's centre in base (3), where captures of a turntable are among
+them its axis and mountings (`chain.table`), and, where its diameter is uncertain, the radius: always last.
 A capture depends on them only through the sphere's centre q in its own frame L: its points say how likely each q
 is, and the pose's repeatability says how far q may lie from where the unknowns predict it.  So each capture keeps
 its own q, and it is eliminated by a 3×3 Schur complement (Woodbury).  The side of a profile's sphere (±y) needs no
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.table import TableReadings, TableState
 from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector
 
@@ -20,14 +22,16 @@ _STEP_LIMIT = np.array(
     [0.1] * 3 + [20.0] * 6
 )  # rad and mm: far enough to travel, near enough to stay in the valley
 _LEAST_SIGMA_MM = 1e-4  # keeps the prior of a capture's own centre invertible
+_MOUNT_PRIOR = 1e-10  # 1/mm²: keeps a mounting finite all of whose captures were rejected
 
 
 @dataclass(frozen=True)
 class Sigmas:
-    """Standard deviations, per axis, of a robot pose's position and orientation."""
+    """Standard deviations, per axis, of a robot pose's position and orientation, and of the table's angle."""
 
     position_mm: float
     orientation_rad: float
+    angle_rad: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +48,10 @@ class ChainData:
         For clouds and centers, whose likelihood is quadratic in (centre, radius): where, how sharp, which slope.
     radius_mm, radius_sigma_mm : float
         The sphere's.
+    table : TableReadings or None
+        What the captures say of the turntable.
+    held : (P,) bool or None
+        Unknowns that keep their values, without the radius.
     """
 
     rotations: FloatArray
@@ -56,6 +64,8 @@ class ChainData:
     anchor_gradient: FloatArray
     radius_mm: float
     radius_sigma_mm: float
+    table: TableReadings | None = None
+    held: np.ndarray | None = None
 
     @property
     def count(self) -> int:
@@ -66,6 +76,16 @@ class ChainData:
     def free_radius(self) -> bool:
         """Whether the sphere's radius is an unknown (with a prior) as well."""
         return self.radius_sigma_mm > 0
+
+    @property
+    def unknowns(self) -> int:
+        """The number of unknowns, held ones included, without the radius."""
+        return 9 + (self.table.size if self.table else 0)
+
+    @property
+    def free_unknowns(self) -> int:
+        """The number of unknowns that are sought, without the radius."""
+        return self.unknowns - (0 if self.held is None else int(self.held.sum()))
 
     def chosen(self, used: np.ndarray) -> "ChainData":
         """Return only the captures of a mask (K,)."""
@@ -82,6 +102,7 @@ class ChainData:
             anchors=self.anchors[used],
             anchor_information=self.anchor_information[used],
             anchor_gradient=self.anchor_gradient[used],
+            table=self.table and self.table.chosen(used),
         )
 
 
@@ -134,26 +155,98 @@ class ChainState:
     center: FloatArray
     radius_mm: float
     centers_in_laser: FloatArray
+    table: TableState | None = None
 
     @classmethod
     def predicted(
-        cls, data: ChainData, tool_rotation: FloatArray, tool_translation: FloatArray, center: FloatArray
+        cls,
+        data: ChainData,
+        tool_rotation: FloatArray,
+        tool_translation: FloatArray,
+        center: FloatArray,
+        table: TableState | None = None,
     ) -> "ChainState":
         """Return a guess in which every pose is taken as exact."""
-        arms = np.einsum("kji,kj->ki", data.rotations, center - data.translations)
-        return cls(
-            tool_rotation, tool_translation, center, data.radius_mm, (arms - tool_translation) @ tool_rotation
-        )
+        guess = cls(tool_rotation, tool_translation, center, data.radius_mm, np.empty((0, 3)), table)
+        return replace(guess, centers_in_laser=prediction(data, guess).centers_in_laser)
 
     def moved(self, step: FloatArray) -> "ChainState":
-        """Return the unknowns after a step (9,) or (10,); the captures' own centres stay."""
+        """Return the unknowns after a step (P,), the radius last; the captures' own centres stay."""
+        width = 9 if self.table is None else 14 + self.table.mounts.size
         return replace(
             self,
             tool_rotation=nearest_rotation(self.tool_rotation @ rotation_from_vector(step[:3])),
             tool_translation=self.tool_translation + step[3:6],
             center=self.center + step[6:9],
-            radius_mm=self.radius_mm + (float(step[9]) if len(step) > 9 else 0.0),
+            radius_mm=self.radius_mm + (float(step[width]) if len(step) > width else 0.0),
+            table=self.table and self.table.moved(step[9:width]),
         )
+
+    @property
+    def tool_in_laser(self) -> FloatArray:
+        """The arm from the flange to the origin of L, in L, (3,), mm."""
+        return self.tool_rotation.T @ self.tool_translation
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Where the unknowns expect each capture's sphere.
+
+    Attributes
+    ----------
+    centers_in_laser : (K, 3)
+    jacobian : (K, 3, P)
+        Of these by the unknowns; zero for held ones.
+    levers : (K, 3) or None
+        Of these by the table's angle, mm/rad.
+    """
+
+    centers_in_laser: FloatArray
+    jacobian: FloatArray
+    levers: FloatArray | None
+
+
+def prediction(data: ChainData, state: ChainState) -> Prediction:
+    """Return where the unknowns expect each capture's sphere in L, poses and angles taken as recorded."""
+    from calib_core.kernels.chain import predict_centers
+
+    count = data.count
+    centers = np.empty((count, 3))
+    centers[:] = state.center
+    places = None
+    if data.table is not None and state.table is not None:
+        places = state.table.places(data.table)
+        centers[places.on_table] = places.centers
+    predicted, jacobian = np.empty((count, 3)), np.empty((count, 3, 9))
+    tool = state.tool_rotation, state.tool_translation
+    predict_centers(data.rotations, data.translations, *tool, centers, predicted, jacobian)
+    levers = None
+    if places is not None:
+        narrow, jacobian = jacobian, np.zeros((count, 3, data.unknowns))
+        on_table, by_center = places.on_table, narrow[places.on_table, :, 6:9]
+        jacobian[:, :, :6] = narrow[:, :, :6]
+        jacobian[~on_table, :, 6:9] = narrow[~on_table, :, 6:9]
+        jacobian[on_table, :, 9:] = by_center @ places.jacobian
+        levers = np.zeros((count, 3))
+        levers[on_table] = np.einsum("kij,kj->ki", by_center, places.levers)
+    if data.held is not None:
+        jacobian[:, :, data.held] = 0.0
+    return Prediction(predicted, jacobian, levers)
+
+
+def prior_information(data: ChainData) -> FloatArray:
+    """Return what is known of the unknowns beside the captures, a diagonal (P',), radius included where it is one.
+
+    A held unknown gets a one, so that its row does not vanish.
+    """
+    diagonal = np.zeros(data.unknowns + data.free_radius)
+    if data.table is not None:
+        diagonal[14 : data.unknowns] = _MOUNT_PRIOR
+    if data.held is not None:
+        diagonal[: data.unknowns][data.held] = 1.0
+    if data.free_radius:
+        diagonal[-1] = 1 / data.radius_sigma_mm**2
+    return diagonal
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,15 +256,17 @@ class ChainLinearisation:
     Attributes
     ----------
     cost, gradient, hessian
-        Of the unknowns (9, or 10 with the radius), pose errors integrated out.
+        Of the unknowns (9, the table's, the radius), pose errors integrated out.
     centers_in_laser : (K, 3)
         Each capture's own centre, settled, mm.
     information, vector : (K, m, m), (K, m)
         What each capture knows of its own (centre[, radius]): −½ xᵀAx + hᵀx about the present one.
     gain, share : (K, 3, 3)
         G and N of `kernels.chain.pose_error_gain`.
-    offset, jacobian : (K, 3), (K, 3, 9)
+    offset, jacobian : (K, 3), (K, 3, P)
         Predicted minus present centre, and the prediction's derivative.
+    levers : (K, 3) or None
+        The prediction's derivative by the table's angle.
     """
 
     cost: float
@@ -184,13 +279,16 @@ class ChainLinearisation:
     share: FloatArray
     offset: FloatArray
     jacobian: FloatArray
+    levers: FloatArray | None
 
 
-def pose_spread(predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas) -> FloatArray:
-    """Return the covariance (K, 3, 3), mm², of the sphere's centre in L by the random error of each robot pose.
+def pose_spread(
+    predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas, levers: FloatArray | None = None
+) -> FloatArray:
+    """Return the covariance (K, 3, 3), mm², of the sphere's centre in L by random errors of robot and table.
 
     A position error moves it by itself; an orientation error ω about the flange by ω × p, with p the arm from the
-    flange to the centre.
+    flange to the centre; an error of the table's angle by its lever: a term of rank one.
 
     Parameters
     ----------
@@ -199,11 +297,16 @@ def pose_spread(predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas
     tool_in_laser : (3,)
         R_sᵀ T_s: the arm from the flange to the origin of L, in L, mm.
     sigmas : Sigmas
+    levers : (K, 3), optional
+        How the centre moves with the table's angle, mm/rad.
     """
     arms = predicted + tool_in_laser
     turning = np.einsum("ki,ki->k", arms, arms)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None, :]
     position = max(sigmas.position_mm, _LEAST_SIGMA_MM)
-    return position**2 * np.eye(3) + sigmas.orientation_rad**2 * turning
+    spread = position**2 * np.eye(3) + sigmas.orientation_rad**2 * turning
+    if levers is not None and sigmas.angle_rad > 0:
+        spread += sigmas.angle_rad**2 * levers[:, :, None] * levers[:, None, :]
+    return spread
 
 
 def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision: FloatArray) -> ChainLinearisation:
@@ -220,14 +323,12 @@ def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision:
     from calib_core.kernels.chain import (
         marginal_normal_equations,
         pose_error_gain,
-        predict_tcp,
         settle_centers,
     )
 
     count, size = data.count, 4 if data.free_radius else 3
-    predicted, jacobian = np.empty((count, 3)), np.empty((count, 3, 9))
-    tool = state.tool_rotation, state.tool_translation
-    predict_tcp(data.rotations, data.translations, *tool, state.center, predicted, jacobian)
+    expected = prediction(data, state)
+    predicted, jacobian = expected.centers_in_laser, expected.jacobian
     own, slopes, sharpness = state.centers_in_laser.copy(), np.empty((count, 4)), np.empty((count, 4, 4))
     anchors = data.anchors, data.anchor_information, data.anchor_gradient
     cost = settle_centers(
@@ -239,22 +340,26 @@ def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision:
     offset = predicted - own
     gain, share = np.empty((count, 3, 3)), np.empty((count, 3, 3))
     pose_error_gain(information, spread, gain, share)
-    hessian, gradient = np.empty((6 + size, 6 + size)), np.empty(6 + size)
+    width = data.unknowns + size - 3
+    hessian, gradient = np.empty((width, width)), np.empty(width)
     marginal_normal_equations(information, vector, gain, share, offset, jacobian, hessian, gradient)
+    hessian[np.diag_indices(width)] += prior_information(data)
     if data.free_radius:
         deviation = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm
         cost += 0.5 * deviation**2
-        hessian[-1, -1] += 1 / data.radius_sigma_mm**2
         gradient[-1] += deviation / data.radius_sigma_mm
-    return ChainLinearisation(cost, gradient, hessian, own, information, vector, gain, share, offset, jacobian)
+    return ChainLinearisation(
+        cost, gradient, hessian, own, information, vector, gain, share, offset, jacobian, expected.levers
+    )
 
 
 def retract(state: ChainState, step: FloatArray, at: ChainLinearisation) -> ChainState:
     """Return the state after a step of the unknowns, every capture's own centre following (Schur's back part)."""
-    offset = at.offset + at.jacobian @ step[:9]
+    width = at.jacobian.shape[2]
+    offset = at.offset + at.jacobian @ step[:width]
     slope = at.vector[:, :3] - np.einsum("kij,kj->ki", at.information[:, :3, :3], offset)
-    if len(step) > 9:
-        slope = slope - at.information[:, :3, 3] * step[9]
+    if len(step) > width:
+        slope = slope - at.information[:, :3, 3] * step[width]
     own_step = offset + np.einsum("kij,kj->ki", at.gain, slope)
     return replace(state.moved(step), centers_in_laser=at.centers_in_laser + own_step)
 
@@ -264,7 +369,9 @@ def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainStat
 
     The covariance of the unknowns is the inverse of the minimum's Hessian.
     """
-    spread = pose_spread(start.centers_in_laser, start.tool_rotation.T @ start.tool_translation, sigmas)
-    limit = np.append(_STEP_LIMIT, 1.0) if data.free_radius else _STEP_LIMIT
+    levers = None if data.table is None else prediction(data, start).levers
+    spread = pose_spread(start.centers_in_laser, start.tool_in_laser, sigmas, levers)
+    limit = _STEP_LIMIT if data.table is None else np.concatenate([_STEP_LIMIT, data.table.step_limit()])
+    limit = np.append(limit, 1.0) if data.free_radius else limit
     precision = np.asarray(np.linalg.inv(spread), dtype=float)
     return minimise(lambda s: linearise(data, s, spread, precision), retract, start, limit)

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainData, ChainLinearisation, ChainState
+from calib_core.chain.likelihood import ChainData, ChainLinearisation, ChainState, pose_spread, prediction
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.sides import with_better_sides
 from calib_core.chain.start import Start
-from calib_core.chain.variance import ChainFit, fit_with_sigmas
+from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
 
@@ -66,12 +66,34 @@ def judge(
 ) -> Judged:
     """Return the captures that belong together, fitted, and the distances of all."""
     state = ChainState.predicted(data, start.rotation, start.translation, start.center)
-    sigmas = position_mm, orientation_rad
-    judged = _grown(observations, sphere, data, state, _core(start), sigmas)
+    return judge_from(observations, sphere, data, state, _core(start), (position_mm, orientation_rad, 0.0))
+
+
+def judge_from(
+    observations: list[SphereObservation],
+    sphere: SphereSize,
+    data: ChainData,
+    state: ChainState,
+    core: np.ndarray,
+    sigmas: GivenSigmas,
+) -> Judged:
+    """Return the captures that belong together, grown from those of a mask (K,) on which a near state agrees.
+
+    Parameters
+    ----------
+    observations, sphere, data
+        All captures, and the same as arrays.
+    state : ChainState
+        Near the answer.
+    core : (K,) bool
+    sigmas : of a pose's position (mm) and orientation (rad) and of the table's angle (rad); None: estimated
+    """
+    judged = _grown(observations, sphere, data, state, core, sigmas)
     other = with_better_sides(judged.data, judged.fit)
     if other is None:
         return judged
-    whole = ChainState.predicted(data, other.tool_rotation, other.tool_translation, other.center)
+    tool = other.tool_rotation, other.tool_translation
+    whole = ChainState.predicted(data, *tool, other.center, other.table)
     own = whole.centers_in_laser.copy()
     own[judged.used] = other.centers_in_laser
     return _grown(observations, sphere, data, replace(whole, centers_in_laser=own), judged.used, sigmas)
@@ -83,7 +105,7 @@ def _grown(
     data: ChainData,
     state: ChainState,
     used: np.ndarray,
-    sigmas: tuple[float | None, float | None],
+    sigmas: GivenSigmas,
 ) -> Judged:
     """Let the set of used captures grow or shrink until it no longer changes."""
     count = data.count
@@ -91,9 +113,9 @@ def _grown(
     history: list[bytes] = []
     while True:
         chosen = data.chosen(used)
-        fit = fit_with_sigmas(chosen, _restricted(state, used), *sigmas)
+        fit = fit_with_sigmas(chosen, replace(state, centers_in_laser=state.centers_in_laser[used]), *sigmas)
         squared = _squared_distances(observations, sphere, data, used, fit)
-        threshold = _threshold(count, int(used.sum()), estimated)
+        threshold = _threshold(count, 3 * int(used.sum()) - data.free_unknowns, estimated)
         ratio = float(np.median(squared)) / _MEDIAN_CHI2_3
         excess = ratio if ratio > _CLEAR_EXCESS else 1.0
         history.append(used.tobytes())
@@ -111,22 +133,12 @@ def _core(start: Start) -> np.ndarray:
     return start.misfit_mm <= limit
 
 
-def _restricted(state: ChainState, used: np.ndarray) -> ChainState:
-    return ChainState(
-        state.tool_rotation,
-        state.tool_translation,
-        state.center,
-        state.radius_mm,
-        state.centers_in_laser[used],
-    )
-
-
-def _threshold(count: int, used: int, estimated: bool) -> float:
+def _threshold(count: int, freedom: int, estimated: bool) -> float:
     from scipy.special import chdtri, fdtri  # scipy.stats has them too, but takes a second to import
 
     if not estimated:
         return float(chdtri(3, _FALSE_ALARM / count))
-    return float(3 * fdtri(3, max(3 * used - 9, 3), 1 - _FALSE_ALARM_ESTIMATED / count))
+    return float(3 * fdtri(3, max(freedom, 3), 1 - _FALSE_ALARM_ESTIMATED / count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +160,9 @@ def without_each(at: ChainLinearisation) -> WithoutOne:
     rest -= np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
     rows = at.jacobian
     if size == 4:
-        rows = np.zeros((len(rows), 4, 10))
-        rows[:, :3, :9] = at.jacobian
-        rows[:, 3, 9] = 1.0
+        rows = np.zeros((len(rows), 4, at.jacobian.shape[2] + 1))
+        rows[:, :3, :-1] = at.jacobian
+        rows[:, 3, -1] = 1.0
     own_hessian = np.swapaxes(rows, 1, 2) @ reduced @ rows
     own_gradient = -np.einsum("kip,ki->kp", rows, rest)
     covariances = np.array([covariance_of(at.hessian - h) for h in own_hessian])
@@ -162,29 +174,18 @@ def _squared_distances(
     observations: list[SphereObservation], sphere: SphereSize, data: ChainData, used: np.ndarray, fit: ChainFit
 ) -> FloatArray:
     """Return each capture's squared Mahalanobis distance from what the other used captures expect, (K,)."""
-    from calib_core.chain.likelihood import pose_spread
-    from calib_core.kernels.chain import predict_tcp
-
-    state = fit.state
-    predicted, jacobian = np.empty((data.count, 3)), np.empty((data.count, 3, 9))
-    predict_tcp(
-        data.rotations,
-        data.translations,
-        state.tool_rotation,
-        state.tool_translation,
-        state.center,
-        predicted,
-        jacobian,
-    )
+    state, width = fit.state, data.unknowns
+    expected = prediction(data, state)
+    predicted, jacobian = expected.centers_in_laser, expected.jacobian
     without = without_each(fit.minimum.at)
-    covariances = np.broadcast_to(fit.covariance[:9, :9], (data.count, 9, 9)).copy()
-    covariances[used] = without.covariances[:, :9, :9]
-    expected = predicted.copy()
-    expected[used] += np.einsum("kij,kj->ki", jacobian[used], without.steps[:, :9])
-    spread = pose_spread(predicted, state.tool_rotation.T @ state.tool_translation, fit.sigmas)
+    covariances = np.broadcast_to(fit.covariance[:width, :width], (data.count, width, width)).copy()
+    covariances[used] = without.covariances[:, :width, :width]
+    centers = predicted.copy()
+    centers[used] += np.einsum("kij,kj->ki", jacobian[used], without.steps[:, :width])
+    spread = pose_spread(predicted, state.tool_in_laser, fit.sigmas, expected.levers)
     spread = spread + jacobian @ covariances @ np.swapaxes(jacobian, 1, 2)
     return np.array(
-        [_squared_distance(o, sphere, q, s) for o, q, s in zip(observations, expected, spread, strict=True)]
+        [_squared_distance(o, sphere, q, s) for o, q, s in zip(observations, centers, spread, strict=True)]
     )
 
 

@@ -1,14 +1,23 @@
-"""How far the robot's poses scatter: variance components by restricted likelihood (REML), and what that adds.
+"""How far robot and table scatter: variance components by restricted likelihood (REML), and what that adds.
 
-Position and orientation scatter are estimated from the captures themselves, with a weak prior for an industrial
-arm, and the answer's covariance is averaged over what they may be: few captures know them only roughly.
+Position, orientation and angle scatter are estimated from the captures themselves, with a weak prior for an
+industrial arm and its table, and the answer's covariance is averaged over what they may be: few captures know them
+only roughly.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainData, ChainLinearisation, ChainState, Sigmas, fit, pose_spread
+from calib_core.chain.likelihood import (
+    ChainData,
+    ChainLinearisation,
+    ChainState,
+    Sigmas,
+    fit,
+    pose_spread,
+    prior_information,
+)
 from calib_core.estimation import GridPosterior, Minimum, covariance_of, grid_posterior
 from calib_core.frames import FloatArray
 
@@ -17,9 +26,15 @@ from calib_core.frames import FloatArray
 # easily seen; on a long arm it would otherwise pass for position, and the other way round.
 _PRIOR_POSITION_MM = 0.1
 _PRIOR_ORIENTATION_RAD = 5e-5
-_PRIOR_WIDTHS = np.log([3.0, 2.0])
+_PRIOR_ANGLE_RAD = 1e-4
+_PRIOR = np.log([_PRIOR_POSITION_MM, _PRIOR_ORIENTATION_RAD, _PRIOR_ANGLE_RAD])
+_PRIOR_WIDTHS = np.log([3.0, 2.0, 3.0])
 _POSITION_RANGE_MM = (0.002, 50.0)
 _ORIENTATION_RANGE_RAD = (2e-6, 2e-2)
+_ANGLE_RANGE_RAD = (1e-6, 2e-2)
+
+GivenSigmas = tuple[float | None, float | None, float | None]
+"""Of a pose's position (mm) and orientation (rad) and of the table's angle (rad); None: to be estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +47,8 @@ class ChainFit:
         At the sigmas below.
     sigmas : Sigmas
         Given, or the posterior's geometric mean.
-    covariance : (9, 9) or (10, 10)
-        Of the unknowns, the uncertainty of estimated sigmas included.
+    covariance : (P, P)
+        Of the unknowns (9, the table's, the radius), the uncertainty of estimated sigmas included.
     """
 
     minimum: Minimum[ChainState, ChainLinearisation]
@@ -47,9 +62,13 @@ class ChainFit:
 
 
 def fit_with_sigmas(
-    data: ChainData, start: ChainState, position_mm: float | None, orientation_rad: float | None
+    data: ChainData,
+    start: ChainState,
+    position_mm: float | None,
+    orientation_rad: float | None,
+    angle_rad: float | None = 0.0,
 ) -> ChainFit:
-    """Return the most likely unknowns with pose sigmas that are given or, where None, estimated.
+    """Return the most likely unknowns with sigmas that are given or, where None, estimated.
 
     Parameters
     ----------
@@ -58,15 +77,19 @@ def fit_with_sigmas(
         Near the answer.
     position_mm, orientation_rad : float or None
         Per axis.
+    angle_rad : float or None
+        Of the table's angle.
     """
     sigmas = Sigmas(
         _PRIOR_POSITION_MM if position_mm is None else position_mm,
         _PRIOR_ORIENTATION_RAD if orientation_rad is None else orientation_rad,
+        _PRIOR_ANGLE_RAD if angle_rad is None else angle_rad,
     )
     minimum = fit(data, start, sigmas)
-    if position_mm is not None and orientation_rad is not None:
+    given = (position_mm, orientation_rad, angle_rad)
+    if None not in given:
         return ChainFit(minimum, sigmas, covariance_of(minimum.at.hessian))
-    low, high = _search_box(position_mm, orientation_rad)
+    low, high = _search_box(given)
     posterior: GridPosterior | None = None
     for iteration in range(1, 5):
         likelihood = _Restricted(data, minimum)
@@ -74,28 +97,43 @@ def fit_with_sigmas(
             lambda node, of=likelihood: of.value(node) + _log_prior(node), low, high, around=posterior
         )
         before, mean = sigmas, np.exp(posterior.mean)
-        sigmas = Sigmas(float(mean[0]), float(mean[1]))
+        sigmas = _with_given(mean, given)
         minimum = fit(data, minimum.state, sigmas)
-        change = np.log([sigmas.position_mm / before.position_mm, sigmas.orientation_rad / before.orientation_rad])
-        if np.abs(change).max() < 0.05 or iteration == 4:
+        if _change(before, sigmas) < 0.05 or iteration == 4:
             covariance = _averaged_covariance(_Restricted(data, minimum), posterior)
             return ChainFit(minimum, sigmas, covariance)
     raise AssertionError("the loop above returns")
 
 
-def _search_box(position_mm: float | None, orientation_rad: float | None) -> tuple[FloatArray, FloatArray]:
+def _search_box(given: GivenSigmas) -> tuple[FloatArray, FloatArray]:
     """Return the logarithms between which sigmas are sought; a given one is not sought at all."""
+    limits = (_POSITION_RANGE_MM, _ORIENTATION_RANGE_RAD, _ANGLE_RANGE_RAD)
     ranges = [
-        limits if given is None else (max(given, limits[0]),) * 2
-        for given, limits in ((position_mm, _POSITION_RANGE_MM), (orientation_rad, _ORIENTATION_RANGE_RAD))
+        limit if value is None else (max(value, limit[0]),) * 2 for value, limit in zip(given, limits, strict=True)
     ]
     low, high = np.log(np.array(ranges)).T
     return low, high
 
 
+def _with_given(found: FloatArray, given: GivenSigmas) -> Sigmas:
+    position, orientation, angle = (
+        float(sought) if value is None else value for sought, value in zip(found, given, strict=True)
+    )
+    return Sigmas(position, orientation, angle)
+
+
+def _change(before: Sigmas, after: Sigmas) -> float:
+    """Return the largest change of a logarithm."""
+    pairs = (
+        (before.position_mm, after.position_mm),
+        (before.orientation_rad, after.orientation_rad),
+        (before.angle_rad, after.angle_rad),
+    )
+    return max(abs(float(np.log(new / old))) for old, new in pairs if old > 0 and new > 0)
+
+
 def _log_prior(log_sigmas: FloatArray) -> float:
-    off = log_sigmas - np.log([_PRIOR_POSITION_MM, _PRIOR_ORIENTATION_RAD])
-    return -0.5 * float(np.sum((off / _PRIOR_WIDTHS) ** 2))
+    return -0.5 * float(np.sum(((log_sigmas - _PRIOR) / _PRIOR_WIDTHS) ** 2))
 
 
 class _Restricted:
@@ -104,11 +142,10 @@ class _Restricted:
     def __init__(self, data: ChainData, minimum: Minimum[ChainState, ChainLinearisation]) -> None:
         state, self._at = minimum.state, minimum.at
         self._predicted = minimum.at.centers_in_laser + minimum.at.offset
-        self._tool_in_laser = state.tool_rotation.T @ state.tool_translation
-        self._prior = np.zeros((len(minimum.at.gradient),) * 2)
+        self._tool_in_laser = state.tool_in_laser
+        self._prior = np.diag(prior_information(data))
         self._deviation = 0.0
         if data.free_radius:
-            self._prior[-1, -1] = 1 / data.radius_sigma_mm**2
             self._deviation = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm**2
 
     def equations(self, log_sigmas: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -116,8 +153,9 @@ class _Restricted:
         from calib_core.kernels.chain import marginal_normal_equations, pose_error_gain
 
         at = self._at
-        sigmas = Sigmas(float(np.exp(log_sigmas[0])), float(np.exp(log_sigmas[1])))
-        spread = pose_spread(self._predicted, self._tool_in_laser, sigmas)
+        position, orientation, angle = np.exp(log_sigmas).tolist()
+        sigmas = Sigmas(position, orientation, angle)
+        spread = pose_spread(self._predicted, self._tool_in_laser, sigmas, at.levers)
         gain, share = np.empty_like(spread), np.empty_like(spread)
         logarithm = pose_error_gain(at.information, spread, gain, share)
         hessian, gradient = np.empty_like(at.hessian), np.empty_like(at.gradient)

@@ -156,11 +156,11 @@ def own_cost(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def predict_tcp(rotations, translations, tool_rotation, tool_translation, center, predicted, jacobian):
-    """Write where each capture should see the sphere's centre in L, and the derivatives.
+def predict_centers(rotations, translations, tool_rotation, tool_translation, centers, predicted, jacobian):
+    """Write where each capture should see its sphere's centre in L, and the derivatives.
 
     q = R_sᵀ (R_0ᵀ (c − T_0) − T_s).  Columns of the derivative: rotation of tool0_from_laser (on the right),
-    its translation, the sphere's centre in base.
+    its translation, the capture's sphere centre in base.
 
     Parameters
     ----------
@@ -168,17 +168,17 @@ def predict_tcp(rotations, translations, tool_rotation, tool_translation, center
         base_from_tool0.
     tool_rotation, tool_translation : (3, 3), (3,)
         tool0_from_laser.
-    center : (3,)
-        The sphere's centre in base, mm.
+    centers : (K, 3)
+        Each capture's sphere centre in base, mm.
     predicted, jacobian : (K, 3), (K, 3, 9)
         Written.
     """
     r = tool_rotation
     for k in range(len(translations)):
         b = rotations[k]
-        dx = center[0] - translations[k, 0]
-        dy = center[1] - translations[k, 1]
-        dz = center[2] - translations[k, 2]
+        dx = centers[k, 0] - translations[k, 0]
+        dy = centers[k, 1] - translations[k, 1]
+        dz = centers[k, 2] - translations[k, 2]
         tx = b[0, 0] * dx + b[1, 0] * dy + b[2, 0] * dz - tool_translation[0]
         ty = b[0, 1] * dx + b[1, 1] * dy + b[2, 1] * dz - tool_translation[1]
         tz = b[0, 2] * dx + b[1, 2] * dy + b[2, 2] * dz - tool_translation[2]

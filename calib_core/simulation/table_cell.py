@@ -157,7 +157,7 @@ def _table(options: TableScenario, rng: np.random.Generator) -> TableTruth:
     axis = turn([*rng.uniform(-options.tilt_rad, options.tilt_rad, 2), 0.0])[:, 2]
     across = np.array([1.0, 0.0, 0.0]) - axis[0] * axis
     across /= np.sqrt(across @ across)
-    rotation = np.stack([across, np.cross(axis, across), axis], axis=1)
+    rotation = np.array([across, np.cross(axis, across), axis], dtype=float).T
     origin = np.array([1000.0, -250.0, 380.0]) + rng.uniform(-60, 60, 3)
     azimuth = rng.uniform(-np.pi, np.pi, len(options.heights_mm))
     heights = np.array(options.heights_mm) - options.heights_mm[0]
