@@ -84,6 +84,8 @@ def minimise(
     damping = 0.0
     for iteration in range(1, most_iterations + 1):
         step = _limited(damped_step(at.hessian, at.gradient, damping), step_limit)
+        if damping == 0.0 and float(-step @ at.gradient) < 1e-3 * tolerance:
+            return Minimum(state, at, iteration, True)
         trial_state = retract(state, step, at)
         trial = linearise(trial_state)
         gain = at.cost - trial.cost

@@ -1,0 +1,55 @@
+"""Simulated TCP cells as the solver sees them, and errors against their truth: shared by benchmarks and tests."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.session.measure import observe_capture
+from calib_core.simulation import SimulatedSession, simulate, tcp_bound
+
+SPHERE = SphereSize(40.0)
+GIVEN = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)
+ESTIMATED = TcpOptions()
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """One simulated session, measured."""
+
+    simulated: SimulatedSession
+    observations: list[SphereObservation]
+    truth: RigidTransform
+    spoiled: np.ndarray
+
+    @classmethod
+    def of(cls, scenario: str, seed: int) -> "Cell":
+        simulated = simulate(scenario, seed)
+        session = simulated.session
+        observations = [observe_capture(session, c, simulated.files.__getitem__) for c in session.captures]
+        truth = RigidTransform(np.array(simulated.truth["tool0_from_laser"]), "tool0", "laser")
+        spoiled = np.array([c.id in simulated.truth["spoiled"] for c in session.captures])
+        return cls(simulated, observations, truth, spoiled)
+
+    def solve(self, options: TcpOptions) -> TcpSolution:
+        return solve_tcp(self.observations, SPHERE, options)
+
+    def error(self, tool0_from_laser: RigidTransform) -> FloatArray:
+        """Estimate minus truth as rx ry rz tx ty tz, rad and mm, in the covariance's convention."""
+        return tool0_from_laser.difference(self.truth)
+
+    def bound(self) -> FloatArray:
+        """The Cramér–Rao bound, (6, 6)."""
+        return tcp_bound(self.simulated)
+
+
+def rms(vectors: FloatArray) -> float:
+    """Root mean square length of rows."""
+    return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=1))))
+
+
+def bound_rms(bounds: FloatArray, part: slice) -> float:
+    """Root of the mean trace of a block of bounds (N, 6, 6)."""
+    return float(np.sqrt(np.mean(np.trace(bounds[:, part, part], axis1=1, axis2=2))))
