@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 BLOCK = 256
 _LARGEST_STEP_SQUARED = (
-    1e-10  # Newton squares the error: after a step of 1e-5 at most 1e-10 is left (1e-4 µm at 1 m)
+    2.5e-9  # Newton squares the error: after a step of 5e-5 about 2.5e-9 is left (0.0025 µm at 1 m)
 )
 _MOST_STEPS = 30
 
@@ -78,9 +78,13 @@ def _plain_steps(xd: FloatArray, yd: FloatArray, x: FloatArray, y: FloatArray, n
         strength = s * (abs(k1) + s * (abs(k2) + s * abs(k3)))
         near = 1.0 if strength < 0.1 else 0.0
         far += 1 if strength >= 0.1 else 0
+        smaller = near * (1.0 - 2.0 * k1 * s)  # the tangential part at the ideal ray
+        c = a - smaller * (2.0 * p1 * a * b + p2 * (s + 2.0 * a * a))
+        e = b - smaller * (2.0 * p2 * a * b + p1 * (s + 2.0 * b * b))
+        s = c * c + e * e
         start = 1.0 - near * s * (k1 - s * (second - s * third))
-        x[i] = a * start - near * (2.0 * p1 * a * b + p2 * (s + 2.0 * a * a))
-        y[i] = b * start - near * (2.0 * p2 * a * b + p1 * (s + 2.0 * b * b))
+        x[i] = c * start
+        y[i] = e * start
     for _ in range(_MOST_STEPS):
         moving = 0
         for i in range(n):  # no branch in here, so that the compiler works on several points at a time

@@ -16,7 +16,7 @@ def run(full: bool) -> list[Row]:
 
     camera = CameraModel(MATRIX, DISTORTION, "plain", (1280, 1024))
     calibration = ProfileCalibration.of(camera, [0.02, np.cos(0.5), np.sin(0.5)], 150.0)
-    count = 200_000 if full else 50_000
+    count = 100_000 if full else 20_000
     pixels = np.random.default_rng(1).uniform([0, 0], [1279, 1023], (count, 2))
     rotation, origin = calibration.camera_from_laser.rotation, calibration.camera_from_laser.translation_mm
     normal, distance = calibration.normal, calibration.distance_mm
