@@ -124,10 +124,13 @@ def _find_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None
 
     size = (board.columns, board.rows)
     thorough = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
-    for flags in (0, thorough):
+    worth_it = _has_bright_areas(grey)
+    for flags in (0, thorough) if worth_it else (0,):
         found, corners = cv2.findChessboardCornersSB(grey, size, flags=flags)
         if found:
             return np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2)
+    if not worth_it:
+        return None
     found, corners = cv2.findChessboardCorners(
         grey, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     )
@@ -139,6 +142,12 @@ def _find_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
     corners = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), stop)
     return np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2)
+
+
+def _has_bright_areas(grey: NDArray[np.uint8]) -> bool:
+    """Whether a tenth of the frame is clearly brighter than its ground; a laser line alone in the dark is not."""
+    ground, tenth, bright = (float(v) for v in np.percentile(grey, [1, 90, 99.9]))
+    return tenth - ground > 0.12 * (bright - ground)
 
 
 def _oriented(grid: FloatArray, grey: NDArray[np.uint8], board: Board) -> FloatArray:
