@@ -25,6 +25,11 @@ class CenterLinearisation:
     hessian: FloatArray
 
 
+def centers_suffice(data: ChainData) -> bool:
+    """Return whether `fit_centers` applies: no profile, no turntable, the radius known, nothing held."""
+    return len(data.points) == 0 and data.table is None and data.held is None and not data.free_radius
+
+
 def fit_centers(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainState, CenterLinearisation]:
     """Return the most likely unknowns of captures that are all clouds or centers; covariance: inverse Hessian.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.chain.centers import centers_suffice, fit_centers
 from calib_core.chain.likelihood import (
     ChainData,
     ChainLinearisation,
@@ -85,6 +86,8 @@ def fit_with_sigmas(
         _PRIOR_ORIENTATION_RAD if orientation_rad is None else orientation_rad,
         _PRIOR_ANGLE_RAD if angle_rad is None else angle_rad,
     )
+    if centers_suffice(data):
+        start = fit_centers(data, start, sigmas).state
     minimum = fit(data, start, sigmas)
     given = (position_mm, orientation_rad, angle_rad)
     if None not in given:
