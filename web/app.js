@@ -44,8 +44,12 @@ document.body.append(
   main,
 );
 install(document.body);
+let first = true;
 route((place) => {
   middle.replaceChildren();
   main.replaceChildren(pageOf(place));
   document.title = "scancell";
+  // A new page begins where its content begins, for who listens to it as well.
+  if (!first) main.focus();
+  first = false;
 });

@@ -35,13 +35,16 @@ export class SessionState extends EventTarget {
   /** Load everything, then follow. */
   async start() {
     await this.reload();
+    if (this.problem?.status === 404) return;
     this.#stop = follow(
       api.eventsAddress(this.id), EVENTS,
       (name, data) => this.#heard(name, /** @type {Record<string, any>} */ (data)),
       (live, again) => {
         this.live = live;
         this.#tell("live");
-        if (again) void this.reload();
+        if (!again && this.session) return;
+        void this.reload();
+        void this.#askForJob();
       },
     );
   }
@@ -53,6 +56,16 @@ export class SessionState extends EventTarget {
 
   async reload() {
     await this.#load(new Set(/** @type {Part[]} */ (["session", "captures", "guide", "results"])));
+  }
+
+  /** The end of a job may have been told while nobody listened. */
+  async #askForJob() {
+    const { job } = this;
+    if (!job || !this.working) return;
+    const now = await api.job(job.id).catch(gone);
+    if (this.job?.id !== job.id) return;
+    this.job = now;
+    this.#tell("job");
   }
 
   /** The capture that the page shows: the one picked, otherwise the newest. */
@@ -157,7 +170,8 @@ export class SessionState extends EventTarget {
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       this.problem = error;
-      this.#tell("problem");
+      if (error.status === 404) this.session = null;
+      this.#tell("problem", "session");
     }
   }
 
@@ -189,7 +203,7 @@ export class SessionState extends EventTarget {
 }
 
 /**
- * A capture that was removed in the meantime is no problem.
+ * What was removed in the meantime is no problem.
  * @param {unknown} error
  */
 function gone(error) {

@@ -114,6 +114,39 @@ def test_lines_that_name_their_file_find_it_in_any_order(
     assert stored == {c["id"]: c["pose"] for c in record["captures"][:3]}
 
 
+def test_files_are_dropped_anywhere_on_the_page(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    page, watched = open_page(f"/sessions/{make_session(api)}")
+    expect(page.locator("sc-guide h1")).not_to_be_empty()
+    transfer = page.evaluate_handle("""() => {
+        const transfer = new DataTransfer();
+        for (const name of ["p10.csv", "p9.csv", "notes.docx"]) transfer.items.add(new File(["x_mm,z_mm"], name));
+        return transfer;
+    }""")
+    page.locator(".work").dispatch_event("drop", {"dataTransfer": transfer})
+    expect(page.locator(".match tbody tr")).to_have_count(2)
+    assert page.locator(".match tbody td:first-child").all_inner_texts() == ["p9.csv", "p10.csv"]
+    expect(page.locator(".toast.bad")).to_contain_text("notes.docx")
+    assert watched.complaints == []
+
+
+def test_a_session_removed_elsewhere_says_so(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api, captures=1)
+    page, _ = open_page(f"/sessions/{session}")
+    expect(rows(page)).to_have_count(1)
+    expect(page.locator("sc-live")).to_have_text("live")
+    api.delete(f"/sessions/{session}")
+    expect(page.get_by_role("link", name="Back to all sessions")).to_be_visible()
+
+
+def test_a_solve_that_cannot_be_says_what_is_missing(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api, captures=4)  # translations alone
+    page, watched = open_page(f"/sessions/{session}")
+    expect(rows(page)).to_have_count(4)
+    page.keyboard.press("s")
+    expect(page.locator(".toast.bad, .banner").first).to_contain_text("turn")
+    assert watched.complaints == []
+
+
 def test_a_refused_capture_says_what_to_do(
     open_page: Callable[..., Any], api: httpx.Client, tmp_path: Path
 ) -> None:

@@ -113,7 +113,7 @@ export class SessionPage extends HTMLElement {
     if ((event.ctrlKey || event.metaKey) && event.key === "z") return act(event, () => undoLast());
     if (event.ctrlKey || event.metaKey) return;
     const free = target.closest(INTERACTIVE) === null;
-    if (event.key === " " && free) act(event, () => void this.#actions?.capture());
+    if (event.key === " " && free && this.#state?.session?.simulated) act(event, () => void this.#actions?.capture());
     else if (event.key.toLowerCase() === "s" || (event.key === "Enter" && free)) act(event, () => void this.#actions?.solve());
   };
 }
