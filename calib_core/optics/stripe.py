@@ -304,7 +304,7 @@ def _width_of(sums: FloatArray, counts: FloatArray, reach: int) -> float:
 @lru_cache(maxsize=16)
 def _shapes(reach: int, size: int) -> tuple[FloatArray, FloatArray]:
     """Return candidate widths (K,) px and their Gaussian shapes (K, size) over ±reach."""
-    widths = 0.5 * np.power(1.06, np.arange(0.0, 48.0)).astype(np.float64)
+    widths = 0.5 * np.power(1.06, np.arange(0.0, 80.0)).astype(np.float64)
     widths = widths[widths < reach / 2]
     u = np.linspace(-reach, reach, size)
     return widths, np.exp(-0.5 * (u / widths[:, None]) ** 2)

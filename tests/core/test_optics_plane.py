@@ -1,0 +1,133 @@
+"""The plane of light: exact without noise, with true covariance, robust, and honest where it is not determined."""
+
+import numpy as np
+import pytest
+
+from calib_core.errors import MotionError
+from calib_core.frames import RigidTransform
+from calib_core.optics.board import BoardView
+from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.laser_plane import BoardLine, fit_plane, plane_warnings, rotation_sigma_deg, straight_part
+from calib_core.optics.laser_plane_solve import CameraUncertainty, PlaneView, solve_plane
+from calib_core.optics.stripe import StripeCenters
+
+MATRIX = np.array([[900.0, 0, 320.0], [0, 905.0, 240.0], [0, 0, 1]])
+CAMERA = CameraModel.from_names(MATRIX, {"k1": -0.12, "k2": 0.08, "p1": 4e-4}, (640, 480))
+NORMAL, DISTANCE = np.array([0.0, np.cos(0.5), np.sin(0.5)]), 120.0
+GRID = np.column_stack([np.tile(np.arange(9), 6) * 9.0, np.repeat(np.arange(6), 9) * 9.0, np.zeros(54)])
+
+
+def view(rng: np.random.Generator, corner_px: float, stripe_px: float, depth_mm: float, name: str) -> PlaneView:
+    """A board near the plane of light, its line cut exactly, both with noise."""
+    rotation = RigidTransform.of(rng.uniform(-0.35, 0.35, 3), np.zeros(3), "camera", "board").rotation
+    offset = np.array([*rng.uniform(-0.03, 0.03, 2) * depth_mm, depth_mm])
+    pose = RigidTransform.of(rotation, offset - rotation @ GRID.mean(axis=0), "camera", "board")
+    corners = CAMERA.project(pose.apply(GRID)) + rng.normal(0, corner_px, (54, 2))
+    n, d = pose.rotation.T @ NORMAL, DISTANCE - NORMAL @ pose.translation_mm
+    x = np.linspace(0, 72, 160)
+    line = np.column_stack([x, (d - n[0] * x) / n[1], np.zeros_like(x)])
+    pixels = CAMERA.project(pose.apply(line))
+    pixels[:, 1] += rng.normal(0, stripe_px, len(x))
+    sigma = np.full(len(x), stripe_px)
+    stripe = StripeCenters(pixels[:, 0], pixels[:, 1], sigma, sigma * 0 + 100, "columns", 2.0, 1.0)
+    return PlaneView(name, BoardView(corners, GRID, np.arange(54), (640, 480), corner_px), stripe)
+
+
+def views(seed: int, count: int = 8, corner_px: float = 0.05, stripe_px: float = 0.05) -> list[PlaneView]:
+    rng = np.random.default_rng(seed)
+    depths = np.linspace(190, 300, count)
+    return [view(rng, corner_px, stripe_px, depth, f"l{k}") for k, depth in enumerate(depths)]
+
+
+def test_without_noise_the_plane_is_exact() -> None:
+    found = solve_plane(CAMERA, views(1, corner_px=1e-7, stripe_px=1e-7))
+    np.testing.assert_allclose(found.normal, NORMAL, atol=1e-7)
+    assert found.distance_mm == pytest.approx(DISTANCE, abs=1e-4)
+    assert found.rms_mm < 1e-5
+
+
+def test_the_stated_covariance_is_true() -> None:
+    values = []
+    for seed in range(60):
+        found = solve_plane(CAMERA, views(seed))
+        error = np.array([*(found.normal - NORMAL), found.distance_mm - DISTANCE])
+        values.append(error @ np.linalg.pinv(found.covariance, rcond=1e-10, hermitian=True) @ error)
+    # Mean of 60 χ² of 3 degrees: 3 ± 1.96 √(2·3/60) = ±0.62; sigmas from 108 residuals widen it a little.
+    assert 2.3 < np.mean(values) < 3.8
+
+
+def test_an_uncertain_camera_makes_the_plane_less_certain() -> None:
+    exact = solve_plane(CAMERA, views(3))
+    uncertain = solve_plane(
+        CAMERA, views(3), CameraUncertainty(np.array([0, 1, 2, 3]), np.diag([1.0, 1.0, 1.0, 1.0]))
+    )
+    np.testing.assert_array_equal(exact.normal, uncertain.normal)
+    assert rotation_sigma_deg(uncertain.covariance) > 1.2 * rotation_sigma_deg(exact.covariance)
+
+
+def test_one_moved_board_is_found_out() -> None:
+    seen = views(4)
+    spoiled = seen[2]
+    moved = StripeCenters(
+        spoiled.stripe.column_px, spoiled.stripe.row_px + 15, spoiled.stripe.sigma_px, spoiled.stripe.amplitude,
+        "columns", 2.0, 1.0,
+    )  # fmt: skip
+    seen[2] = PlaneView(spoiled.name, spoiled.board, moved)
+    found = solve_plane(CAMERA, seen)
+    reasons = {v.name: v.reason for v in found.views}
+    assert "off the plane of the others" in (reasons.pop("l2") or "")
+    assert set(reasons.values()) == {None}
+    assert np.rad2deg(np.arccos(found.normal @ NORMAL)) < 0.1
+
+
+def test_a_reflection_beside_the_line_does_no_harm() -> None:
+    seen = views(5)
+    first = seen[0]
+    row = first.stripe.row_px.copy()
+    row[20:50] -= 40
+    strayed = StripeCenters(
+        first.stripe.column_px, row, first.stripe.sigma_px, first.stripe.amplitude, "columns", 2.0, 1.0
+    )
+    seen[0] = PlaneView(first.name, first.board, strayed)
+    found = solve_plane(CAMERA, seen)
+    assert found.views[0].reason is None
+    assert found.views[0].points <= 130
+    assert np.rad2deg(np.arccos(found.normal @ NORMAL)) < 0.1
+
+
+def test_one_board_does_not_make_a_plane() -> None:
+    with pytest.raises(MotionError, match="at least two boards"):
+        solve_plane(CAMERA, views(1)[:1])
+
+
+def line(offset: np.ndarray, name: str, angle: float = 0.0) -> BoardLine:
+    t = np.linspace(-40, 40, 200)
+    points = offset + np.outer(t, [np.cos(angle), np.sin(angle) * NORMAL[2], -np.sin(angle) * NORMAL[1]])
+    return BoardLine(name, points, np.full(200, 0.02))
+
+
+def on_plane(z: float) -> np.ndarray:
+    return np.array([0.0, (DISTANCE - NORMAL[2] * z) / NORMAL[1], z])
+
+
+def test_lines_that_are_one_and_the_same_leave_the_plane_undetermined() -> None:
+    with pytest.raises(MotionError, match="of one straight line"):
+        fit_plane([line(on_plane(250.0), "a"), line(on_plane(250.1), "b"), line(on_plane(250.2), "c")])
+
+
+def test_lines_close_together_are_warned_of_and_spread_ones_are_not() -> None:
+    near = [line(on_plane(z), str(z)) for z in (250, 251, 252, 253)]
+    sentences = plane_warnings(fit_plane(near), near, 0.01)
+    assert any("close to each other and nearly parallel" in sentence for sentence in sentences)
+    spread = [line(on_plane(z), str(z)) for z in (200, 230, 260, 300)]
+    assert plane_warnings(fit_plane(spread), spread, 0.01) == []
+    assert any("0.50°" in sentence for sentence in plane_warnings(fit_plane(spread), spread, 0.5))
+
+
+def test_the_straight_part_of_a_bent_trace() -> None:
+    x = np.linspace(0, 100, 300)
+    y = np.where(x < 70, 0.1 * x, 7 + 0.6 * (x - 70)) + np.random.default_rng(1).normal(0, 0.02, 300)
+    keep = straight_part(np.column_stack([x, y]))
+    assert keep[x < 69].mean() > 0.97
+    assert not keep[x > 72].any()
+    assert not straight_part(np.zeros((5, 2))).any()

@@ -1,0 +1,43 @@
+"""Planes of light from frames that others recorded, against the figures that came with them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib_core.records import LaserPlaneResult, parse_session
+from calib_core.session.pipeline import solve_stage
+
+
+def solved(folder: Path) -> LaserPlaneResult:
+    session = parse_session(json.loads((folder / "session.json").read_text()))
+    result = solve_stage(session, "laser-plane", lambda name: (folder / name).read_bytes())
+    assert isinstance(result, LaserPlaneResult)
+    return result
+
+
+def angle_deg(result: LaserPlaneResult, published: list[float]) -> float:
+    n = np.array(published) / np.linalg.norm(published)
+    return float(np.rad2deg(np.arccos(np.clip(n @ np.array(result.plane_in_camera.normal), -1, 1))))
+
+
+def test_red_line_on_an_arm(data_folder: Path) -> None:
+    result = solved(data_folder / "laser-plane-arm-640")
+    assert result.plane_rms_mm < 0.2
+    assert angle_deg(result, [-0.0200, 0.8937, 0.4482]) < 2.0
+    assert result.plane_in_camera.distance_mm == pytest.approx(16.20, abs=1.2)
+    rows = {row.capture: row for row in result.residuals}
+    assert len(rows) == 25
+    assert sum(row.used for row in rows.values()) >= 10
+    assert all(row.reason for row in rows.values() if not row.used)
+    assert not rows["f14"].used  # the laser alone in the dark
+
+
+def test_green_line_on_a_bowed_board(data_folder: Path) -> None:
+    result = solved(data_folder / "laser-plane-green-line")
+    assert result.plane_rms_mm < 0.4
+    # Ours has the distance positive: normal and distance are both turned.
+    assert angle_deg(result, [-0.99988, -0.01438, -0.00508]) < 0.5
+    assert result.plane_in_camera.distance_mm == pytest.approx(39.5, abs=1.0)
+    assert all(row.used for row in result.residuals)
