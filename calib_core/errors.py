@@ -35,7 +35,9 @@ class CalibrationError(Exception):
 
     def at(self, where: str) -> "CalibrationError":
         """Return the same error, told to be at `where` (kept if a finer place is known already)."""
-        place = f"{where}: {self.where}" if self.where and not self.where.startswith(where) else where
+        place = f"{where}: {self.where}" if self.where else where
+        if self.where == where or self.where.startswith(f"{where}: "):
+            place = self.where
         return type(self)(self.need, self.got, self.to_do, place)
 
 
