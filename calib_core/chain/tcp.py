@@ -157,16 +157,16 @@ def solve_tcp(
     start = find_start(centers_of(observations, sphere))
 
     tell(0.35, "Fitting all captures jointly")
-    measured_sigma = _pooled_point_sigma(observations)
+    measured_sigma = pooled_point_sigma(observations, sphere)
     point_sigma = options.point_sigma_mm or measured_sigma
     data = chain_data(observations, sphere, point_sigma)
     judged = judge(observations, sphere, data, start, options.position_sigma_mm, options.orientation_sigma_rad)
 
     tell(0.7, "Leaving out each capture in turn")
     state = judged.fit.state
-    sides = _sides(observations, state)
+    sides = sides_of(observations, state)
     covariance = judged.fit.covariance * judged.excess
-    joint = _answer(observations, sphere, judged.used, sides, state, _left_out_states(judged))
+    joint = answer_of(observations, sphere, judged.used, sides, state, _left_out_states(judged))
 
     tell(0.85, "Computing the paper's two steps beside it")
     paper, paper_answer, paper_covariance = _paper(observations, sphere, judged, sides)
@@ -229,20 +229,25 @@ def _require_motion(observations: Sequence[SphereObservation]) -> None:
     )
 
 
-def _pooled_point_sigma(observations: Sequence[SphereObservation]) -> float | None:
-    """Return the points' noise pooled over the profiles, by degrees of freedom; None without any."""
+def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: SphereSize) -> float | None:
+    """Return the points' noise across the sphere, pooled over the profiles; None without any.
+
+    A profile meets the sphere's surface aslant: a distance in its plane is R/r times the distance to the sphere.
+    """
     profiles = [o for o in observations if o.kind == "profile"]
     if not profiles:
         return None
     freedom = np.array([max(len(o.points_in_laser_mm) - 3, 1) for o in profiles])
-    return float(np.sqrt(np.average([o.point_sigma_mm**2 for o in profiles], weights=freedom)))
+    zones = np.array([min((o.circle_radius_mm or 0.0) / sphere.radius_mm, 1.0) for o in profiles])
+    sigmas = zones * np.array([o.point_sigma_mm for o in profiles])
+    return float(np.sqrt(np.average(sigmas**2, weights=freedom)))
 
 
 def _transform(rotation: FloatArray, translation: FloatArray) -> RigidTransform:
     return RigidTransform.of(rotation, translation, "tool0", "laser")
 
 
-def _expected_in_laser(observations: Sequence[SphereObservation], state: ChainState) -> FloatArray:
+def expected_in_laser(observations: Sequence[SphereObservation], state: ChainState) -> FloatArray:
     """Return where each capture should see the sphere's centre in L, its pose taken as recorded, (K, 3)."""
     rotations = np.array([o.base_from_tool0.rotation for o in observations])
     translations = np.array([o.base_from_tool0.translation_mm for o in observations])
@@ -250,8 +255,9 @@ def _expected_in_laser(observations: Sequence[SphereObservation], state: ChainSt
     return (arms - state.tool_translation) @ state.tool_rotation
 
 
-def _sides(observations: Sequence[SphereObservation], state: ChainState) -> np.ndarray:
-    heights = _expected_in_laser(observations, state)[:, 1]
+def sides_of(observations: Sequence[SphereObservation], state: ChainState) -> np.ndarray:
+    """Return the sign of each profile's sphere centre along y of L, as a state expects it; 0 for other kinds."""
+    heights = expected_in_laser(observations, state)[:, 1]
     return np.array(
         [
             0 if o.circle_radius_mm is None else (1 if y >= 0 else -1)
@@ -266,7 +272,7 @@ def _left_out_states(judged: Judged) -> list[ChainState | None]:
     return [judged.fit.state.moved(next(steps)) if used else None for used in judged.used]
 
 
-def _answer(
+def answer_of(
     observations: Sequence[SphereObservation],
     sphere: SphereSize,
     used: np.ndarray,
@@ -276,7 +282,7 @@ def _answer(
 ) -> Answer:
     """Return how all captures lie about one state of the unknowns."""
     tool0_from_laser = _transform(state.tool_rotation, state.tool_translation)
-    expected = _expected_in_laser(observations, state)
+    expected = expected_in_laser(observations, state)
     radius = state.radius_mm
     distances = [surface_distances(o, q, radius) for o, q in zip(observations, expected, strict=True)]
     offsets = np.array(
@@ -289,7 +295,7 @@ def _answer(
     used_distances = np.concatenate([d for d, u in zip(distances, used, strict=True) if u])
     scatter = np.linalg.norm(offsets[used], axis=1)
     without = [
-        np.nan if s is None else _rms(surface_distances(o, _expected_in_laser([o], s)[0], s.radius_mm))
+        np.nan if s is None else _rms(surface_distances(o, expected_in_laser([o], s)[0], s.radius_mm))
         for o, s in zip(observations, left_out, strict=True)
     ]
     return Answer(
@@ -340,7 +346,7 @@ def _paper(
     covariance = two_step_covariance(
         [observations[k] for k in used], sphere, centers, rotations, translations, judged.fit
     )
-    return _answer(observations, sphere, judged.used, sides, state, left_out), answer, covariance
+    return answer_of(observations, sphere, judged.used, sides, state, left_out), answer, covariance
 
 
 def _paper_state(answer: TwoStepAnswer, sphere: SphereSize) -> ChainState | None:
