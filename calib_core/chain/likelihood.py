@@ -35,6 +35,23 @@ class Sigmas:
 
 
 @dataclass(frozen=True, eq=False)
+class ToolPrior:
+    """What is known of tool0_from_laser beforehand: R (3, 3), T (3,), inverse covariance (6, 6) of rx … tz."""
+
+    rotation: FloatArray
+    translation: FloatArray
+    information: FloatArray
+
+    def deviation(self, state: "ChainState") -> FloatArray:
+        """Return how far a state's tool is from it, (6,): small, so that the rotation counts as a vector."""
+        turned = self.rotation.T @ state.tool_rotation
+        turn = 0.5 * np.array(
+            [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
+        )
+        return np.concatenate([turn, state.tool_translation - self.translation])
+
+
+@dataclass(frozen=True, eq=False)
 class ChainData:
     """All captures as arrays.
 
@@ -52,6 +69,7 @@ class ChainData:
         What the captures say of the turntable.
     held : (P,) bool or None
         Unknowns that keep their values, without the radius.
+    tool_prior : ToolPrior or None
     """
 
     rotations: FloatArray
@@ -66,6 +84,7 @@ class ChainData:
     radius_sigma_mm: float
     table: TableReadings | None = None
     held: np.ndarray | None = None
+    tool_prior: ToolPrior | None = None
 
     @property
     def count(self) -> int:
@@ -234,19 +253,28 @@ def prediction(data: ChainData, state: ChainState) -> Prediction:
     return Prediction(predicted, jacobian, levers)
 
 
-def prior_information(data: ChainData) -> FloatArray:
-    """Return what is known of the unknowns beside the captures, a diagonal (P',), radius included where it is one.
+def prior(data: ChainData, state: ChainState) -> tuple[float, FloatArray, FloatArray]:
+    """Return cost, gradient (P',) and Hessian (P', P') of what is known beside the captures, the radius included.
 
-    A held unknown gets a one, so that its row does not vanish.
+    A held unknown gets a one in the Hessian, so that its row does not vanish.
     """
     diagonal = np.zeros(data.unknowns + data.free_radius)
     if data.table is not None:
         diagonal[14 : data.unknowns] = _MOUNT_PRIOR
     if data.held is not None:
         diagonal[: data.unknowns][data.held] = 1.0
+    cost, gradient, hessian = 0.0, np.zeros_like(diagonal), np.diag(diagonal)
+    if data.tool_prior is not None:
+        deviation = data.tool_prior.deviation(state)
+        gradient[:6] = data.tool_prior.information @ deviation
+        cost += 0.5 * float(deviation @ gradient[:6])
+        hessian[:6, :6] += data.tool_prior.information
     if data.free_radius:
-        diagonal[-1] = 1 / data.radius_sigma_mm**2
-    return diagonal
+        off = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm
+        cost += 0.5 * off**2
+        gradient[-1] += off / data.radius_sigma_mm
+        hessian[-1, -1] += 1 / data.radius_sigma_mm**2
+    return cost, gradient, hessian
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,13 +371,21 @@ def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision:
     width = data.unknowns + size - 3
     hessian, gradient = np.empty((width, width)), np.empty(width)
     marginal_normal_equations(information, vector, gain, share, offset, jacobian, hessian, gradient)
-    hessian[np.diag_indices(width)] += prior_information(data)
-    if data.free_radius:
-        deviation = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm
-        cost += 0.5 * deviation**2
-        gradient[-1] += deviation / data.radius_sigma_mm
+    known_cost, known_gradient, known_hessian = prior(data, state)
+    hessian += known_hessian
+    gradient += known_gradient
     return ChainLinearisation(
-        cost, gradient, hessian, own, information, vector, gain, share, offset, jacobian, expected.levers
+        cost + known_cost,
+        gradient,
+        hessian,
+        own,
+        information,
+        vector,
+        gain,
+        share,
+        offset,
+        jacobian,
+        expected.levers,
     )
 
 
@@ -369,9 +405,19 @@ def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainStat
 
     The covariance of the unknowns is the inverse of the minimum's Hessian.
     """
-    levers = None if data.table is None else prediction(data, start).levers
-    spread = pose_spread(start.centers_in_laser, start.tool_in_laser, sigmas, levers)
+    spread, precision = _noise(data, start, sigmas)
     limit = _STEP_LIMIT if data.table is None else np.concatenate([_STEP_LIMIT, data.table.step_limit()])
     limit = np.append(limit, 1.0) if data.free_radius else limit
-    precision = np.asarray(np.linalg.inv(spread), dtype=float)
     return minimise(lambda s: linearise(data, s, spread, precision), retract, start, limit)
+
+
+def linearised_at(data: ChainData, state: ChainState, sigmas: Sigmas) -> ChainLinearisation:
+    """Return the likelihood about a state, which need not be the minimum."""
+    return linearise(data, state, *_noise(data, state, sigmas))
+
+
+def _noise(data: ChainData, state: ChainState, sigmas: Sigmas) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance of each capture's centre by the errors of robot and table, and its inverse."""
+    levers = None if data.table is None else prediction(data, state).levers
+    spread = pose_spread(state.centers_in_laser, state.tool_in_laser, sigmas, levers)
+    return spread, np.asarray(np.linalg.inv(spread), dtype=float)

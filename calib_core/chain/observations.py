@@ -62,3 +62,21 @@ class SphereObservation:
             return self.center_in_laser_mm
         height = np.sqrt(max(sphere.radius_mm**2 - self.circle_radius_mm**2, 0.0))
         return self.center_in_laser_mm + np.array([0.0, side * height, 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class TableObservation:
+    """The sphere as one capture saw it on the turntable.
+
+    Attributes
+    ----------
+    sphere : SphereObservation
+    angle_rad : float
+        The table's angle as read.
+    mount : str
+        The name of the sphere's mounting; empty where the user gave none.
+    """
+
+    sphere: SphereObservation
+    angle_rad: float
+    mount: str

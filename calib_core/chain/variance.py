@@ -17,7 +17,7 @@ from calib_core.chain.likelihood import (
     Sigmas,
     fit,
     pose_spread,
-    prior_information,
+    prior,
 )
 from calib_core.estimation import GridPosterior, Minimum, covariance_of, grid_posterior
 from calib_core.frames import FloatArray
@@ -26,7 +26,7 @@ from calib_core.frames import FloatArray
 # tenths, so either may be three times smaller or larger without surprise.  Their orientation scatters less than is
 # easily seen; on a long arm it would otherwise pass for position, and the other way round.
 _PRIOR_POSITION_MM = 0.1
-_PRIOR_ORIENTATION_RAD = 7e-5
+_PRIOR_ORIENTATION_RAD = 5e-5
 _PRIOR_ANGLE_RAD = 1e-4
 _PRIOR = np.log([_PRIOR_POSITION_MM, _PRIOR_ORIENTATION_RAD, _PRIOR_ANGLE_RAD])
 _PRIOR_WIDTHS = np.log([3.0, 2.0, 3.0])
@@ -146,10 +146,7 @@ class _Restricted:
         state, self._at = minimum.state, minimum.at
         self._predicted = minimum.at.centers_in_laser + minimum.at.offset
         self._tool_in_laser = state.tool_in_laser
-        self._prior = np.diag(prior_information(data))
-        self._deviation = 0.0
-        if data.free_radius:
-            self._deviation = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm**2
+        _, self._prior_gradient, self._prior_hessian = prior(data, state)
 
     def equations(self, log_sigmas: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return Hessian, gradient, and log-likelihood at the linearisation point, for other sigmas."""
@@ -172,8 +169,8 @@ class _Restricted:
         value = float(
             np.sum(at.offset * (at.vector[:, :3] - 0.5 * pull)) + 0.5 * np.einsum("ki,kij,kj", rest, gain, rest)
         )
-        hessian += self._prior
-        gradient[-1] += self._deviation
+        hessian += self._prior_hessian
+        gradient += self._prior_gradient
         return hessian, gradient, value - 0.5 * logarithm
 
     def value(self, log_sigmas: FloatArray) -> float:

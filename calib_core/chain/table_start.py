@@ -1,0 +1,230 @@
+"""Where the table's fit starts: axis, mountings and sides from the captures' own sphere centres in base.
+
+The centres of one mounting are linear in the cosine and sine of the table's angle: c = a + b cos + d sin.  Three
+captures, each with its two possible sides, fix a, b and d exactly; where they belong together b and d are equally
+long and at right angles, b × d is the axis and a the centre of the circle.  The guess on which most captures agree
+wins: neither right sides nor clean captures are needed.  The sense of b × d is that in which the angles count up.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+
+from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.table import TableReadings, TableState
+from calib_core.errors import InputError, MotionError
+from calib_core.frames import FloatArray, RigidTransform
+
+_TRIPLES = 40
+_TRIALS = 160
+_SCALE_MM = 1.0  # of the robust loss: about the worst that a first TCP leaves
+_STILL_MM = 2.0
+_SAME_ANGLE_RAD = np.deg2rad(1.0)
+_FULL_TURN_AND_MORE = 6.5
+_MUCH_WORSE = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class TableStart:
+    """A guess of the table, each capture's side (±1; 0: none) and how far it is from the guess (K,), mm."""
+
+    state: TableState
+    sides: np.ndarray
+    misfit_mm: FloatArray
+
+    @property
+    def scatter_mm(self) -> float:
+        """Robust scale of the misfits (median)."""
+        return float(np.median(self.misfit_mm))
+
+
+def readings_of(observations: Sequence[TableObservation]) -> tuple[TableReadings, tuple[str, ...]]:
+    """Return the captures' readings, and the mountings' names in the order in which they first appear."""
+    names = tuple(dict.fromkeys(o.mount for o in observations))
+    mounts = np.array([names.index(o.mount) for o in observations])
+    return TableReadings(np.array([o.angle_rad for o in observations]), mounts, len(names)), names
+
+
+def both_centers_in_base(
+    observations: Sequence[TableObservation], sphere: SphereSize, tool0_from_laser: RigidTransform
+) -> FloatArray:
+    """Return each capture's possible sphere centres in base, (K, 2, 3): on the +y and on the −y side."""
+    centers = np.empty((len(observations), 2, 3))
+    for k, o in enumerate(observations):
+        base_from_laser = o.sphere.base_from_tool0 @ tool0_from_laser
+        for n, side in enumerate((1, -1)):
+            one = o.sphere.side or side
+            centers[k, n] = base_from_laser.apply(o.sphere.sphere_center_in_laser_mm(sphere, one))
+    return centers
+
+
+def find_table_start(
+    observations: Sequence[TableObservation], sphere: SphereSize, tool0_from_laser: RigidTransform
+) -> TableStart:
+    """Return the guess on which most captures agree.
+
+    Raises
+    ------
+    MotionError
+        If no mounting has three different angles, or the sphere stays where it is while the table turns.
+    InputError
+        If the angles fit as radians, and not as degrees.
+    """
+    readings, _ = readings_of(observations)
+    centers = both_centers_in_base(observations, sphere, tool0_from_laser)
+    _require_angles(readings)
+    _require_motion(readings, centers)
+    start = _best(readings, centers)
+    degrees = np.rad2deg(readings.angles_rad)
+    if np.abs(degrees).max() <= _FULL_TURN_AND_MORE and start.scatter_mm > _SCALE_MM:
+        other = _best(TableReadings(degrees, readings.mounts, readings.mount_count), centers)
+        if other.scatter_mm * _MUCH_WORSE < start.scatter_mm:
+            raise InputError(
+                "table angles in degrees (table_deg)",
+                f"angles up to {np.abs(degrees).max():.4g} that fit the captures only as radians",
+                "Multiply them by 180/π.",
+                "captures: table_deg",
+            )
+    sides = np.array([0 if o.sphere.circle_radius_mm is None else 1 for o in observations])
+    return TableStart(start.state, sides * start.sides, start.misfit_mm)
+
+
+def _require_angles(readings: TableReadings) -> None:
+    for mount in range(readings.mount_count):
+        if _different(readings.angles_rad[readings.mounts == mount]) >= 3:
+            return
+    count = len(readings.angles_rad)
+    raise MotionError(
+        "captures of one mounting of the sphere at three table angles or more (better eight all around)",
+        f"{count} captures, of which no mounting has three different angles",
+        "Turn the table by 45° and capture the sphere again, all around; then do so at a second height.",
+    )
+
+
+def _different(angles_rad: FloatArray) -> int:
+    """Return how many directions are among the angles."""
+    left, count = np.sort(np.mod(angles_rad, 2 * np.pi)), 0
+    while len(left):
+        count += 1
+        gap = np.abs(np.mod(left - left[0] + np.pi, 2 * np.pi) - np.pi)
+        left = left[gap > _SAME_ANGLE_RAD]
+    return count
+
+
+def _require_motion(readings: TableReadings, centers: FloatArray) -> None:
+    """Refuse captures in which no mounting's sphere moves with the table."""
+    distances: list[float] = []
+    for mount in range(readings.mount_count):
+        chosen = readings.mounts == mount
+        if _different(readings.angles_rad[chosen]) < 3:
+            continue
+        places = centers[chosen]
+        spread = _nearest_side(places.reshape(-1, 3), places)
+        distances.append(float(np.median(spread, axis=1).min()))
+    if distances and max(distances) < _STILL_MM:
+        raise MotionError(
+            "a sphere that moves when the table turns",
+            f"one that stays within {max(distances):.2f} mm: it stands on the axis, or the table did not turn",
+            "Mount it well off the axis (80 mm or more) and check that the table turns between captures.",
+        )
+
+
+def _nearest_side(guesses: FloatArray, places: FloatArray) -> FloatArray:
+    """Return the distances (N, K) of N guesses (N, 3) from the nearer side of K captures (K, 2, 3)."""
+    return np.linalg.norm(guesses[:, None, None] - places[None], axis=3).min(axis=2)
+
+
+def _best(readings: TableReadings, centers: FloatArray) -> TableStart:
+    """Return the guess with the least robust cost."""
+    found: list[tuple[float, TableState]] = []
+    for constant, cosine, sine in _circles(readings, centers):
+        state = _state(readings, centers, constant, cosine, sine)
+        found.append((_cost(_misfits(readings, centers, state)[0]), state))
+    state = min(found, key=lambda pair: pair[0])[1]
+    misfit, sides = _misfits(readings, centers, state)
+    return TableStart(state, sides, misfit)
+
+
+def _cost(misfit_mm: FloatArray) -> float:
+    return float(np.sum(np.log1p((misfit_mm / _SCALE_MM) ** 2)))
+
+
+def _circles(readings: TableReadings, centers: FloatArray) -> list[FloatArray]:
+    """Return trial circles a, b, d (3, 3), the most nearly round ones first."""
+    guesses: list[FloatArray] = []
+    for mount in range(readings.mount_count):
+        members = np.flatnonzero(readings.mounts == mount)
+        for triple in _triples(readings.angles_rad[members]):
+            chosen = members[list(triple)]
+            angles = readings.angles_rad[chosen]
+            inverse = np.linalg.inv(np.column_stack([np.ones(3), np.cos(angles), np.sin(angles)]))
+            sides = np.array(list(product((0, 1), repeat=3)))
+            guesses.extend(inverse @ centers[chosen[None], sides])
+    circles = np.array(guesses)
+    cosine, sine = np.linalg.norm(circles[:, 1], axis=1), np.linalg.norm(circles[:, 2], axis=1)
+    square = np.abs(np.einsum("ni,ni->n", circles[:, 1], circles[:, 2])) / np.maximum(
+        np.maximum(cosine, sine), 1e-9
+    )
+    order = np.argsort(np.abs(cosine - sine) + square)
+    return [circles[n] for n in order[:_TRIALS]]
+
+
+def _triples(angles_rad: FloatArray) -> list[tuple[int, int, int]]:
+    """Return well spread triples of captures of one mounting."""
+    members = np.arange(len(angles_rad))
+    if len(members) > 14:
+        members = np.unique(np.linspace(0, len(angles_rad) - 1, 14).astype(int))
+    triples = list(combinations(members.tolist(), 3))
+    if not triples:
+        return []
+    angles = angles_rad[np.array(triples)]
+    rows = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=2)
+    area = np.abs(np.linalg.det(rows))
+    good = [t for t, a in zip(triples, area, strict=True) if a > max(0.4 * area.max(), 1e-4)]
+    picked = np.random.default_rng(len(good)).permutation(len(good))[:_TRIPLES]
+    return [good[int(n)] for n in picked]
+
+
+def _state(
+    readings: TableReadings, centers: FloatArray, constant: FloatArray, cosine: FloatArray, sine: FloatArray
+) -> TableState:
+    """Return the table of a trial circle, every mounting placed where most of its captures agree."""
+    axis = np.cross(cosine, sine)
+    axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+    across = cosine + np.cross(sine, axis)
+    across = across - axis * (axis @ across)
+    length = float(np.linalg.norm(across))
+    if length < 1e-9 or not np.isfinite(length):
+        return TableState(np.eye(3), constant, np.zeros((readings.mount_count, 3)))
+    across = across / length
+    rotation = np.column_stack([across, np.cross(axis, across), axis])
+    places = _turned_back(readings, centers, rotation, constant)
+    mounts = np.zeros((readings.mount_count, 3))
+    for mount in range(readings.mount_count):
+        own = places[readings.mounts == mount]
+        guesses = own.reshape(-1, 3)
+        distances = _nearest_side(guesses, own)
+        best = int(np.argmin(np.sum(np.log1p((distances / _SCALE_MM) ** 2), axis=1)))
+        near = own[np.arange(len(own)), np.argmin(np.linalg.norm(own - guesses[best], axis=2), axis=1)]
+        agree = np.linalg.norm(near - guesses[best], axis=1) <= max(3 * float(np.median(distances[best])), 1e-9)
+        mounts[mount] = near[agree].mean(axis=0)
+    return TableState(rotation, constant, mounts)
+
+
+def _turned_back(
+    readings: TableReadings, centers: FloatArray, rotation: FloatArray, origin: FloatArray
+) -> FloatArray:
+    """Return the captures' possible centres in T at angle zero, (K, 2, 3)."""
+    local = (centers - origin) @ rotation
+    cosine, sine = np.cos(readings.angles_rad)[:, None], np.sin(readings.angles_rad)[:, None]
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=2)
+
+
+def _misfits(readings: TableReadings, centers: FloatArray, state: TableState) -> tuple[FloatArray, np.ndarray]:
+    """Return each capture's distance (K,) from where a guess expects it, and its side ±1."""
+    places = _turned_back(readings, centers, state.rotation, state.origin)
+    distances = np.linalg.norm(places - state.mounts[readings.mounts][:, None], axis=2)
+    return distances.min(axis=1), np.where(distances[:, 0] <= distances[:, 1], 1, -1)
