@@ -85,7 +85,7 @@ class Turntable(Record):
 
 
 class Board(Record):
-    """The calibration board of the camera stages."""
+    """The calibration board of the camera stages; one that is not `flat` has its shape refined with the camera."""
 
     kind: Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
     columns: Annotated[int, Field(ge=2, le=200)]
@@ -93,6 +93,7 @@ class Board(Record):
     pitch_mm: Positive
     marker_mm: Positive | None = None
     dictionary: str | None = None
+    flat: bool = True
 
 
 class KnownCamera(Record):
@@ -396,6 +397,7 @@ class CameraResult(Result):
     parameters: list[str]
     covariance: Rows
     tilt_correlation: float | None = None
+    board_bend_mm: float | None = None
     candidates: list[CameraCandidate] = Field(default_factory=list)
     coverage: CameraCoverage
     residuals: list[CameraResidual]

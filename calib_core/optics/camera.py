@@ -17,6 +17,8 @@ from calib_core.optics.camera_segments import depth_bands
 from calib_core.optics.camera_start import homographies, poses_from_homographies, start_from_homographies
 
 FEWEST_VIEWS = 3
+_VIEWS_TO_TELL_A_BEND = 5
+K3 = 8  # its place in the shared vector
 _HUBER_SIGMAS = 3.0
 _OUTLIER_SIGMAS = 6.0
 _LEAST_OUTLIER_PX = 0.5  # below, it may be the model that is wrong, not the corner
@@ -85,7 +87,10 @@ class CameraSolution:
     tilt_correlation : float or None
         Largest |correlation| between a tilt and the principal point.
     board_shape_mm : (7,) or None
-        Deviation from the plane: x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
+        Deviation from the plane, if it was refined: x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
+    bend_mm, bend_gain : float or None
+        How far from its plane the board seems to be bent, highest to lowest point, and by what share the residuals
+        shrink if it may be; None where there are too few views to tell.
     coverage : Coverage
     converged : bool
     """
@@ -104,6 +109,8 @@ class CameraSolution:
     candidates: tuple[Candidate, ...]
     tilt_correlation: float | None
     board_shape_mm: FloatArray | None
+    bend_mm: float | None
+    bend_gain: float | None
     coverage: Coverage
     converged: bool
 
@@ -192,7 +199,11 @@ def calibrate_camera(
         layout = layout.with_bent_board()
     tell(0.8, f"final adjustment, {chosen} model")
     final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
-    return summarise(final, layout, image_size, candidates)
+    if options.model == "auto" and chosen in ("plain", "tilted") and _is_idle(final, K3):
+        layout = replace(layout, free=layout.free[layout.free != K3])
+        final = _robust_fit(corners, layout, restart(final.adjusted.state, layout), final.rejected)
+    bent = None if options.refine_board else _bent_fit(corners, layout, final)
+    return summarise(final, layout, image_size, candidates, bent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +222,8 @@ class Fit:
 def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: dict[int, str] | None = None) -> Fit:
     """Fit with a robust loss, leave out what does not belong, fit again by least squares."""
     rejected = dict(rejected or {})
-    start = start if len(start.rotations) == corners.views else State(start.shared, *_poses_of(corners, start))
+    if len(start.rotations) != corners.views:  # rejected views have no pose there; they will not be looked at
+        start = State(start.shared, *_poses_of(corners, start))
     while True:
         used = [v for v in range(corners.views) if v not in rejected]
         _require_views(len(used))
@@ -230,6 +242,24 @@ def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: dict[i
         weights = np.where(keep, 1 / sigma, 0.0)
         final = Adjustment(part.weighted(weights), *layout.bands, layout.free).solve(first.state)
         return _fit_of(corners, part.weighted(weights), final, used, rejected)
+
+
+def _bent_fit(corners: Corners, layout: Layout, flat: Fit) -> "Fit | None":
+    """Return the fit with a board that may be bent, where there are views enough to tell; else None."""
+    if len(flat.used) < _VIEWS_TO_TELL_A_BEND:
+        return None
+    return _robust_fit(corners, layout.with_bent_board(), flat.adjusted.state, flat.rejected)
+
+
+def _is_idle(fit: Fit, place: int) -> bool:
+    """Whether a parameter foretells worse than zero does: below √2 standard deviations (Akaike's criterion)."""
+    where = np.flatnonzero(fit.adjusted.free == place)
+    if not where.size or len(fit.adjusted.state.shared) > 4 + 14 + 7 + 3:  # bands have a coefficient each
+        return False
+    deviation = (
+        fit.sigma_px * float(fit.corners.weights.max()) * np.sqrt(fit.adjusted.covariance[where[0], where[0]])
+    )
+    return bool(abs(fit.adjusted.state.shared[place]) < np.sqrt(2) * deviation)
 
 
 def _fit_of(corners: Corners, part: Corners, end: Adjusted, used: list[int], rejected: dict[int, str]) -> Fit:

@@ -17,6 +17,7 @@ _ADVISED_VIEWS = 10
 _ADVISED_COVERAGE = 0.6
 _LARGE_RMS_PX = 1.0
 _UNSURE_FOCAL = 0.005
+_NOTABLE_BEND_GAIN = 0.15
 _ADVISED_TILT_RAD = 0.26
 
 
@@ -60,9 +61,13 @@ def image_coverage(pixels: FloatArray, image_size: tuple[int, int]) -> np.ndarra
 
 
 def summarise(
-    fit: "Fit", layout: "Layout", image_size: tuple[int, int], candidates: tuple[Candidate, ...]
+    fit: "Fit",
+    layout: "Layout",
+    image_size: tuple[int, int],
+    candidates: tuple[Candidate, ...],
+    bent: "Fit | None" = None,
 ) -> "CameraSolution":
-    """Return the solution of a finished fit."""
+    """Return the solution of a finished fit; `bent` is the same with a board that may be bent."""
     from calib_core.optics.adjust import shape_start
     from calib_core.optics.camera import CameraSolution, camera_of
 
@@ -78,7 +83,8 @@ def summarise(
     for k, view in enumerate(fit.used):
         residuals[view] = end.corner_residuals[fit.corners.ends[k] : fit.corners.ends[k + 1]]
     shape_at = shape_start(len(layout.nears))
-    bent = bool(np.any(layout.free >= shape_at))
+    refined = bool(np.any(layout.free >= shape_at))
+    shaped = fit if refined else bent
     return CameraSolution(
         camera=camera_of(state.shared, layout, image_size),
         parameters=layout.names,
@@ -93,10 +99,18 @@ def summarise(
         rejected_corners=int((~kept).sum()),
         candidates=candidates,
         tilt_correlation=tilt_correlation(layout.names, covariance),
-        board_shape_mm=state.shared[shape_at : shape_at + 7].copy() if bent else None,
+        board_shape_mm=state.shared[shape_at : shape_at + 7].copy() if refined else None,
+        bend_mm=None if shaped is None else _bend_mm(shaped, shape_at),
+        bend_gain=None if bent is None else 1 - bent.sigma_px / fit.sigma_px,
         coverage=coverage(fit, image_size),
         converged=end.converged,
     )
+
+
+def _bend_mm(fit: "Fit", shape_at: int) -> float:
+    heights = fit.corners.shape_basis() @ fit.adjusted.state.shared[shape_at : shape_at + 7]
+    places = np.column_stack([fit.corners.points_mm[:, :2], np.ones(len(heights))])
+    return float(np.ptp(heights - places @ np.linalg.lstsq(places, heights, rcond=None)[0]))
 
 
 def tilt_correlation(names: tuple[str, ...], covariance: FloatArray) -> float | None:
@@ -117,6 +131,10 @@ def remarks_of(solution: "CameraSolution") -> list[str]:
         errors = ", ".join(f"{c.model} {c.held_out_rms_px:.3f} px" for c in solution.candidates)
         why = "no other is" if chosen == "plain" else "it is"
         found.append(f"The {chosen} model was chosen: {why} significantly better on held-out views ({errors}).")
+    if chosen in ("plain", "tilted") and "k3" not in solution.parameters:
+        found.append(
+            "k3 was left at zero: the views do not determine it, and held-out views fit better without it."
+        )
     if solution.tilt_correlation is not None and solution.tilt_correlation > 0.9:
         found.append(
             f"Tilt and principal point are correlated by {solution.tilt_correlation:.3f}: "
@@ -151,6 +169,12 @@ def problems_of(solution: "CameraSolution") -> list[str]:
     focal, deviation = solution.camera.camera_matrix[0, 0], float(np.sqrt(solution.covariance[0, 0]))
     if deviation > _UNSURE_FOCAL * focal:
         found.append(f"The focal length is known to ±{100 * deviation / focal:.1f} % only: tilt the board more.")
+    if solution.bend_gain is not None and solution.bend_gain > _NOTABLE_BEND_GAIN and solution.bend_mm is not None:
+        found.append(
+            f"The board seems to be bent by {solution.bend_mm:.2f} mm: the residuals would be "
+            f"{solution.bend_gain:.0%} smaller. "
+            'Take a flatter board, or set "flat": false in cell.board to have its shape refined.'
+        )
     if solution.reprojection_rms_px > _LARGE_RMS_PX:
         found.append(
             f"The corners miss by {solution.reprojection_rms_px:.1f} px RMS, where 0.05 to 0.5 px is usual: check "

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.optics.board import BoardView, find_board
-from calib_core.optics.camera import CameraSolution, calibrate_camera
+from calib_core.optics.camera import CameraOptions, CameraSolution, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
 from calib_core.records import (
@@ -60,7 +60,7 @@ def solve_camera_stage(given: "StageInput") -> CameraResult:
         got = f"{first.got} (none of {len(captures)} frames shows the board)"
         raise MeasurementError(first.need, got, first.to_do, first_name)
     image_size = _one_size(views)
-    solution = _calibrate(given, views, image_size, failed)
+    solution = _calibrate(given, views, image_size, failed, board)
     return _result(given, solution, views, failed, image_size)
 
 
@@ -113,12 +113,13 @@ def _calibrate(
     views: dict[str, BoardView],
     image_size: tuple[int, int],
     failed: dict[str, MeasurementError],
+    board: Board,
 ) -> CameraSolution:
     def tell(fraction: float, what: str) -> None:
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
     try:
-        return calibrate_camera(list(views.values()), image_size, progress=tell)
+        return calibrate_camera(list(views.values()), image_size, CameraOptions(refine_board=not board.flat), tell)
     except MotionError as error:
         if not failed:
             raise
@@ -163,6 +164,7 @@ def _result(
         parameters=list(solution.parameters),
         covariance=solution.covariance.tolist(),
         tilt_correlation=solution.tilt_correlation,
+        board_bend_mm=solution.bend_mm,
         candidates=[
             CameraCandidate(model=c.model, parameters=c.parameters, held_out_rms_px=c.held_out_rms_px)
             for c in solution.candidates

@@ -153,6 +153,24 @@ def test_poor_views_are_talked_about() -> None:
     assert "Only 4 views" in said
 
 
+def test_a_bent_board_is_told_and_refined() -> None:
+    rng = np.random.default_rng(12)
+    height = 0.4 * ((BOARD[:, 0] - 40) / 40) ** 2  # mm, 0.4 from middle to edge
+    bent = BOARD + np.column_stack([np.zeros((len(BOARD), 2)), height])
+    views = []
+    for _ in range(15):
+        r = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).as_matrix()
+        t = rng.uniform([-30, -25, 330], [30, 25, 450]) - r @ BOARD.mean(0)
+        pixels = PLAIN.project(bent @ r.T + t)
+        views.append(view(pixels + rng.normal(0, 0.05, pixels.shape)))
+    flat = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
+    assert any("bent by 0." in said for said in problems_of(flat))
+    refined = calibrate_camera(views, SIZE, CameraOptions(model="plain", refine_board=True))
+    assert refined.bend_mm == pytest.approx(0.4, abs=0.05)
+    assert refined.corner_sigma_px == pytest.approx(0.05, rel=0.05)
+    assert not any("bent" in said for said in problems_of(refined))
+
+
 @pytest.mark.parametrize("count", [0, 2])
 def test_too_few_views(count: int) -> None:
     with pytest.raises(MotionError, match="at least 3 views"):
