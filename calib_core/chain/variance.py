@@ -26,7 +26,7 @@ from calib_core.frames import FloatArray
 # tenths, so either may be three times smaller or larger without surprise.  Their orientation scatters less than is
 # easily seen; on a long arm it would otherwise pass for position, and the other way round.
 _PRIOR_POSITION_MM = 0.1
-_PRIOR_ORIENTATION_RAD = 5e-5
+_PRIOR_ORIENTATION_RAD = 7e-5
 _PRIOR_ANGLE_RAD = 1e-4
 _PRIOR = np.log([_PRIOR_POSITION_MM, _PRIOR_ORIENTATION_RAD, _PRIOR_ANGLE_RAD])
 _PRIOR_WIDTHS = np.log([3.0, 2.0, 3.0])
