@@ -1,0 +1,166 @@
+"""Cleaning: normals, stray points, mixed points at edges and grazing angles, on the scan's own grid.
+
+A scanner delivers its points in rows; a point's neighbours on the object are its neighbours in the rows, so
+nothing needs to be searched.  Through the neighbours in 5×5 (those near enough to be on the same surface) a plane
+is fitted without the point itself; the point's distance from it judges the point, and it gives the normal.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.fusion.scan import Scan
+
+SingleArray = NDArray[np.float32]
+
+KEPT, BLANK, STRAY, MIXED, GRAZING = 0, 1, 2, 3, 4
+_BORDER = 2
+
+
+@dataclass(frozen=True)
+class CleanOptions:
+    """What is believed.
+
+    Parameters
+    ----------
+    stray_cut : float
+        Distance to the neighbours' plane, in units of the noise (or of their own scatter where that is larger).
+    fewest_neighbours : int
+        Of the 24 in 5×5, how many must be near.
+    grazing_deg : float
+        Largest angle of incidence, from the surface's normal.
+    workers : int
+        Threads.
+    """
+
+    stray_cut: float = 5.0
+    fewest_neighbours: int = 7
+    grazing_deg: float = 78.0
+    workers: int = 2
+
+
+@dataclass(frozen=True, eq=False)
+class CleanScan:
+    """A scan in T, every point judged.
+
+    Parameters
+    ----------
+    name : str
+    points_in_turntable_mm : (P, C, 3) float32
+        All points, kept or not.
+    normals : (P, C, 3) float32
+        Unit, toward the scanner, where `verdicts` is KEPT.
+    verdicts : (P, C) uint8
+        KEPT, or why not: BLANK, STRAY, MIXED, GRAZING.
+    sigma_mm : (P, C) float32
+        Of each kept point: the noise over the cosine of incidence, and the scan's own place.
+    reach_mm : float
+        Points of adjacent rows or columns farther apart than this are not on one surface; 0 without a grid.
+    """
+
+    name: str
+    points_in_turntable_mm: SingleArray
+    normals: SingleArray
+    verdicts: NDArray[np.uint8]
+    sigma_mm: SingleArray
+    reach_mm: float
+
+    @property
+    def weights(self) -> SingleArray:
+        """1/σ² of each point, mm⁻²; 0 where it is not kept."""
+        return np.where(self.verdicts == KEPT, 1 / self.sigma_mm**2, np.float32(0)).astype(np.float32)
+
+    def removed(self) -> dict[str, int]:
+        """Return how many points were dropped, by reason; blanks do not count."""
+        names = {"stray": STRAY, "mixed": MIXED, "grazing": GRAZING}
+        return {name: int(np.count_nonzero(self.verdicts == verdict)) for name, verdict in names.items()}
+
+
+def clean_scan(scan: Scan, options: CleanOptions | None = None) -> CleanScan:
+    """Return a scan in T with its normals and a verdict on each point.
+
+    Parameters
+    ----------
+    scan : Scan
+        On its grid; a cloud without one is cleaned by its nearest neighbours in space instead.
+    options : CleanOptions, optional
+
+    Raises
+    ------
+    MeasurementError
+        If no point of the scan is kept.
+    """
+    o = options or CleanOptions()
+    if scan.organised and min(scan.points_in_laser_mm.shape[:2]) >= 3:
+        cleaned = _clean_grid(scan, o)
+    else:
+        from calib_core.fusion.clean_cloud import clean_unordered
+
+        cleaned = clean_unordered(scan, o)
+    if not (cleaned.verdicts == KEPT).any():
+        got = ", ".join(f"{count} {name}" for name, count in cleaned.removed().items())
+        raise MeasurementError(
+            "a scan with points on a surface",
+            f"none among {np.isfinite(scan.points_in_laser_mm[..., 2]).sum()} points ({got})",
+            "Check that rows and columns are the scan's own, and its poses; or exclude it.",
+            scan.name,
+        )
+    return cleaned
+
+
+def _clean_grid(scan: Scan, o: CleanOptions) -> CleanScan:
+    from calib_core.kernels.grid import judge_grid, rejudge_near_strays, to_planes
+
+    rows, columns = scan.points_in_laser_mm.shape[:2]
+    planes = np.full((3, rows + 2 * _BORDER, columns + 2 * _BORDER), np.nan, dtype=np.float32)
+    to_planes(np.ascontiguousarray(scan.points_in_laser_mm), scan.turntable_from_laser[:, :3], planes)
+    least = float(np.cos(np.deg2rad(o.grazing_deg)))
+    inner = planes[:, _BORDER:-_BORDER, _BORDER:-_BORDER]
+    reach2 = _reach2(inner, least, scan.point_sigma_mm)
+    rays = np.ascontiguousarray(np.broadcast_to(_rays(scan), (rows, 3)), dtype=np.float32)
+    verdicts = np.empty((rows, columns), np.uint8)
+    normals = np.empty((3, rows, columns), np.float32)
+    cosines = np.empty((rows, columns), np.float32)
+    given = (scan.point_sigma_mm, o.stray_cut, float(o.fewest_neighbours), least)
+    bounds = np.linspace(0, rows, 4 * o.workers + 1).astype(int).tolist()
+
+    def judge(part: int) -> None:
+        judge_grid(planes, reach2, rays, given, bounds[part], bounds[part + 1], verdicts, normals, cosines)
+
+    with ThreadPoolExecutor(o.workers) as pool:
+        list(pool.map(judge, range(4 * o.workers)))
+    rejudge_near_strays(planes, reach2, rays, given, verdicts, normals, cosines)
+    variance = np.square(np.float32(scan.point_sigma_mm) / np.maximum(cosines, np.float32(least)))
+    variance += np.float32(scan.position_sigma_mm**2)
+    return CleanScan(
+        scan.name,
+        np.stack(list(inner), axis=-1),
+        np.stack(list(normals), axis=-1),
+        verdicts,
+        np.sqrt(variance),
+        float(np.sqrt(reach2[2, 3:].min())),
+    )
+
+
+def _rays(scan: Scan) -> FloatArray:
+    """Return the unit direction of sight in T, (P, 3) or (1, 3): the z axis of L."""
+    return scan.looks_along_z * scan.turntable_from_laser[:, :3, 2]
+
+
+def _reach2(planes: SingleArray, least_cosine: float, sigma_mm: float) -> SingleArray:
+    """Return the squared distance (5, 5) to a neighbour on the same surface, seen as obliquely as is believed."""
+    row_mm, column_mm = _step(planes[:, :, ::16], 1), _step(planes[:, ::16, :], 2)
+    offsets = np.arange(-_BORDER, _BORDER + 1)
+    flat = np.hypot(offsets[:, None] * row_mm, offsets[None, :] * column_mm)
+    return ((flat / least_cosine + 4 * sigma_mm) ** 2).astype(np.float32)
+
+
+def _step(planes: SingleArray, axis: int) -> float:
+    """Return the usual distance between neighbours along rows (axis 1) or columns (axis 2); 0 where none are."""
+    distances = np.linalg.norm(np.diff(planes, axis=axis), axis=0)
+    known = distances[np.isfinite(distances)]
+    return float(np.median(known)) if known.size else 0.0

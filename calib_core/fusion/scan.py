@@ -1,0 +1,142 @@
+"""One scan: its points on the grid of profiles and columns it was taken in, and where each profile stood in T."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform, stack_matrices
+
+SingleArray = NDArray[np.float32]
+
+_ROW = 1024  # a cloud without a grid is worked on in rows of this length
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Points of one scan in L, and their way into T.
+
+    Parameters
+    ----------
+    name : str
+    points_in_laser_mm : (P, C, 3) float32
+        Row by row the profiles (or the rows of an area scanner's image); NaN where nothing came back.
+    turntable_from_laser : (P, 4, 4) or (1, 4, 4)
+        A pose each profile, or one for the whole scan.
+    point_sigma_mm : float
+        Standard deviation of a point's distance to the surface, seen head-on.
+    position_sigma_mm : float
+        Standard deviation of the whole scan's place: what the chain leaves uncertain.
+    organised : bool
+        Whether rows and columns are neighbours on the object; a plain cloud's are not, and it cannot be cleaned on
+        its grid.
+    looks_along_z : int
+        +1 where z grows away from the scanner, −1 where it grows toward it.
+    """
+
+    name: str
+    points_in_laser_mm: SingleArray
+    turntable_from_laser: FloatArray
+    point_sigma_mm: float = 0.02
+    position_sigma_mm: float = 0.0
+    organised: bool = True
+    looks_along_z: int = 1
+
+    def __post_init__(self) -> None:
+        points, poses = self.points_in_laser_mm, self.turntable_from_laser
+        if points.ndim != 3 or points.shape[2] != 3 or points.size == 0:
+            raise InputError(
+                "a scan of profiles × columns × 3 numbers",
+                "a scan with no points" if points.size == 0 else f"an array of shape {points.shape}",
+                "Take the scan again, or exclude it.",
+                self.name,
+            )
+        if poses.shape not in ((len(points), 4, 4), (1, 4, 4)):
+            raise InputError(
+                f"one pose for the scan or one for each of its {len(points)} profiles",
+                f"{len(poses)} poses",
+                "Give as many poses as profiles: a profile or a pose is missing.",
+                self.name,
+            )
+        if not np.isfinite(poses).all():
+            raise InputError("finite poses", "NaN or infinity", "Check where the poses come from.", self.name)
+        if not (np.isfinite(self.point_sigma_mm) and self.point_sigma_mm > 0):
+            raise InputError(
+                "a positive point_sigma_mm",
+                f"{self.point_sigma_mm}",
+                "State the scanner's noise in mm.",
+                self.name,
+            )
+        if not np.isfinite(points).all(axis=2).any():
+            raise InputError(
+                "a scan with points",
+                f"{points.shape[0] * points.shape[1]} blanks: nothing came back to the scanner",
+                "Check distance and exposure and take the scan again, or exclude it.",
+                self.name,
+            )
+
+
+def scan_of_profiles(
+    name: str,
+    profiles_in_laser_mm: Sequence[ArrayLike],
+    turntable_from_laser: Sequence[RigidTransform],
+    **options: float,
+) -> Scan:
+    """Return the scan of profiles (C, 2) of x and z, blank columns as NaN, each with its pose.
+
+    Raises
+    ------
+    InputError
+        If a profile has another number of columns than the first, or the poses are not one a profile.
+    """
+    profiles = [np.asarray(profile, dtype=np.float32) for profile in profiles_in_laser_mm]
+    if not profiles:
+        raise InputError("a scan with profiles", "none", "Take the scan again, or exclude it.", name)
+    for number, profile in enumerate(profiles):
+        if profile.shape != profiles[0].shape or profile.ndim != 2 or profile.shape[1] != 2:
+            raise InputError(
+                f"profiles of one size, {profiles[0].shape} like the first",
+                f"profile {number + 1} of shape {profile.shape}",
+                "Export every profile with all its columns, blank ones as NaN, or split the scan there.",
+                name,
+            )
+    if len(turntable_from_laser) != len(profiles):
+        raise InputError(
+            f"a pose for each of the {len(profiles)} profiles",
+            f"{len(turntable_from_laser)} poses",
+            "Give as many poses as profiles: a profile or a pose is missing.",
+            name,
+        )
+    points = np.zeros((len(profiles), len(profiles[0]), 3), dtype=np.float32)
+    for row, profile in zip(points, profiles, strict=True):
+        row[:, 0], row[:, 2] = profile[:, 0], profile[:, 1]
+    return Scan(name, points, stack_matrices(list(turntable_from_laser)), **options)  # pyright: ignore[reportArgumentType]
+
+
+def scan_of_cloud(
+    name: str, points_in_laser_mm: ArrayLike, turntable_from_laser: RigidTransform, **options: float
+) -> Scan:
+    """Return the scan of a cloud (N, 3) of no known order, all seen from one pose.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty or no (N, 3) array.
+    """
+    points = np.asarray(points_in_laser_mm, dtype=np.float32)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        got = "a scan with no points" if points.size == 0 else f"an array of shape {points.shape}"
+        raise InputError("a cloud of N×3 numbers", got, "Take the scan again, or exclude it.", name)
+    rows = as_rows(points)
+    return Scan(name, rows, turntable_from_laser.matrix[None], organised=False, **options)  # pyright: ignore[reportArgumentType]
+
+
+def as_rows(points: SingleArray) -> SingleArray:
+    """Return points (N, 3) as rows (P, C, 3), the last filled up with NaN."""
+    columns = min(_ROW, max(len(points), 1))
+    missing = -len(points) % columns
+    if missing:
+        points = np.concatenate([points, np.full((missing, 3), np.nan, np.float32)])
+    return np.ascontiguousarray(points).reshape(-1, columns, 3)
