@@ -62,6 +62,15 @@ def test_a_new_session_says_what_is_missing_and_what_looks_wrong(open_page: Call
     expect(page.locator("sc-guide h1")).not_to_be_empty()
     expect(page.locator("header")).to_contain_text("FANUC")
     expect(page.locator("header")).to_contain_text("80.003")
+
+    # The same form corrects it afterwards; what is emptied is taken away.
+    page.get_by_role("button", name="Correct").click()
+    expect(page.get_by_label("Sphere diameter in mm")).to_have_value("80.003")
+    page.get_by_label("Robot", exact=True).select_option("kuka")
+    page.get_by_label("Sphere diameter in mm").fill("25.4")
+    page.get_by_role("button", name="Save").click()
+    expect(page.locator("header")).to_contain_text("KUKA")
+    expect(page.locator("header")).to_contain_text("sphere 25.4 mm")
     assert watched.complaints == []
 
 

@@ -2,6 +2,7 @@
 
 import { ActionsElement } from "../components/actions.js";
 import { CapturesElement } from "../components/captures.js";
+import { cellDialog } from "../components/cell-dialog.js";
 import { GuideElement } from "../components/guide.js";
 import { IntakeElement } from "../components/intake.js";
 import { LiveElement } from "../components/live.js";
@@ -24,6 +25,7 @@ export class SessionPage extends HTMLElement {
   /** @type {SessionState | null} */ #state = null;
   #name = h("h1", { class: "session-name" });
   #cell = h("p", { class: "soft small" });
+  #edit = h("button", { type: "button", class: "plain small", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
   #problem = h("section", { class: "lost", hidden: true });
   /** @type {ActionsElement | null} */ #actions = null;
 
@@ -61,7 +63,7 @@ export class SessionPage extends HTMLElement {
       result.hidden = state.view !== "result";
     });
     const work = h("div", { class: "work" }, viewTabs(state), measure, result);
-    this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell), make(LiveElement, { state }));
+    this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit), make(LiveElement, { state }));
     this.append(this.#problem, h("div", { class: "session" }, make(RailElement, { state }), work, make(SceneElement, { state })));
     this.#listenForDrops(intake);
   }
@@ -93,7 +95,13 @@ export class SessionPage extends HTMLElement {
     if (!session) return;
     this.#name.textContent = session.name || session.id;
     this.#cell.textContent = (session.simulated ? `${t("cell.simulated")} · ` : "") + cellWords(session.cell);
+    this.#edit.hidden = session.simulated;
     document.title = `${session.name || session.id} · scancell`;
+  }
+
+  #correct() {
+    const session = this.#state?.session;
+    if (session) cellDialog(session);
   }
 
   /** @param {SessionState} state */

@@ -2,7 +2,7 @@
 
 import { api } from "../api.js";
 import { DrawingElement } from "../components/drawing.js";
-import { newSessionDialog } from "../components/new-session.js";
+import { cellDialog } from "../components/cell-dialog.js";
 import { copyButton } from "../components/copy.js";
 import { attempt, notify } from "../components/toasts.js";
 import { h, make } from "../dom.js";
@@ -47,7 +47,7 @@ export class StartPage extends HTMLElement {
         way("cell", t("way.simulated"), t("way.simulated_words"),
           h("button", { type: "button", class: "primary", onclick: () => void this.#simulate() }, t("way.simulated_go"))),
         way("files", t("way.files"), t("way.files_words"),
-          h("button", { type: "button", class: "primary", onclick: () => newSessionDialog() }, t("way.files_go")),
+          h("button", { type: "button", class: "primary", onclick: () => cellDialog() }, t("way.files_go")),
           h("button", { type: "button", onclick: () => this.#folder.click() }, t("way.folder_go"))),
         way("rest", t("way.rest"), t("way.rest_words"), snippet(), copyButton(program(), t("way.rest_go")),
           h("a", { class: "button", href: "/docs", target: "_blank" }, t("way.rest_docs"))),

@@ -1,5 +1,6 @@
 // The TCP: the scanner's frame on the flange, in numbers, beside the paper's two steps, with its evidence.
 
+import { api } from "../api.js";
 import { h } from "../dom.js";
 import { decimalsForAll, fixed, measured, plusMinus, significant, small } from "../format.js";
 import { icon, mark } from "../icons.js";
@@ -84,6 +85,7 @@ function frame(result, state) {
       }));
     })),
     h("code", { class: "controller" }, text),
+    h("p", { class: "small" }, h("a", { href: api.exportAddress(state.id, "json"), download: `${state.id}-tool.json` }, t("frame.export"))),
   );
 }
 

@@ -44,6 +44,8 @@ export const en = Object.freeze({
   "way.rest_snippet": "Shell commands that make a session, add a capture and solve",
 
   "new.title": "New session",
+  "new.correct": "Correct the cell",
+  "new.save": "Save",
   "new.choose": "Choose …",
   "new.default_name": "{robot}, {date}",
   "new.any_robot": "Robot",
@@ -103,6 +105,7 @@ export const en = Object.freeze({
   "convention.quaternion-wxyz": "quaternion w x y z",
 
   "cell.sphere": "sphere {diameter} mm",
+  "cell.correct": "Correct",
   "cell.simulated": "simulated",
 
   "live.connecting": "connecting",
@@ -237,6 +240,7 @@ export const en = Object.freeze({
   "tcp.name": "TCP",
   "frame.title": "Scanner on the flange",
   "frame.what": "The laser frame in the flange frame, as {convention} writes it; ± is at k = 2.",
+  "frame.export": "Export as JSON",
   "frame.copy": "Copy",
 
   "evidence.title": "How we know",

@@ -1,4 +1,4 @@
-// A new session in three fields; the rest is asked where it is needed, or stands under "more".
+// The cell in three fields, for a new session or to correct one; the rest stands under "more".
 
 import { api, Problem } from "../api.js";
 import { h } from "../dom.js";
@@ -6,7 +6,7 @@ import { when } from "../format.js";
 import { go } from "../router.js";
 import { t } from "../texts.js";
 
-/** @import {Kind, PoseConvention, SessionBody} from "../model.js" */
+/** @import {Kind, PoseConvention, SessionBody, SessionOut} from "../model.js" */
 
 /** @type {readonly (readonly [string, PoseConvention])[]} */
 const BRANDS = [
@@ -63,8 +63,8 @@ function bodyOf(form) {
       pose_convention: /** @type {PoseConvention} */ (form.get("convention")),
       sphere_diameter_mm: typed(form, "diameter"),
       sphere_diameter_sigma_mm: typed(form, "diameter_sigma"),
-      scanner: { kind: /** @type {Kind} */ (form.get("kind")), point_sigma_mm: typed(form, "point_sigma"), ...(z === "away" || z === "toward" ? { z_axis: z } : {}) },
-      robot: { ...(brand ? { brand } : {}), position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma") },
+      scanner: { kind: /** @type {Kind} */ (form.get("kind")), point_sigma_mm: typed(form, "point_sigma"), z_axis: z === "away" || z === "toward" ? z : undefined },
+      robot: { brand, position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma") },
     },
   };
 }
@@ -84,11 +84,38 @@ function faults(form) {
   return found;
 }
 
-export function newSessionDialog() {
+/**
+ * Fill the form with what is known.
+ * @param {HTMLFormElement} form
+ * @param {SessionOut} session
+ */
+function fill(form, { name, cell }) {
+  /** @type {Record<string, unknown>} */
+  const values = {
+    name, kind: cell.scanner?.kind ?? "profile", convention: cell.pose_convention, diameter: cell.sphere_diameter_mm,
+    diameter_sigma: cell.sphere_diameter_sigma_mm, point_sigma: cell.scanner?.point_sigma_mm, z_axis: cell.scanner?.z_axis,
+    position_sigma: cell.robot?.position_sigma_mm, orientation_sigma: cell.robot?.orientation_sigma_deg,
+  };
+  for (const [key, value] of Object.entries(values)) {
+    const control = form.elements.namedItem(key);
+    if (control instanceof HTMLInputElement || control instanceof HTMLSelectElement) control.value = String(value ?? "");
+  }
+}
+
+/**
+ * As a change of a session: what was emptied is taken away.
+ * @param {SessionBody} body
+ */
+function asChange(body) {
+  return JSON.parse(JSON.stringify(body, (_, value) => (value === undefined ? null : value)));
+}
+
+/** @param {SessionOut} [session] the one to correct; a new one otherwise */
+export function cellDialog(session) {
   const alarm = h("p", { class: "form-problem", role: "alert", hidden: true });
   const form = h(
     "form", { method: "dialog", novalidate: true },
-    h("h2", { id: "new-title" }, t("new.title")),
+    h("h2", { id: "new-title" }, t(session ? "new.correct" : "new.title")),
     field("new-kind", t("new.kind"), kindField()),
     field("new-convention", t("new.brand"), brandField(), t("new.brand_hint")),
     field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
@@ -101,13 +128,14 @@ export function newSessionDialog() {
       field("new-z", t("new.z_axis"), h("select", { name: "z_axis" }, h("option", { value: "" }, t("new.z_data")), h("option", { value: "away" }, t("new.z_away")), h("option", { value: "toward" }, t("new.z_toward")))),
       h("p", { class: "hint soft small" }, t("new.sigma_hint")))),
     alarm,
-    h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t("new.go"))),
+    h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go"))),
   );
   const dialog = h("dialog", { "aria-labelledby": "new-title" }, form);
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    void submit(form, alarm, dialog);
+    void submit(form, alarm, dialog, session);
   });
+  if (session) fill(form, session);
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);
   dialog.showModal();
@@ -117,8 +145,9 @@ export function newSessionDialog() {
  * @param {HTMLFormElement} form
  * @param {HTMLElement} alarm
  * @param {HTMLDialogElement} dialog
+ * @param {SessionOut} [session]
  */
-async function submit(form, alarm, dialog) {
+async function submit(form, alarm, dialog, session) {
   const data = new FormData(form);
   const found = faults(data);
   mark(form, found);
@@ -126,9 +155,10 @@ async function submit(form, alarm, dialog) {
   alarm.hidden = alarm.textContent === "";
   if (!alarm.hidden) return;
   try {
-    const session = await api.createSession(bodyOf(data));
+    const body = bodyOf(data);
+    const stored = session ? await api.changeSession(session.id, asChange(body)) : await api.createSession(body);
     dialog.close();
-    go(`/sessions/${session.id}`);
+    if (!session) go(`/sessions/${stored.id}`);
   } catch (error) {
     if (!(error instanceof Problem)) throw error;
     alarm.textContent = error.message;
