@@ -15,6 +15,8 @@ ImageArray = NDArray[np.uint8 | np.uint16]
 _CHANNEL: dict[Color, int] = {"red": 0, "green": 1, "blue": 2}
 _SMALLEST_PX = 32
 _SAMPLED_LINES = 64
+_USUAL_RISES = 5.0
+_SHORT_STRIPE_WEIGHT = 0.1
 _LIT_SHARE = 0.08  # of the range of grey values: more than this in the room's light is a lit frame
 _OFFSET_SHARE = 0.08  # keeps the noise's negative half
 
@@ -83,14 +85,16 @@ def _turned(channel: ImageArray, axis: Axis) -> ImageArray:
 
 
 def _without_room_light(image: ImageArray, channel: ImageArray, axis: Axis) -> ImageArray:
-    """Return a channel less the one that sees least of the laser, where room light shows a pattern in both."""
+    """Return a channel less another, where room light shows its pattern in both: the laser is left."""
     others = [image[..., k] for k in range(3) if not np.shares_memory(image[..., k], channel)]
-    least = min(others, key=lambda other: _prominence(_turned(other, axis)))
     full = float(np.iinfo(image.dtype).max)
-    if float(np.median(least[::8, ::8])) < _LIT_SHARE * full:
+    if min(float(np.median(other[::8, ::8])) for other in others) < _LIT_SHARE * full:
         return channel
-    difference = channel.astype(np.int32) - least + round(_OFFSET_SHARE * full)
-    return np.clip(difference, 0, full).astype(image.dtype)
+    offset = round(_OFFSET_SHARE * full)
+    differences = [
+        np.clip(channel.astype(np.int32) - other + offset, 0, full).astype(image.dtype) for other in others
+    ]
+    return max(differences, key=lambda difference: _prominence(_turned(difference, axis)))
 
 
 def _require_image(image: ImageArray, where: str) -> None:
@@ -143,7 +147,10 @@ def _channels(image: ImageArray, color: Color | None) -> list[ImageArray]:
 
 
 def _prominence(image: ImageArray) -> float:
-    """Return how much a narrow ridge stands out in a typical column: the upper-middle column's best rise."""
+    """Return how much each column's highest narrow ridge stands out of the usual.
+
+    Mostly in the middling column; the mean decides where the stripe is so short that most columns have none.
+    """
     step = max(1, image.shape[1] // _SAMPLED_LINES)
     lines = image[:, ::step].astype(np.float32)
     box, gap = 6, 8
@@ -152,5 +159,7 @@ def _prominence(image: ImageArray) -> float:
     if len(sums) <= 2 * gap:
         return 0.0
     middle, above, below = sums[gap:-gap], sums[: -2 * gap], sums[2 * gap :]
-    rise = (middle - np.maximum(above, below)).max(axis=0)
-    return float(np.percentile(rise, 40))
+    rise = middle - np.maximum(above, below)
+    usual = _USUAL_RISES * 1.4826 * float(np.median(np.abs(rise[::7])))
+    highest = np.maximum(rise.max(axis=0) - usual, 0.0)
+    return float(np.percentile(highest, 40) + _SHORT_STRIPE_WEIGHT * highest.mean())

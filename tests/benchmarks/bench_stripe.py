@@ -1,0 +1,84 @@
+"""Stripe centres of a 1280×1024 frame: against the Cramér–Rao bound, and beside OpenCV blur + parabola."""
+
+import numpy as np
+
+from calib_core.optics.stripe import StripeOptions, find_stripe
+from tests.benchmarks.harness import Row, interleaved_medians_s
+
+HEIGHT, WIDTH = 1024, 1280
+AMPLITUDE, WIDTH_PX, NOISE, DARK, HOT = 140.0, 2.0, 4.0, 10.0, 300
+
+
+def run(full: bool) -> list[Row]:
+    """Return accuracy relative to the bound, gross errors, and times of ours and of the peers."""
+    frames = [_frame(seed) for seed in range(20 if full else 5)]
+    center, bound = _center(), _bound()
+    ratios = []
+    for image in frames:
+        found = find_stripe(image)
+        index = found.column_px.astype(int)
+        ratios.append((found.row_px - center[index]) / bound[index])
+    ratio = np.concatenate(ratios)
+    gross = float(np.mean(np.abs(ratio) > 6))
+    rms = float(np.sqrt(np.mean(ratio[np.abs(ratio) <= 6] ** 2)))
+    peer_errors = (_blur_and_parabola(frames[0]) - center) / bound
+    peer_rms = float(np.sqrt(np.mean(peer_errors[np.abs(peer_errors) <= 6] ** 2)))
+    image = frames[0]
+    series = StripeOptions(axis="columns", width_px=2.0)
+    jobs = {
+        "ours": lambda: find_stripe(image, axis="columns"),
+        "series": lambda: find_stripe(image, series),
+        "peer": lambda: _blur_and_parabola(image),
+        "centroid": lambda: _centroid(image),
+    }
+    times = {name: 1e3 * t for name, t in interleaved_medians_s(jobs, 41 if full else 15).items()}
+    faster = times["peer"] / times["series"]
+    return [
+        Row("RMS / per-column Cramér–Rao bound", "≤ 1.05", f"{rms:.3f}", rms <= 1.05),
+        Row("gross errors (beyond 6 bounds)", "< 0.1 %", f"{100 * gross:.3f} %", gross < 1e-3),
+        Row("RMS / bound of OpenCV blur + parabola", "", f"{peer_rms:.3f}"),
+        Row("ours, width estimated from the frame", "", f"{times['ours']:.3f} ms"),
+        Row("ours, width known from the frame before", "", f"{times['series']:.3f} ms"),
+        Row("OpenCV blur + parabola", "", f"{times['peer']:.3f} ms"),
+        Row("numpy centroid", "", f"{times['centroid']:.3f} ms"),
+        Row("times faster than blur + parabola", "≥ 25", f"{faster:.1f}", faster >= 25),
+    ]
+
+
+def _center() -> np.ndarray:
+    x = np.arange(WIDTH)
+    return 500 + 60 * np.sin(x / 200) + 0.05 * x
+
+
+def _frame(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    u = np.arange(HEIGHT)[:, None] - _center()
+    image = DARK + AMPLITUDE * np.exp(-0.5 * (u / WIDTH_PX) ** 2) + NOISE * rng.standard_normal(u.shape)
+    image[rng.integers(0, HEIGHT, HOT), rng.integers(0, WIDTH, HOT)] += rng.uniform(60, 250, HOT)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def _bound() -> np.ndarray:
+    u = np.arange(HEIGHT)[:, None] - _center()
+    slope = AMPLITUDE * u / WIDTH_PX**2 * np.exp(-0.5 * (u / WIDTH_PX) ** 2)
+    return np.sqrt((NOISE**2 + 1 / 12) / (slope**2).sum(axis=0))
+
+
+def _blur_and_parabola(image: np.ndarray) -> np.ndarray:
+    """Blur along the columns with the stripe's own width, take the highest row and a parabola through its three."""
+    import cv2
+
+    size = 2 * int(np.ceil(3 * WIDTH_PX)) + 1
+    blurred = cv2.GaussianBlur(image.astype(np.float32), (1, size), sigmaX=1e-6, sigmaY=WIDTH_PX)
+    top = np.clip(blurred.argmax(axis=0), 1, HEIGHT - 2)
+    columns = np.arange(WIDTH)
+    low, mid, high = blurred[top - 1, columns], blurred[top, columns], blurred[top + 1, columns]
+    return top + 0.5 * (low - high) / (low - 2 * mid + high)
+
+
+def _centroid(image: np.ndarray) -> np.ndarray:
+    """Return the centre of gravity about each column's brightest row."""
+    top = np.clip(image.argmax(axis=0), 8, HEIGHT - 9)
+    rows = top + np.arange(-8, 9)[:, None]
+    weight = np.maximum(image[rows, np.arange(WIDTH)].astype(np.float64) - DARK - 3 * NOISE, 0.0)
+    return (weight * rows).sum(axis=0) / weight.sum(axis=0)
