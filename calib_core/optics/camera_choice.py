@@ -56,9 +56,11 @@ def choose_model(
     )
     best: Model = "plain"
     for model, squares in errors.items():
-        gain = errors[best] - squares
+        # By their logarithms, so that the few views that gain most do not blur what all of them say.
+        gain = np.log(errors[best] / squares)
         mean, deviation = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
-        if mean > _LEAST_GAIN * float(errors[best].mean()) and mean > _SIGNIFICANT * deviation:
+        better_in_all = squares.mean() < (1 - _LEAST_GAIN) * errors[best].mean()
+        if better_in_all and mean > _LEAST_GAIN and mean > _SIGNIFICANT * deviation:
             best = model
     return best, candidates
 
