@@ -1,0 +1,154 @@
+"""Arrows run one way: web → HTTP → server → calib_core.  Read from the sources, so that no late import hides."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted(file for top in ("calib_core", "server") for file in (ROOT / top).rglob("*.py"))
+WEB_AND_STORE = {
+    "server", "fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "alembic", "websockets", "httpx",
+    "multipart", "pydantic_settings",
+}  # fmt: skip
+FILES = {"pathlib", "os", "shutil", "tempfile", "glob", "zipfile", "tarfile", "fileinput", "subprocess", "socket"}
+PURE_PATHS = {"PurePath", "PurePosixPath", "PureWindowsPath"}
+FILE_METHODS = {"read_text", "write_text", "read_bytes", "write_bytes", "tofile", "unlink", "mkdir"}
+FILE_FUNCTIONS = {"loadtxt", "genfromtxt", "savetxt", "save", "savez", "fromfile", "imread", "imwrite", "memmap"}
+
+
+@cache
+def parsed(file: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+
+
+def imports(file: Path) -> Iterator[tuple[str, str, int]]:
+    """Yield every import as module, name (or nothing) and line, also those within functions."""
+    for node in parsed(file):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, "", node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}:{node.lineno}: name the package in full"
+            yield from ((node.module or "", alias.name, node.lineno) for alias in node.names)
+
+
+def within(module: str, *packages: str) -> bool:
+    return any(module == package or module.startswith(package + ".") for package in packages)
+
+
+def name_of(file: Path) -> str:
+    return file.relative_to(ROOT).as_posix()
+
+
+def test_the_rules_see_the_sources() -> None:
+    names = {name_of(file) for file in SOURCES}
+    assert {"calib_core/frames.py", "calib_core/session/folder.py", "server/cli.py"} <= names
+    found = {module for module, _, _ in imports(ROOT / "calib_core" / "frames.py")}
+    assert {"numpy", "calib_core.errors", "scipy.spatial.transform"} <= found  # the last within a function
+
+
+@pytest.mark.parametrize("file", [f for f in SOURCES if name_of(f).startswith("calib_core")], ids=name_of)
+def test_calib_core_knows_no_server_web_or_store(file: Path) -> None:
+    assert [m for m, _, _ in imports(file) if m.partition(".")[0] in WEB_AND_STORE] == []
+
+
+def touches_files(file: Path) -> list[str]:
+    found = [
+        f"line {line}: import of {module}.{name}"
+        for module, name, line in imports(file)
+        if module.partition(".")[0] in FILES and not (module == "pathlib" and name in PURE_PATHS)
+    ]
+    for node in parsed(file):
+        if not isinstance(node, ast.Call):
+            continue
+        called = node.func
+        if isinstance(called, ast.Name) and called.id == "open":
+            found.append(f"line {node.lineno}: open()")
+        if isinstance(called, ast.Attribute):
+            module = called.value.id if isinstance(called.value, ast.Name) else ""
+            if called.attr in FILE_METHODS or (module in ("np", "cv2", "io") and called.attr in FILE_FUNCTIONS):
+                found.append(f"line {node.lineno}: .{called.attr}()")
+    return found
+
+
+def test_only_the_session_package_touches_files() -> None:
+    found = {
+        name_of(file): touched
+        for file in SOURCES
+        if within(name_of(file), "calib_core") or name_of(file).startswith("calib_core/")
+        if not name_of(file).startswith("calib_core/session/") and (touched := touches_files(file))
+    }
+    assert found == {}
+    assert touches_files(ROOT / "calib_core" / "session" / "folder.py")  # the rule does see what it forbids
+
+
+def test_only_scenes_import_viser() -> None:
+    importers = {name_of(f) for f in SOURCES for m, _, _ in imports(f) if within(m, "viser")}
+    assert importers
+    assert all(name.startswith("server/scenes/") for name in importers), importers
+
+
+def test_the_simulator_shares_no_code_with_the_solvers() -> None:
+    solvers = [
+        f"calib_core.{p}" for p in ("frames", "chain", "sphere", "optics", "kernels", "fusion", "estimation")
+    ]
+    files = [f for f in SOURCES if name_of(f).startswith("calib_core/simulation/")]
+    assert files
+    wrong = [
+        (name_of(f), m)
+        for f in files
+        for m, n, _ in imports(f)
+        if within(m, *solvers) or within(f"{m}.{n}", *solvers)
+    ]
+    assert wrong == []
+
+
+def test_no_solver_imports_the_simulator_or_the_session() -> None:
+    """A step is a function of what it is given: who reads the session calls it, not the other way round."""
+    places = ("chain", "sphere", "optics", "kernels", "fusion", "robot_pose")
+    above = ("calib_core.session", "calib_core.simulation")
+    files = [f for f in SOURCES if name_of(f).split("/")[1] in places]
+    assert len(files) > 20
+    assert [(name_of(f), m) for f in files for m, _, _ in imports(f) if within(m, *above)] == []
+
+
+def test_kernels_rest_on_numpy_and_numba_alone() -> None:
+    files = (ROOT / "calib_core" / "kernels").glob("*.py")
+    used = {m.partition(".")[0] if not within(m, "calib_core") else m for f in files for m, _, _ in imports(f)}
+    own = {m for m in used if within(m, "calib_core")}
+    assert used - own - sys.stdlib_module_names == {"numpy", "numba"}
+    assert all(within(m, "calib_core.kernels") for m in own), own
+
+
+def test_nothing_imports_the_page_and_the_product_not_its_tests() -> None:
+    wrong = [
+        (name_of(f), m)
+        for f in SOURCES
+        for m, _, _ in imports(f)
+        if within(m, "web", "tests", "pytest", "hypothesis")
+    ]
+    assert wrong == []
+
+
+HEAVY = ("numba", "cv2", "open3d", "viser", "fastapi", "sqlalchemy", "uvicorn", "scipy.optimize", "scipy.stats")
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("server.cli", (*HEAVY, "numpy", "pydantic")),  # --help is printed by this alone
+        ("calib_core.records", (*HEAVY, "scipy")),
+        ("calib_core.session.pipeline", HEAVY),
+        ("calib_core.chain.tcp", HEAVY),
+    ],
+)
+def test_heavy_modules_are_imported_late(module: str, heavy: tuple[str, ...]) -> None:
+    code = f"import sys, {module}; print(*(name for name in {heavy!r} if name in sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=60, check=True
+    )
+    assert done.stdout.split() == []
