@@ -7,6 +7,7 @@ from calib_core.chain.undetermined import OpenDirection
 from calib_core.records import Verdict
 
 _HOPELESS_SCATTER_MM = 5.0
+_HOPELESS_SIGMA_MM = 2.5  # inverted poses leave 2.9 mm and more; arms that are only untrue stay below 1 mm
 _LARGE_SIGMA_MM = 1.0
 _MOST_REJECTED = 1 / 3
 _CHI2_6_RARE = 22.5  # 99.9 %
@@ -24,13 +25,14 @@ def tcp_verdict(solution: TcpSolution) -> tuple[Verdict, list[str]]:
 
 
 def _failures(solution: TcpSolution) -> list[str]:
-    found = [f"Not determined: {_description(d)}." for d in solution.undetermined]
+    found: list[str] = []
     scatter = solution.joint.center_scatter_rms_mm
-    if scatter > _HOPELESS_SCATTER_MM:
+    if scatter > _HOPELESS_SCATTER_MM or solution.sigmas.position_mm > _HOPELESS_SIGMA_MM:
         found.append(
             f"Poses and scans do not fit together: the sphere's centre scatters by {scatter:.1f} mm in base. "
             "Check the pose convention, the units, and that every capture has its own pose."
         )
+    found.extend(f"Not determined: {_description(d)}." for d in solution.undetermined)
     rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
     if len(rejected) > _MOST_REJECTED * len(solution.captures):
         found.append(
