@@ -1,7 +1,6 @@
 """JSON from outside: finite numbers, bounded depth, text that can be stored anywhere."""
 
 import json
-import math
 from collections.abc import Callable, Coroutine
 from typing import Any, NoReturn
 
@@ -12,9 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
-
-MAX_DEPTH = 32
-_LARGEST_INTEGER = 2**63
+from calib_core.session.plain_json import require_plain, too_deep
 
 
 def parse_json(text: str | bytes, where: str) -> Any:
@@ -23,17 +20,17 @@ def parse_json(text: str | bytes, where: str) -> Any:
     Raises
     ------
     InputError
-        If it is not JSON, is nested deeper than `MAX_DEPTH`, or holds NaN, infinities or text that is not Unicode.
+        If it is not JSON, is nested too deeply, or holds NaN, infinities or text that is not Unicode.
     """
     try:
         data = json.loads(text, parse_constant=_refuse_constant)
     except RecursionError:
-        raise _too_deep(where) from None
+        raise too_deep(where) from None
     except InputError as error:
         raise error.at(where) from None
     except ValueError as error:  # includes UnicodeDecodeError and integers of thousands of digits
         raise InputError("JSON (UTF-8)", f"something else: {error}", "Correct the text.", where) from None
-    _check(data, where)
+    require_plain(data, where)
     return data
 
 
@@ -44,42 +41,6 @@ def plain_json(data: Any) -> Any:
 
 def _refuse_constant(name: str) -> NoReturn:
     raise InputError("finite numbers", name, "Leave the field out where there is no value.")
-
-
-def _too_deep(where: str) -> InputError:
-    return InputError(f"at most {MAX_DEPTH} levels of nesting", "more", "Flatten the data.", where)
-
-
-def _check(data: Any, where: str) -> None:
-    level = [data]
-    for _ in range(MAX_DEPTH):
-        below: list[Any] = []
-        for value in level:
-            if isinstance(value, dict):
-                below += value.keys()
-                below += value.values()
-            elif isinstance(value, list):
-                below += value
-            else:
-                _check_scalar(value, where)
-        level = below
-        if not level:
-            return
-    raise _too_deep(where)
-
-
-def _check_scalar(value: Any, where: str) -> None:
-    if isinstance(value, float) and not math.isfinite(value):
-        raise InputError("finite numbers", "one beyond 1.8e308", "Correct the number.", where)
-    if isinstance(value, int) and abs(value) >= _LARGEST_INTEGER:
-        raise InputError("integers of at most 63 bits", f"one of {value.bit_length()} bits", "Correct it.", where)
-    if isinstance(value, str):
-        if "\0" in value:
-            raise InputError("text without NUL characters", "one with", "Remove it.", where)
-        try:
-            value.encode()
-        except UnicodeEncodeError:
-            raise InputError("Unicode text", "half of a surrogate pair", "Correct the text.", where) from None
 
 
 class StrictRequest(Request):

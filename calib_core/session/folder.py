@@ -51,9 +51,15 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
 
 
 def folder_of(path: Path) -> Path:
-    """Return the folder of a session that was named by itself or by its session.json; raises InputError."""
+    """Return the folder of a session: named by itself, by its session.json, or as an unpacked archive.
+
+    Raises
+    ------
+    InputError
+        If the path is nothing of these.
+    """
     if path.is_dir():
-        return path
+        return path / "data" if (path / "bagit.txt").is_file() and not (path / SESSION_FILE).exists() else path
     if path.name == SESSION_FILE and path.is_file():
         return path.parent
     need = f"a session folder with {SESSION_FILE} in it"

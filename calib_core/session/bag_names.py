@@ -1,0 +1,99 @@
+"""Names in an archive: relative, plain, and different from each other on every file system."""
+
+import unicodedata
+from collections.abc import Iterable
+from typing import Final
+
+from calib_core.errors import InputError
+
+MAX_NAME_BYTES: Final = 1000
+MAX_PART_BYTES: Final = 240
+MAX_DEPTH: Final = 32
+
+_ASCII_CONTROLS = frozenset(map(chr, [*range(32), 127]))
+_RENAME = "Rename the file."
+
+
+def require_safe_name(name: str, where: str) -> None:
+    """Refuse a name that could lead out of a folder, or that not every system can store.
+
+    Parameters
+    ----------
+    name : str
+        A path with ``/`` between its parts, relative to the archive.
+    where : str
+        The archive, for the message.
+
+    Raises
+    ------
+    InputError
+    """
+    got = _fault(name)
+    if got:
+        need = "names that stay inside the archive's folder and that every system can store"
+        raise InputError(need, f"{_shown(name)}: {got}", _RENAME, where)
+
+
+def require_distinct_names(names: Iterable[str], where: str) -> None:
+    """Refuse names that are one file, or a file and a folder, on some system.
+
+    Upper and lower case are the same on Windows and macOS, and so are the Unicode forms of an accented letter.
+
+    Raises
+    ------
+    InputError
+    """
+    files: dict[str, str] = {}
+    folders: dict[str, str] = {}
+    need = "names that differ by more than case and Unicode form"
+    for name in names:
+        other = files.setdefault(folded(name), name)
+        if other is not name:
+            got = f"{_shown(name)} twice" if other == name else f"{_shown(other)} and {_shown(name)}"
+            raise InputError(need, got, _RENAME, where)
+        parts = name.split("/")[:-1]
+        for depth in range(1, len(parts) + 1):
+            folder = "/".join(parts[:depth])
+            other = folders.setdefault(folded(folder), folder)
+            if other != folder:
+                raise InputError(need, f"the folders {_shown(other)} and {_shown(folder)}", _RENAME, where)
+    for name in files.keys() & folders.keys():
+        raise InputError("files and folders with different names", f"{_shown(name)} as both", _RENAME, where)
+
+
+def folded(name: str) -> str:
+    """Return what names have in common that case-insensitive and normalising file systems hold for one."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def _fault(name: str) -> str:
+    """Return what is wrong with a name, nothing where it is good."""
+    parts = name.split("/")
+    if name.startswith("/"):
+        return "an absolute path"
+    if "\\" in name or ":" in name:
+        return "a backslash or a colon, which leads elsewhere on Windows"
+    if any(part in (".", "..") for part in parts):
+        return "a part that leads to another folder"
+    if "" in parts:
+        return "an empty part"
+    if not _ASCII_CONTROLS.isdisjoint(name):
+        return "control characters"
+    if any(part.endswith((" ", ".")) for part in parts):
+        return "a part that ends with a space or a full stop, which Windows drops"
+    return _too_long(name, parts)
+
+
+def _too_long(name: str, parts: list[str]) -> str:
+    try:
+        size, longest = len(name.encode()), max(len(part.encode()) for part in parts)
+    except UnicodeEncodeError:
+        return "half of a surrogate pair"
+    if size > MAX_NAME_BYTES or longest > MAX_PART_BYTES:
+        return f"{size} bytes long"
+    return f"{len(parts)} folders deep" if len(parts) > MAX_DEPTH else ""
+
+
+def _shown(name: str) -> str:
+    text = ascii(name)
+    return text if len(text) <= 80 else f"{text[:60]}…{text[-16:]}"
