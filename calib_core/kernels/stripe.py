@@ -23,36 +23,20 @@ _LARGEST_STEP_PX = 1.5
 # Two neighbouring pixels lie in one word.  Shifts are constants so that the compiler packs many words at a time.
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _move_row_8(sums: WordArray, before: WordArray, come: WordArray, gone: WordArray) -> None:
-    for j in range(sums.shape[0]):
-        more = np.uint16(np.uint16(come[j] & 0xFF) + np.uint16(come[j] >> 8))
-        less = np.uint16(np.uint16(gone[j] & 0xFF) + np.uint16(gone[j] >> 8))
-        sums[j] = np.uint16(before[j] + more - less)
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _row_sums_8(words: WordArray, come: int, gone: int, ring: WordArray, place: int, before: int) -> None:
+    for j in range(ring.shape[1]):
+        more = np.uint16(np.uint16(words[come, j] & 0xFF) + np.uint16(words[come, j] >> 8))
+        less = np.uint16(np.uint16(words[gone, j] & 0xFF) + np.uint16(words[gone, j] >> 8))
+        ring[place, j] = np.uint16(ring[before, j] + more - less)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _move_row_16(sums: WordArray, before: WordArray, come: WordArray, gone: WordArray) -> None:
-    for j in range(sums.shape[0]):
-        more = np.uint32(np.uint32(come[j] & 0xFFFF) + np.uint32(come[j] >> 16))
-        less = np.uint32(np.uint32(gone[j] & 0xFFFF) + np.uint32(gone[j] >> 16))
-        sums[j] = np.uint32(before[j] + more - less)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _keep_best(
-    middle: WordArray,
-    above: WordArray,
-    below: WordArray,
-    best: WordArray,
-    place: NDArray[np.uint16],
-    row: np.uint16,
-) -> None:
-    for j in range(middle.shape[0]):
-        side = max(above[j], below[j])
-        rise = middle.dtype.type(middle[j] - min(middle[j], side))
-        place[j] = row if rise > best[j] else place[j]
-        best[j] = max(rise, best[j])
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _row_sums_16(words: WordArray, come: int, gone: int, ring: WordArray, place: int, before: int) -> None:
+    for j in range(ring.shape[1]):
+        more = np.uint32(np.uint32(words[come, j] & 0xFFFF) + np.uint32(words[come, j] >> 16))
+        less = np.uint32(np.uint32(words[gone, j] & 0xFFFF) + np.uint32(words[gone, j] >> 16))
+        ring[place, j] = np.uint32(ring[before, j] + more - less)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -78,44 +62,61 @@ def seed_columns(
     """
     count = (words.shape[0] + 1) // 2
     reach = rows + 1
-    nothing = np.zeros_like(words[0])
     size = ring.shape[0]
     best[:] = 0
     place[:] = 0
     ring[:] = 0
     for k in range(count + reach):
-        sums = ring[k % size]
-        if k < count:
-            before = ring[(k - 1) % size]
-            gone = words[2 * (k - rows)] if k >= rows else nothing
+        here = k % size
+        if k < rows:  # the box fills; the ring's other rows are still zero
+            before = (k - 1 + size) % size
+            for j in range(ring.shape[1]):
+                word = words[2 * k, j]
+                ring[here, j] = ring[before, j] + (
+                    (word & 0xFF) + (word >> 8) if bits == 8 else (word & 0xFFFF) + (word >> 16)
+                )
+        elif k < count:
+            before = (k - 1) % size
             if bits == 8:
-                _move_row_8(sums, before, words[2 * k], gone)
+                _row_sums_8(words, 2 * k, 2 * (k - rows), ring, here, before)
             else:
-                _move_row_16(sums, before, words[2 * k], gone)
+                _row_sums_16(words, 2 * k, 2 * (k - rows), ring, here, before)
         end = k - reach
         if end < rows - 1:
             continue
-        above = ring[(end - reach) % size] if end - reach >= rows - 1 else sums
-        below = sums if k < count else above
+        above = (end - reach) % size if end - reach >= rows - 1 else here
+        below = here if k < count else above
         middle = 2 * end - (rows - 1)
         b = middle // (2 * band)
-        _keep_best(ring[end % size], above, below, best[b], place[b], np.uint16(middle))
+        row = np.uint16(middle)
+        m = end % size
+        for j in range(ring.shape[1]):
+            side = max(ring[above, j], ring[below, j])
+            rise = ring.dtype.type(ring[m, j] - min(ring[m, j], side))
+            place[b, j] = row if rise > best[b, j] else place[b, j]
+            best[b, j] = max(rise, best[b, j])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def choose_seeds(
-    best: WordArray, place: NDArray[np.uint16], least_rise: float, apart_px: int, rivalry: float, reach: int
+    best: WordArray,
+    place: NDArray[np.uint16],
+    least_rise: float,
+    apart_px: int,
+    rivalry: float,
+    reach: int,
+    columns: int,
 ) -> tuple[NDArray[np.int64], CodeArray]:
-    """Choose each column's peak among its bands' peaks.
+    """Choose each pair of columns' peak among its bands' peaks.
 
     A peak wins alone where every other that is `apart_px` away rises less than `rivalry` of it.  Otherwise the
     column is double, unless the columns beside it, which are not, bear out exactly one of its peaks.
 
     Returns
     -------
-    row : (W,)
-        Row of the seed, −1 where there is none.
-    code : (W,)
+    row : (columns,)
+        Row of the seed for every column, −1 where there is none.
+    code : (columns,)
         OK, WEAK or DOUBLE.
     """
     bands, width = best.shape
@@ -156,7 +157,12 @@ def choose_seeds(
         if count == 1:
             row[j] = borne_out
             code[j] = OK
-    return row, code
+    rows = np.empty(columns, dtype=np.int64)
+    codes = np.empty(columns, dtype=np.uint8)
+    for i in range(columns):
+        j = min(i // 2, width - 1)
+        rows[i], codes[i] = row[j], code[j]
+    return rows, codes
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -264,15 +270,21 @@ def measure_columns(
     out : (N, 5)
         Written: centre, its standard deviation, amplitude, sum of squared residuals of the shape, background.
     code : (N,)
-        Written: OK, WEAK, SATURATED or SHAPE.
+        Only columns with OK are looked at; written: OK, WEAK, SATURATED or SHAPE.
     """
     height = image.shape[0]
     taps = tables.shape[2]
     half, margin = taps // 2, 3
     window = np.empty(min(taps + 2 * margin, height), dtype=np.float32)
     variance, light, hot, saturation = limits[0], limits[1], limits[2], limits[3]
+    beside = np.nan
     for n in range(columns.shape[0]):
-        top = max(0, min(seeds[n] - half - margin, height - window.shape[0]))
+        out[n, 0] = np.nan
+        if code[n] != OK:
+            continue
+        # The column before is mostly nearer to the answer than the seed, which saves a step.
+        start = beside if abs(beside - seeds[n]) <= 2.0 else float(seeds[n])
+        top = max(0, min(int(start + 0.5) - half - margin, height - window.shape[0]))
         clean = limits[6] > 0.0
         if clean:
             _gather_clean(image, top, columns[n], hot, window)
@@ -280,7 +292,7 @@ def measure_columns(
             _gather(image, top, columns[n], window)
         mean = form = amplitude = residual = lit = expected = 0.0
         while True:
-            shift, phase, center, slope = _newton(window, half, float(seeds[n] - top), tables)
+            shift, phase, center, slope = _newton(window, half, start - top, tables)
             if center == center:
                 total, square, match = _shape_sums(window, shift, tables[2, phase])
                 form, energy = figures[phase, 0], figures[phase, 1]
@@ -295,11 +307,11 @@ def measure_columns(
                 break
             _gather_clean(image, top, columns[n], hot, window)
             clean = True
-        out[n, 0] = np.nan
         code[n] = WEAK
         if center != center:
             continue
-        out[n, 0] = top + center
+        beside = top + center
+        out[n, 0] = beside
         out[n, 1] = np.sqrt(variance * figures[phase, 2] + light * lit * figures[phase, 3]) / -slope
         out[n, 2] = amplitude
         out[n, 3] = residual
@@ -350,27 +362,33 @@ def stack_profile(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def mark_alone(
-    columns: NDArray[np.int64], centers: FloatArray, code: CodeArray, codes: CodeArray, reach: int, least: int
-) -> None:
-    """Mark in `codes` (W,) the good centres that fewer than `least` good ones within `reach` columns continue.
+def mark_alone(centers: FloatArray, code: CodeArray, reach: int, least: int) -> NDArray[np.int64]:
+    """Mark the good centres that fewer than `least` good ones within `reach` columns continue; count the codes.
 
     Parameters
     ----------
-    columns, centers, code : (N,)
-        In the order of their columns.
+    centers, code : (W,)
+        Of every column.
     """
-    size = columns.shape[0]
-    for n in range(size):
-        if code[n] != OK:
+    width = centers.shape[0]
+    alone = np.zeros(width, dtype=np.bool_)
+    for j in range(width):
+        if code[j] != OK:
             continue
         count = 0
-        for m in range(max(0, n - reach), min(size, n + reach + 1)):
-            apart = abs(columns[m] - columns[n])
-            if m != n and code[m] == OK and apart <= reach:
-                count += 1 if abs(centers[m] - centers[n]) <= 1.5 + 1.5 * apart else 0
-        if count < least:
-            codes[columns[n]] = ALONE
+        for apart in range(1, reach + 1):  # the nearest first: they mostly settle it
+            for i in (j - apart, j + apart):
+                if 0 <= i < width and code[i] == OK and abs(centers[i] - centers[j]) <= 1.5 + 1.5 * apart:
+                    count += 1
+            if count >= least:
+                break
+        alone[j] = count < least
+    counts = np.zeros(ALONE + 1, dtype=np.int64)
+    for j in range(width):
+        if alone[j]:
+            code[j] = ALONE
+        counts[code[j]] += 1
+    return counts
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

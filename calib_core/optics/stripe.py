@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 
 _PHASES = 32
 _USUAL_WIDTH_PX = 2.0
-_SAMPLED_COLUMNS = 64
-_NOISE_SAMPLES = 1024
+_SAMPLED_COLUMNS = 48
+_NOISE_SAMPLES = 512
 _QUANTISATION_VARIANCE = 1 / 12
 _REASONS: tuple[str, ...] = ("used", "weak", "saturated", "double", "irregular", "isolated")
 
@@ -179,23 +179,21 @@ def _measure(
 
     variance = _surroundings_variance(image)
     seeds, codes = _seeds(image, start_width, variance, options)
-    columns = np.flatnonzero(codes == kernel.OK)
-    width, good, rows = start_width, columns, np.empty((0, 5))
-    if len(columns):
-        sample = columns[:: max(1, len(columns) // _SAMPLED_COLUMNS)]
+    columns = np.arange(image.shape[1])
+    good = np.flatnonzero(codes == kernel.OK)
+    width, rows = start_width, np.empty((image.shape[1], 5))
+    if len(good):
+        sample = good[:: max(1, len(good) // _SAMPLED_COLUMNS)]
         look = _Look(image, variance, saturation, options)
         width, light, amplitude = _peak_shape(look, sample, seeds[sample], start_width)
         filters = _filters(round(width, 2), _noise_ratio(light * amplitude / variance))
-        rows, code = look.measure(columns, seeds[columns], filters, light, width)
-        codes[columns] = code
-        kernel.mark_alone(columns, rows[:, 0], code, codes, 5, 3)
-        keep = codes[columns] == kernel.OK
-        good, rows = columns[keep], rows[keep]
-    counts = np.bincount(codes, minlength=len(_REASONS)).tolist()
+        rows = look.measure(columns, seeds, codes, filters, light, width)
+    counts = kernel.mark_alone(rows[:, 0], codes, 5, 3).tolist()
     left_out = {reason: n for reason, n in zip(_REASONS[1:], counts[1:], strict=True) if n}
-    noise = float(np.sqrt(variance))
+    good = np.flatnonzero(codes == kernel.OK)
+    kept = rows[good].T.copy()
     return codes, StripeCenters(
-        good.astype(float), rows[:, 0], rows[:, 1], rows[:, 2], "columns", width, noise, left_out
+        good.astype(float), kept[0], kept[1], kept[2], "columns", width, variance**0.5, left_out
     )
 
 
@@ -217,9 +215,7 @@ def _seeds(
     place = np.empty((bands, words.shape[1]), dtype=np.uint16)
     kernel.seed_columns(words, bits, rows, band, ring, best, place)
     least_rise = 4.0 * float(np.sqrt(4.0 * rows * variance))
-    seeds, codes = kernel.choose_seeds(best, place, least_rise, 2 * rows + 1, options.rivalry, 5)
-    column = np.minimum(np.arange(width) // 2, words.shape[1] - 1)
-    return seeds[column], codes[column]
+    return kernel.choose_seeds(best, place, least_rise, 2 * rows + 1, options.rivalry, 5, width)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,12 +236,13 @@ class _Look:
         self,
         columns: NDArray[np.int64],
         seeds: NDArray[np.int64],
+        codes: NDArray[np.uint8],
         filters: _Filters,
         light: float,
         width_px: float,
         first_look: bool = False,
-    ) -> tuple[FloatArray, NDArray[np.uint8]]:
-        """Return the rows (N, 5) and codes (N,) of `kernels.stripe.measure_columns`."""
+    ) -> FloatArray:
+        """Return the rows (N, 5) of `kernels.stripe.measure_columns`, which writes to `codes` too."""
         from calib_core.kernels import stripe as kernel
 
         least = self.options.least_snr * float(np.sqrt(self.variance / filters.energy))
@@ -254,9 +251,8 @@ class _Look:
             [self.variance, light, self.hot, self.saturation, saturated, least, 1.0 if first_look else 0.0]
         )
         out = np.empty((len(columns), 5))
-        code = np.empty(len(columns), dtype=np.uint8)
-        kernel.measure_columns(self.image, columns, seeds, filters.tables, filters.figures, limits, out, code)
-        return out, code
+        kernel.measure_columns(self.image, columns, seeds, filters.tables, filters.figures, limits, out, codes)
+        return out
 
 
 def _peak_shape(
@@ -267,13 +263,13 @@ def _peak_shape(
 
     width = start_width_px
     filters = _filters(round(width, 2), 0.0)
-    rows, _ = look.measure(columns, seeds, filters, 0.0, width, first_look=True)
+    rows = look.measure(columns, seeds, np.zeros(len(seeds), np.uint8), filters, 0.0, width, first_look=True)
     if not look.options.width_px:
         reach = int(np.ceil(5.0 * width)) + 2
         sums, counts = kernel.stack_profile(look.image, columns, rows[:, 0], 2, reach, look.hot)
         width = _width_of(sums, counts, reach)
         filters = _filters(round(width, 2), 0.0)
-        rows, _ = look.measure(columns, seeds, filters, 0.0, width, first_look=True)
+        rows = look.measure(columns, seeds, np.zeros(len(seeds), np.uint8), filters, 0.0, width, first_look=True)
     fine = np.isfinite(rows[:, 0])
     fine[fine] = rows[fine, 2] > 0
     if not fine.any():

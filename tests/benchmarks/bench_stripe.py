@@ -65,7 +65,7 @@ def _bound() -> np.ndarray:
 
 
 def _blur_and_parabola(image: np.ndarray) -> np.ndarray:
-    """Blur along the columns with the stripe's own width, take the highest row and a parabola through its three."""
+    """Blur along the columns with the stripe's own width; a parabola through the three highest rows."""
     import cv2
 
     size = 2 * int(np.ceil(3 * WIDTH_PX)) + 1
