@@ -7,6 +7,7 @@ export interface Board {
   pitch_mm: number;
   marker_mm?: number | null;
   dictionary?: string | null;
+  flat?: boolean;
 }
 
 export interface Capture {

@@ -64,7 +64,7 @@ def test_a_new_session_says_what_is_missing_and_what_looks_wrong(open_page: Call
     expect(page.locator("header")).to_contain_text("80.003")
 
     # The same form corrects it afterwards; what is emptied is taken away.
-    page.get_by_role("button", name="Correct").click()
+    page.get_by_role("button", name="Edit cell").click()
     expect(page.get_by_label("Sphere diameter in mm")).to_have_value("80.003")
     page.get_by_label("Robot", exact=True).select_option("kuka")
     page.get_by_label("Sphere diameter in mm").fill("25.4")
@@ -203,6 +203,20 @@ def test_it_follows_captures_that_others_add(open_page: Callable[..., Any], api:
     expect(page.locator("header")).to_contain_text("renamed elsewhere")
     api.delete(f"/sessions/{session}/captures/p01")
     expect(rows(page)).to_have_count(1)
+    assert watched.complaints == []
+
+
+def test_a_solve_goes_on_while_the_page_is_loaded_anew(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api, captures=10)
+    page, watched = open_page(f"/sessions/{session}")
+    expect(rows(page)).to_have_count(10)
+    with page.expect_response(lambda answer: answer.url.endswith("/solve/tcp")):
+        page.keyboard.press("Enter")
+    page.reload()
+    expect(page.locator("sc-rail .answer")).to_contain_text("±")
+    page.get_by_role("tab", name="Result").click()
+    page.reload()  # the view stands in the address
+    expect(page.locator(".banner")).to_be_visible()
     assert watched.complaints == []
 
 

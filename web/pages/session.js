@@ -25,7 +25,7 @@ export class SessionPage extends HTMLElement {
   /** @type {SessionState | null} */ #state = null;
   #name = h("h1", { class: "session-name" });
   #cell = h("p", { class: "soft small" });
-  #edit = h("button", { type: "button", class: "plain small", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
+  #edit = h("button", { type: "button", class: "plain wide small", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
   #problem = h("section", { class: "lost", hidden: true });
   /** @type {ActionsElement | null} */ #actions = null;
 

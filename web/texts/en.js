@@ -44,7 +44,7 @@ export const en = Object.freeze({
   "way.rest_snippet": "Shell commands that make a session, add a capture and solve",
 
   "new.title": "New session",
-  "new.correct": "Correct the cell",
+  "new.correct": "Edit the cell",
   "new.save": "Save",
   "new.choose": "Choose …",
   "new.default_name": "{robot}, {date}",
@@ -105,7 +105,7 @@ export const en = Object.freeze({
   "convention.quaternion-wxyz": "quaternion w x y z",
 
   "cell.sphere": "sphere {diameter} mm",
-  "cell.correct": "Correct",
+  "cell.correct": "Edit cell",
   "cell.simulated": "simulated",
 
   "live.connecting": "connecting",
