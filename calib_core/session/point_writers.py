@@ -1,0 +1,179 @@
+"""Clouds and meshes as PLY, PCD, XYZ, STL and E57: a header and the array as it lies in memory.
+
+Every writer gives pieces of bytes; `write_pieces` puts them into a file that appears whole or not at all.
+"""
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.errors import InputError
+from calib_core.session.e57_writer import e57_pieces
+
+Pieces = Iterator[bytes | memoryview]
+SingleArray = NDArray[np.float32]
+
+_XYZ = ("x", "y", "z")
+_BLOCK = 50_000
+
+
+def ply_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ, triangles: ArrayLike | None = None) -> Pieces:
+    """Give a binary PLY file of points, or of a mesh.
+
+    Parameters
+    ----------
+    values : (N, K) float32
+        A row a point.
+    names : tuple of K str
+        The columns; the first three are x, y, z in mm.  `nx ny nz` is what other programs know as the normal.
+    triangles : (M, 3), optional
+        Indices of points.
+
+    Raises
+    ------
+    InputError
+        If there are no points, or names and columns differ in number.
+    """
+    table = _table(values, names)
+    header = ["ply", "format binary_little_endian 1.0", "comment unit mm", f"element vertex {len(table)}"]
+    header += [f"property float {name}" for name in names]
+    faces = None if triangles is None else _faces(triangles, len(table))
+    if faces is not None:
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    yield ("\n".join([*header, "end_header"]) + "\n").encode("ascii")
+    yield table.data.cast("B")
+    if faces is not None:
+        records = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
+        records["count"], records["corners"] = 3, faces
+        yield records.tobytes()
+
+
+def pcd_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ) -> Pieces:
+    """Give a binary PCD file of points (N, K), as `ply_pieces`; normals are renamed to what PCD calls them."""
+    table = _table(values, names)
+    renamed = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
+    fields = [renamed.get(name, name) for name in names]
+    ones = " ".join(["1"] * len(fields))
+    header = [
+        "# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7", f"FIELDS {' '.join(fields)}",
+        f"SIZE {' '.join(['4'] * len(fields))}", f"TYPE {' '.join(['F'] * len(fields))}", f"COUNT {ones}",
+        f"WIDTH {len(table)}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {len(table)}", "DATA binary",
+    ]  # fmt: skip
+    yield ("\n".join(header) + "\n").encode("ascii")
+    yield table.data.cast("B")
+
+
+def xyz_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ) -> Pieces:
+    """Give a text file of points (N, K), one a line, five decimals, without a header as other programs expect."""
+    table = _table(values, names)
+    line = " ".join(["%.5f"] * table.shape[1]) + "\n"
+    for start in range(0, len(table), _BLOCK):
+        block = table[start : start + _BLOCK]
+        yield (line * len(block) % tuple(block.ravel().tolist())).encode("ascii")
+
+
+def stl_pieces(points_mm: ArrayLike, triangles: ArrayLike) -> Pieces:
+    """Give a binary STL file of a mesh: points (N, 3) in mm, triangles (M, 3) of indices.
+
+    Raises
+    ------
+    InputError
+        If there are no triangles, or one names a point that is not there.
+    """
+    points = _table(points_mm, _XYZ)
+    corners = points[_faces(triangles, len(points))]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    records = np.zeros(len(corners), dtype=[("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+    records["normal"] = normals / np.where(lengths > 0, lengths, 1)
+    records["corners"] = corners
+    yield b"scancell mesh, mm".ljust(80) + len(corners).to_bytes(4, "little")
+    yield records.tobytes()
+
+
+CLOUD_WRITERS: dict[str, Callable[[ArrayLike], Iterator[bytes | memoryview]]] = {
+    "ply": ply_pieces,
+    "pcd": pcd_pieces,
+    "xyz": xyz_pieces,
+    "e57": e57_pieces,
+}
+"""By the ending of the file."""
+
+
+def cloud_pieces(name: str, points_mm: ArrayLike) -> Pieces:
+    """Give the file of a cloud (N, 3) in the format that the file's name ends in; raises InputError."""
+    ending = Path(name).suffix.lower().removeprefix(".")
+    if ending not in CLOUD_WRITERS:
+        need = "a cloud's file as " + ", ".join(f".{known}" for known in CLOUD_WRITERS)
+        raise InputError(need, Path(name).suffix or "no ending", "Name it so.", name)
+    return CLOUD_WRITERS[ending](points_mm)
+
+
+def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
+    """Write a file beside its name, then rename it; return its size in bytes.
+
+    What stood under the name stays whole unless all was written.
+
+    Raises
+    ------
+    InputError
+        If the disk is full or the folder cannot be written; nothing is left behind.
+    """
+    temporary: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        temporary = Path(name)
+        size = 0
+        with os.fdopen(handle, "wb", buffering=0) as file:
+            for piece in pieces:
+                size += _write_all(file.fileno(), piece)
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        _remove(temporary)
+        got = error.strerror or type(error).__name__
+        to_do = "Make room, or give a folder that may be written."
+        raise InputError("a place to write to", got, to_do, str(path)) from None
+    except BaseException:
+        _remove(temporary)
+        raise
+    return size
+
+
+def _write_all(handle: int, piece: bytes | memoryview) -> int:
+    rest = memoryview(piece)
+    while len(rest):
+        rest = rest[os.write(handle, rest) :]
+    return len(piece)
+
+
+def _remove(path: Path | None) -> None:
+    if path is not None:
+        with suppress(OSError):
+            path.unlink()
+
+
+def _table(values: ArrayLike, names: tuple[str, ...]) -> SingleArray:
+    table = np.ascontiguousarray(values, dtype="<f4")
+    if table.ndim != 2 or not len(table):
+        raise InputError("at least one point to write", f"an array of shape {table.shape}", "Merge scans first.")
+    if table.shape[1] != len(names) or names[:3] != _XYZ:
+        raise InputError(f"{len(names)} columns ({' '.join(names)})", f"{table.shape[1]}", "Name each column.")
+    return table
+
+
+def _faces(triangles: ArrayLike, points: int) -> NDArray[np.int32]:
+    faces = np.asarray(triangles)
+    if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+        raise InputError("triangles of three corners", f"an array of shape {faces.shape}", "Mesh the cloud first.")
+    if faces.min() < 0 or faces.max() >= points:
+        raise InputError(
+            f"corners among {points} points", f"number {faces.max()}", "Give mesh and points together."
+        )
+    return faces.astype("<i4")
