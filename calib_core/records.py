@@ -78,10 +78,14 @@ class Robot(Record):
 
 
 class Turntable(Record):
-    """The turntable's sense of turning and its encoder's standard deviation."""
+    """The turntable's sense of turning, its encoder's standard deviation, and whether its scale is an unknown.
+
+    `direction` is 1 where the angles count right-handed about the axis that points up in base.
+    """
 
     direction: Literal[1, -1] | None = None
     angle_sigma_deg: NotNegative | None = None
+    encoder: Literal["exact", "scale"] | None = None
 
 
 class Board(Record):
@@ -340,6 +344,116 @@ class LaserPlaneResult(Result):
     normal_sigma_deg: float
     distance_sigma_mm: float
     residuals: list[LaserPlaneResidual]
+
+
+class TurntableResidual(CaptureResidual):
+    """Measured minus expected sphere centre of one capture of the table: across, around and along its axis.
+
+    `table_deg` is the angle as read, `angle_deg` the part around the axis as an angle of the table.
+    """
+
+    mount: str | None = None
+    table_deg: float | None = None
+    points: int = 0
+    surface_rms_mm: float | None = None
+    center_distance_mm: float | None = None
+    radial_mm: float | None = None
+    tangential_mm: float | None = None
+    axial_mm: float | None = None
+    angle_deg: float | None = None
+    center_in_base_mm: list[float] | None = None
+    mahalanobis: float | None = None
+    side: int | None = None
+
+
+class TableCircle(Record):
+    """The circle of one mounting by the paper's method, in base; the RMS in its plane and out of it."""
+
+    mount: str
+    center_in_base_mm: Vector3
+    normal_in_base: Vector3
+    radius_mm: float
+    circle_rms_mm: float
+    plane_rms_mm: float
+    captures: list[str]
+
+
+class TableMount(Record):
+    """Where one mounting put the sphere's centre, in the turntable's frame at angle zero."""
+
+    mount: str
+    center_in_turntable_mm: Vector3
+    radius_mm: float
+    captures: int
+
+
+class EncoderScaleError(Record):
+    """The table turns by 1 + error for each unit read; `applied` where the answer accounts for it."""
+
+    error: float
+    sigma: float
+    applied: bool
+
+
+class TableFields(Record):
+    """The turntable's axis and frame T: z the axis, the origin the centre of the first mounting's circle.
+
+    point_in_base = base_from_turntable · Rz(direction · table angle) · point_in_turntable.  `covariance` of
+    base_from_turntable has rank 5, since T's x axis follows from z; `axis_direction_sigma_deg` is the standard
+    deviation of the angle between true and stated axis.
+    """
+
+    base_from_turntable: Matrix4
+    axis_direction_in_base: Vector3
+    axis_point_in_base_mm: Vector3
+    direction: Literal[1, -1]
+    axis_direction_covariance: Rows
+    axis_point_covariance: Rows
+    axis_direction_sigma_deg: float
+    axis_point_sigma_mm: float
+    mounts: list[TableMount]
+    circles: list[TableCircle] = Field(default_factory=list)
+    circles_axis_direction_in_base: Vector3 | None = None
+    angle_sigma_deg: float
+    encoder_scale: EncoderScaleError
+    radial_rms_mm: float
+    axial_rms_mm: float
+    angle_rms_deg: float
+
+
+class TurntableResult(Result, TableFields):
+    """The turntable, with its evidence."""
+
+    stage: Literal["turntable"] = "turntable"
+    covariance: Rows
+    tool0_from_laser: Matrix4
+    undetermined: list[Undetermined] = Field(default_factory=list)
+    variance_components: VarianceComponents
+    residuals: list[TurntableResidual]
+
+
+class ChainResult(Result, TableFields):
+    """Tool and turntable from all captures together; the stages' own answers stay beside it.
+
+    `covariance` is of tool0_from_laser, `turntable_covariance` of base_from_turntable, `cross_covariance` (6, 6)
+    of the two.
+    """
+
+    stage: Literal["chain"] = "chain"
+    tool0_from_laser: Matrix4
+    covariance: Rows
+    turntable_covariance: Rows
+    cross_covariance: Rows
+    sphere_center_in_base_mm: Vector3
+    sphere_center_covariance: Rows
+    surface_rms_mm: float
+    leave_one_out_surface_rms_mm: float | None
+    center_scatter_rms_mm: float
+    undetermined: list[Undetermined] = Field(default_factory=list)
+    two_step: TwoStep
+    variance_components: VarianceComponents
+    confidence_95: dict[str, float] = Field(default_factory=dict)
+    residuals: list[TcpResidual | TurntableResidual]
 
 
 class CameraResidual(CaptureResidual):

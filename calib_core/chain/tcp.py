@@ -150,7 +150,7 @@ def solve_tcp(
         If there are too few captures, all poses are equal or all orientations are.
     """
     observations, options = list(observations), options or TcpOptions()
-    tell = progress or _say_nothing
+    tell = progress or say_nothing
     _require_motion(observations)
 
     tell(0.05, "Searching tool, sphere and sides")
@@ -200,8 +200,8 @@ def solve_tcp(
     )
 
 
-def _say_nothing(_fraction: float, _message: str) -> None:
-    pass
+def say_nothing(_fraction: float, _message: str) -> None:
+    """Take progress and tell nobody."""
 
 
 def _require_motion(observations: Sequence[SphereObservation]) -> None:

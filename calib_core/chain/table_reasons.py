@@ -1,0 +1,91 @@
+"""Why a capture of the table was rejected: another mounting's label, another angle, a moved sphere."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.chain.observations import TableObservation
+from calib_core.chain.table_frame import TableFrame
+from calib_core.chain.table_residuals import TableResiduals
+from calib_core.frames import FloatArray
+
+_FITS = 0.1  # of the residual: a capture that fits another label so much better belongs there
+
+
+def table_reasons(
+    observations: Sequence[TableObservation],
+    mounts: Sequence[str],
+    used: np.ndarray,
+    squared_distance: FloatArray,
+    residuals: TableResiduals,
+    frame: TableFrame,
+) -> list[str | None]:
+    """Return a sentence for each capture that is not used.
+
+    Parameters
+    ----------
+    observations : K captures
+    mounts : the mountings' names
+    used, squared_distance : (K,)
+        Mahalanobis distance² from what the others expect.
+    residuals : TableResiduals
+    frame : TableFrame
+    """
+    places = places_in_table(observations, residuals, frame)
+    reasons: list[str | None] = []
+    for k, o in enumerate(observations):
+        if used[k]:
+            reasons.append(None)
+            continue
+        distance = float(residuals.distance_mm[k])
+        seen = (
+            f"the sphere appears {distance:.2f} mm (along the axis {residuals.axial_mm[k]:+.2f}, away from it "
+            f"{residuals.radial_mm[k]:+.2f}, around it {np.rad2deg(residuals.angle_rad[k]):+.3f}°) from where the "
+            f"other captures expect it, {np.sqrt(squared_distance[k] / 3):.0f} times the expected scatter"
+        )
+        other = _other_mount(places[k], frame.mounts_mm, mounts, o.mount, distance)
+        if other is not None:
+            reasons.append(f"{seen}; it fits the mounting '{other}': correct its `mount`.")
+        else:
+            reasons.append(f"{seen}: check its table angle, its pose and its mounting, and take it again.")
+    return reasons
+
+
+def places_in_table(
+    observations: Sequence[TableObservation], residuals: TableResiduals, frame: TableFrame
+) -> FloatArray:
+    """Return the captures' own sphere centres in T, turned back to angle zero, (K, 3)."""
+    local = frame.base_from_turntable.inverse().apply(residuals.centers_in_base)
+    angle = -frame.direction * np.array([o.angle_rad for o in observations])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y, z = local.T
+    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y, z])
+
+
+def _other_mount(
+    place: FloatArray, places: FloatArray, names: Sequence[str], own: str, distance_mm: float
+) -> str | None:
+    off = np.linalg.norm(places - place, axis=1)
+    best = int(np.argmin(off))
+    # The wrong side of a profile may have been taken beside the wrong mounting: then the nearer one still tells.
+    return names[best] if names[best] != own and off[best] < max(_FITS * distance_mm, 1.0) else None
+
+
+def remounted(
+    observations: Sequence[TableObservation], used: np.ndarray, residuals: TableResiduals, frame: TableFrame
+) -> str | None:
+    """Return a sentence where three rejected captures or more agree on a place of their own on the table."""
+    rejected = np.flatnonzero(~used)
+    if len(rejected) < 3:
+        return None
+    places = places_in_table(observations, residuals, frame)[rejected]
+    middle = np.median(places, axis=0)
+    near = np.linalg.norm(places - middle, axis=1) < 2.0
+    if near.sum() < 3:
+        return None
+    names = ", ".join(observations[int(k)].sphere.capture for k in rejected[near])
+    x, y, z = middle
+    return (
+        f"{names} agree on another place of the sphere on the table (x {x:.1f}, y {y:.1f}, z {z:.1f} mm): if it "
+        "was mounted anew, give these captures a `mount` of their own."
+    )

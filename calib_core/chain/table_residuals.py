@@ -1,0 +1,96 @@
+"""How the captures of a turntable lie about the solved axis: along it, across it and around it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.chain.likelihood import ChainState
+from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.table import TableReadings
+from calib_core.chain.table_frame import TableFrame
+from calib_core.chain.table_start import both_centers_in_base
+from calib_core.chain.tcp import surface_distances
+from calib_core.frames import FloatArray, RigidTransform
+
+
+@dataclass(frozen=True, eq=False)
+class TableResiduals:
+    """Measured minus expected, per capture (used or not), poses and angles taken as recorded.
+
+    Attributes
+    ----------
+    sides : (K,)
+        The sign of y of each profile's sphere centre in L; 0 for other kinds.
+    centers_in_base, expected_in_base : (K, 3)
+        The capture's own sphere centre, and where the solution expects it, mm.
+    radial_mm, tangential_mm, axial_mm : (K,)
+        Their difference away from the axis, around it (as angles count up), and along it (T's z).
+    angle_rad : (K,)
+        The tangential part as an angle of the table.
+    surface_rms_mm : (K,)
+        RMS distance of the capture's points from the expected sphere.
+    """
+
+    sides: np.ndarray
+    centers_in_base: FloatArray
+    expected_in_base: FloatArray
+    radial_mm: FloatArray
+    tangential_mm: FloatArray
+    axial_mm: FloatArray
+    angle_rad: FloatArray
+    surface_rms_mm: FloatArray
+
+    @property
+    def distance_mm(self) -> FloatArray:
+        """The distance between own and expected centre, (K,)."""
+        return np.linalg.norm(self.centers_in_base - self.expected_in_base, axis=1)
+
+
+def table_residuals(
+    observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    readings: TableReadings,
+    state: ChainState,
+    frame: TableFrame,
+) -> TableResiduals:
+    """Return how captures of the table lie about a solution; each profile's side is the nearer one.
+
+    Parameters
+    ----------
+    observations : K captures of the table
+    sphere : SphereSize
+    readings : TableReadings
+        Of the same captures.
+    state : ChainState
+    frame : TableFrame
+        The state's.
+    """
+    assert state.table is not None
+    expected = state.table.places(readings).centers
+    tool0_from_laser = RigidTransform.of(state.tool_rotation, state.tool_translation, "tool0", "laser")
+    both = both_centers_in_base(observations, sphere, tool0_from_laser)
+    first = np.linalg.norm(both[:, 0] - expected, axis=1) <= np.linalg.norm(both[:, 1] - expected, axis=1)
+    centers = np.where(first[:, None], both[:, 0], both[:, 1])
+    sides = np.where(first, 1, -1) * [o.sphere.circle_radius_mm is not None for o in observations]
+    arms = frame.base_from_turntable.inverse().apply(expected)
+    offsets = (centers - expected) @ frame.base_from_turntable.rotation
+    radius = np.maximum(np.hypot(arms[:, 0], arms[:, 1]), 1e-9)
+    away = arms[:, :2] / radius[:, None]
+    around = np.column_stack([-away[:, 1], away[:, 0]]) * frame.direction
+    tangential = np.einsum("ki,ki->k", offsets[:, :2], around)
+    laser = [(o.sphere.base_from_tool0 @ tool0_from_laser).inverse() for o in observations]
+    rms = [
+        float(np.sqrt(np.mean(surface_distances(o.sphere, t.apply(c), state.radius_mm) ** 2)))
+        for o, t, c in zip(observations, laser, expected, strict=True)
+    ]
+    return TableResiduals(
+        sides=sides,
+        centers_in_base=centers,
+        expected_in_base=expected,
+        radial_mm=np.einsum("ki,ki->k", offsets[:, :2], away),
+        tangential_mm=tangential,
+        axial_mm=offsets[:, 2],
+        angle_rad=tangential / radius,
+        surface_rms_mm=np.array(rms),
+    )

@@ -1,0 +1,279 @@
+"""Turntable: base_from_turntable from a sphere that is fixed on the table and seen at several angles.
+
+The model is centre = base_from_turntable · Rz(direction · scale · angle) · s_m, with a place s_m for each mounting
+of the sphere.  Reads as a table of contents: find a start, fit jointly, reject what does not belong, then collect
+the evidence: covariance, residuals along, across and around the axis, encoder scale, the paper's circles.
+
+The tool is that of the stage before.  While captures are judged and scatters estimated it may move within its own
+uncertainty, so that its error is not taken for theirs; the answer then holds it, because table and tool are used
+together and belong together, and its uncertainty is carried into the answer's.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.circles import PaperAxis, paper_axis
+from calib_core.chain.likelihood import ChainData, ChainState, Sigmas, ToolPrior, chain_data, fit, linearised_at
+from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.rejection import Judged, judge_from
+from calib_core.chain.table import SCALE_COLUMN
+from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
+from calib_core.chain.table_residuals import TableResiduals, table_residuals
+from calib_core.chain.table_start import TableStart, both_centers_in_base, find_table_start, readings_of
+from calib_core.chain.tcp import pooled_point_sigma, say_nothing
+from calib_core.chain.variance import GivenSigmas
+from calib_core.errors import MotionError
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray, RigidTransform
+
+Progress = Callable[[float, str], None]
+_LEAST_CAPTURES = 4
+_TOOL_AND_SPHERE = 9
+_SAME_POSE_MM = 1e-6
+
+
+@dataclass(frozen=True)
+class KnownTool:
+    """The tool of the stage before, its covariance (6, 6) (None: exact), and that of the paper's two steps."""
+
+    tool0_from_laser: RigidTransform
+    covariance: FloatArray | None = None
+    two_step: RigidTransform | None = None
+
+
+@dataclass(frozen=True)
+class TurntableOptions:
+    """Standard deviations that the user fixes (None: estimated), and what is asked of the encoder.
+
+    `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown.
+    """
+
+    position_sigma_mm: float | None = None
+    orientation_sigma_rad: float | None = None
+    point_sigma_mm: float | None = None
+    angle_sigma_rad: float | None = None
+    direction: int | None = None
+    encoder_scale: bool = False
+
+    @property
+    def sigmas(self) -> GivenSigmas:
+        """Position, orientation, angle."""
+        return self.position_sigma_mm, self.orientation_sigma_rad, self.angle_sigma_rad
+
+
+@dataclass(frozen=True)
+class EncoderScale:
+    """The table turns by 1 + error for each unit that is read; `applied` where the answer has it."""
+
+    error: float
+    sigma: float
+    applied: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TurntableSolution:
+    """The turntable with its evidence.
+
+    Attributes
+    ----------
+    frame : TableFrame
+    covariance : TableCovariance
+    state : ChainState
+        The unknowns as they were solved.
+    sigmas : Sigmas
+    point_sigma_mm : float or None
+    mounts : tuple of str
+        The mountings' names.
+    used, squared_distance, threshold, excess
+        As `Judged` has them.
+    residuals : TableResiduals
+    circles : PaperAxis
+        The paper's way on the same captures, by the two steps' tool where there is one.
+    encoder : EncoderScale
+    options : TurntableOptions
+    """
+
+    frame: TableFrame
+    covariance: TableCovariance
+    state: ChainState
+    sigmas: Sigmas
+    point_sigma_mm: float | None
+    captures: list[str]
+    mounts: tuple[str, ...]
+    used: np.ndarray
+    squared_distance: FloatArray
+    excess: float
+    residuals: TableResiduals
+    circles: PaperAxis
+    encoder: EncoderScale
+    options: TurntableOptions
+
+
+def solve_turntable(
+    observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    tool: KnownTool,
+    options: TurntableOptions | None = None,
+    progress: Progress | None = None,
+) -> TurntableSolution:
+    """Return the turntable's axis and frame from captures of a sphere on it.
+
+    Parameters
+    ----------
+    observations : captures of kinds profile, cloud and center, of one or more mountings
+    sphere : SphereSize
+    tool : KnownTool
+    options : TurntableOptions, optional
+    progress : callable, optional
+        Called with the fraction done and what is being done.
+
+    Raises
+    ------
+    MotionError
+        If there are too few captures or angles, or the sphere does not move with the table.
+    InputError
+        If the angles are in radians.
+    """
+    observations, options = list(observations), options or TurntableOptions()
+    tell = progress or say_nothing
+    _require_captures(observations)
+
+    tell(0.1, "Searching the axis and the sphere's sides")
+    start = find_table_start(observations, sphere, tool.tool0_from_laser)
+
+    tell(0.3, "Fitting all captures of the table jointly")
+    options = _with_still_robot(observations, options)
+    point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
+    data = _data(observations, sphere, point_sigma, tool, options)
+    judged = _judge(observations, sphere, data, tool, start, options)
+
+    tell(0.7, "Holding the tool")
+    state, covariance = _tool_held(judged, tool, options)
+
+    tell(0.8, "Testing the encoder, drawing the paper's circles")
+    readings, mounts = readings_of(observations)
+    size = slice(_TOOL_AND_SPHERE, data.unknowns)
+    assert state.table is not None
+    frame = frame_by_rule(state.table, options.direction)
+    residuals = table_residuals(observations, sphere, readings, state, frame)
+    return TurntableSolution(
+        frame=frame,
+        covariance=frame_covariance(state.table, covariance[size, size], options.direction),
+        state=state,
+        sigmas=judged.fit.sigmas,
+        point_sigma_mm=point_sigma,
+        captures=[o.sphere.capture for o in observations],
+        mounts=mounts,
+        used=judged.used,
+        squared_distance=judged.squared_distance,
+        excess=judged.excess,
+        residuals=residuals,
+        circles=paper_circles(observations, sphere, tool, residuals.sides, judged.used),
+        encoder=encoder_scale(judged, options.encoder_scale),
+        options=options,
+    )
+
+
+def paper_circles(
+    observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    tool: KnownTool,
+    sides: np.ndarray,
+    used: np.ndarray,
+) -> PaperAxis:
+    """Return the paper's circles and axis through the captures' own centres, by the two steps' tool if any."""
+    both = both_centers_in_base(observations, sphere, tool.two_step or tool.tool0_from_laser)
+    centers = np.where(sides[:, None] >= 0, both[:, 0], both[:, 1])
+    return paper_axis(centers, readings_of(observations)[0].mounts, used)
+
+
+def encoder_scale(judged: Judged, applied: bool) -> EncoderScale:
+    """Return the encoder's scale error as the captures want it, whether it was sought or held."""
+    data, state, column = judged.data, judged.fit.state, _TOOL_AND_SPHERE + SCALE_COLUMN
+    held = np.zeros(data.unknowns, dtype=bool) if data.held is None else data.held.copy()
+    held[column] = False
+    free = fit(replace(data, held=held), state, judged.fit.sigmas)
+    assert free.state.table is not None
+    sigma = float(np.sqrt(covariance_of(free.at.hessian)[column, column] * judged.excess))
+    return EncoderScale(free.state.table.scale - 1, sigma, applied)
+
+
+def _require_captures(observations: Sequence[TableObservation]) -> None:
+    if len(observations) < _LEAST_CAPTURES:
+        raise MotionError(
+            f"at least {_LEAST_CAPTURES} captures of the sphere on the turntable (better 8 at each of 2 heights)",
+            str(len(observations)),
+            "Turn the table by 45° and capture the sphere again, all around; then do so at a second height.",
+        )
+
+
+def _with_still_robot(observations: Sequence[TableObservation], options: TurntableOptions) -> TurntableOptions:
+    """Return options in which a robot that stood still throughout has no orientation scatter to be estimated."""
+    poses = np.array([o.sphere.base_from_tool0.matrix for o in observations])
+    if options.orientation_sigma_rad is None and np.abs(poses - poses[0]).max() < _SAME_POSE_MM:
+        return replace(options, orientation_sigma_rad=0.0)
+    return options
+
+
+def _data(
+    observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    point_sigma: float | None,
+    tool: KnownTool,
+    options: TurntableOptions,
+) -> ChainData:
+    data = chain_data([o.sphere for o in observations], sphere, point_sigma)
+    data = replace(data, table=readings_of(observations)[0])
+    held = np.zeros(data.unknowns, dtype=bool)
+    held[6:9] = True  # no sphere stands beside the table
+    held[_TOOL_AND_SPHERE + SCALE_COLUMN] = not options.encoder_scale
+    if tool.covariance is None:
+        held[:6] = True
+        return replace(data, held=held)
+    mounting = tool.tool0_from_laser
+    prior = ToolPrior(mounting.rotation, mounting.translation_mm, covariance_of(tool.covariance))
+    return replace(data, held=held, tool_prior=prior)
+
+
+def _judge(
+    observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    data: ChainData,
+    tool: KnownTool,
+    start: TableStart,
+    options: TurntableOptions,
+) -> Judged:
+    mounting = tool.tool0_from_laser
+    state = ChainState.predicted(data, mounting.rotation, mounting.translation_mm, np.zeros(3), start.state)
+    spheres = [o.sphere for o in observations]
+    return judge_from(spheres, sphere, data, state, core_of(start.misfit_mm), options.sigmas)
+
+
+def core_of(misfit_mm: FloatArray) -> np.ndarray:
+    """Return the captures on which a start agrees: within twice the median misfit, and at least half of them."""
+    limit = max(2.0 * float(np.median(misfit_mm)), float(np.sort(misfit_mm)[min(5, len(misfit_mm) - 1)]))
+    return misfit_mm <= limit
+
+
+def _tool_held(judged: Judged, tool: KnownTool, options: TurntableOptions) -> tuple[ChainState, FloatArray]:
+    """Return the unknowns with the tool held, and their covariance with the tool's carried over.
+
+    About the minimum the table follows the tool by −H⁻¹ H_tool, with H of the other unknowns.
+    """
+    if tool.covariance is None:
+        return judged.fit.state, judged.fit.covariance * judged.excess
+    assert judged.data.held is not None
+    held = judged.data.held.copy()
+    held[:6] = True
+    data = replace(judged.data, held=held, tool_prior=None)
+    mounting = tool.tool0_from_laser
+    begin = replace(judged.fit.state, tool_rotation=mounting.rotation, tool_translation=mounting.translation_mm)
+    found = fit(data, begin, judged.fit.sigmas)
+    inverse = covariance_of(found.at.hessian)
+    whole = linearised_at(replace(data, held=None), found.state, judged.fit.sigmas)
+    whole_hessian = whole.hessian.copy()
+    whole_hessian[: data.unknowns][held] = 0.0  # what is held does not follow
+    follows = -inverse @ whole_hessian[:, :6]
+    return found.state, inverse * judged.excess + follows @ tool.covariance @ follows.T

@@ -1,0 +1,197 @@
+"""The turntable's solution as the record that is stored, sent and archived."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from calib_core.chain.circles import PaperAxis
+from calib_core.chain.likelihood import Sigmas
+from calib_core.chain.observations import TableObservation
+from calib_core.chain.table_frame import TableCovariance, TableFrame
+from calib_core.chain.table_reasons import remounted, table_reasons
+from calib_core.chain.table_residuals import TableResiduals
+from calib_core.chain.turntable import EncoderScale, TurntableOptions, TurntableSolution
+from calib_core.chain.turntable_verdict import TableJudgement, turntable_verdict, undetermined_of_table
+from calib_core.frames import FloatArray
+from calib_core.records import (
+    EncoderScaleError,
+    TableCircle,
+    TableMount,
+    TurntableResidual,
+    TurntableResult,
+    VarianceComponents,
+)
+
+METHOD = "joint maximum likelihood over points, errors of poses and angles integrated out, tool held"
+
+
+def turntable_result(
+    solution: TurntableSolution,
+    observations: Sequence[TableObservation],
+    software: str,
+    inputs_sha256: str,
+) -> TurntableResult:
+    """Return a solution of captures as a record, with its verdict."""
+    verdict, warnings = turntable_verdict(
+        TableJudgement(
+            solution.frame,
+            solution.covariance,
+            solution.residuals,
+            solution.captures,
+            solution.used,
+            solution.sigmas,
+            solution.excess,
+            solution.encoder,
+            solution.options,
+            remounted(observations, solution.used, solution.residuals, solution.frame),
+        )
+    )
+    state = solution.state
+    tool = np.eye(4)
+    tool[:3, :3], tool[:3, 3] = state.tool_rotation, state.tool_translation
+    return TurntableResult(
+        stage="turntable",
+        method=METHOD,
+        software=software,
+        inputs_sha256=inputs_sha256,
+        verdict=verdict,
+        warnings=warnings,
+        tool0_from_laser=tool.tolist(),
+        covariance=solution.covariance.pose.tolist(),
+        undetermined=undetermined_of_table(solution.covariance),
+        variance_components=variance_components(solution.sigmas, solution.point_sigma_mm, solution.options),
+        residuals=table_rows(
+            observations,
+            solution.mounts,
+            solution.used,
+            solution.squared_distance,
+            solution.residuals,
+            solution.frame,
+        ),
+        **table_fields(
+            observations,
+            solution.mounts,
+            solution.used,
+            solution.frame,
+            solution.covariance,
+            solution.residuals,
+            solution.circles,
+            solution.sigmas,
+            solution.encoder,
+        ),
+    )
+
+
+def table_fields(
+    observations: Sequence[TableObservation],
+    mounts: Sequence[str],
+    used: np.ndarray,
+    frame: TableFrame,
+    covariance: TableCovariance,
+    residuals: TableResiduals,
+    circles: PaperAxis,
+    sigmas: Sigmas,
+    encoder: EncoderScale,
+) -> dict[str, Any]:
+    """Return the fields of `TableFields` by name."""
+    counts = [sum(o.mount == name and bool(u) for o, u in zip(observations, used, strict=True)) for name in mounts]
+    names = [o.sphere.capture for o in observations]
+    return {
+        "base_from_turntable": frame.base_from_turntable.to_rows(),
+        "axis_direction_in_base": frame.axis.tolist(),
+        "axis_point_in_base_mm": frame.base_from_turntable.translation_mm.tolist(),
+        "direction": frame.direction,
+        "axis_direction_covariance": covariance.axis_direction.tolist(),
+        "axis_point_covariance": covariance.axis_point.tolist(),
+        "axis_direction_sigma_deg": float(np.rad2deg(covariance.axis_direction_sigma_rad)),
+        "axis_point_sigma_mm": float(np.sqrt(np.trace(covariance.axis_point))),
+        "mounts": [
+            TableMount(
+                mount=name,
+                center_in_turntable_mm=place.tolist(),
+                radius_mm=float(np.hypot(place[0], place[1])),
+                captures=count,
+            )
+            for name, place, count in zip(mounts, frame.mounts_mm, counts, strict=True)
+        ],
+        "circles": [
+            TableCircle(
+                mount=mounts[circle.mount],
+                center_in_base_mm=circle.center.tolist(),
+                normal_in_base=_towards(circle.normal, frame.axis).tolist(),
+                radius_mm=circle.radius_mm,
+                circle_rms_mm=circle.circle_rms_mm,
+                plane_rms_mm=circle.plane_rms_mm,
+                captures=[names[int(k)] for k in circle.captures],
+            )
+            for circle in circles.circles
+        ],
+        "circles_axis_direction_in_base": None
+        if circles.direction is None
+        else _towards(circles.direction, frame.axis).tolist(),
+        "angle_sigma_deg": float(np.rad2deg(sigmas.angle_rad)),
+        "encoder_scale": EncoderScaleError(error=encoder.error, sigma=encoder.sigma, applied=encoder.applied),
+        "radial_rms_mm": _rms(residuals.radial_mm[used]),
+        "axial_rms_mm": _rms(residuals.axial_mm[used]),
+        "angle_rms_deg": float(np.rad2deg(_rms(residuals.angle_rad[used]))),
+    }
+
+
+def table_rows(
+    observations: Sequence[TableObservation],
+    mounts: Sequence[str],
+    used: np.ndarray,
+    squared_distance: FloatArray,
+    residuals: TableResiduals,
+    frame: TableFrame,
+) -> list[TurntableResidual]:
+    """Return one row a capture of the table."""
+    reasons = table_reasons(observations, mounts, used, squared_distance, residuals, frame)
+    return [
+        TurntableResidual(
+            capture=o.sphere.capture,
+            used=bool(used[k]),
+            reason=reasons[k],
+            mount=o.mount or None,
+            table_deg=float(np.rad2deg(o.angle_rad)),
+            points=len(o.sphere.points_in_laser_mm),
+            surface_rms_mm=float(residuals.surface_rms_mm[k]),
+            center_distance_mm=float(residuals.distance_mm[k]),
+            radial_mm=float(residuals.radial_mm[k]),
+            tangential_mm=float(residuals.tangential_mm[k]),
+            axial_mm=float(residuals.axial_mm[k]),
+            angle_deg=float(np.rad2deg(residuals.angle_rad[k])),
+            center_in_base_mm=residuals.centers_in_base[k].tolist(),
+            mahalanobis=float(np.sqrt(squared_distance[k])),
+            side=int(residuals.sides[k]) or None,
+        )
+        for k, o in enumerate(observations)
+    ]
+
+
+def variance_components(
+    sigmas: Sigmas, point_sigma_mm: float | None, options: TurntableOptions
+) -> VarianceComponents:
+    """Return the standard deviations, and which of them were estimated."""
+    given = {
+        "point_sigma_mm": options.point_sigma_mm,
+        "position_sigma_mm": options.position_sigma_mm,
+        "orientation_sigma_rad": options.orientation_sigma_rad,
+        "angle_sigma_rad": options.angle_sigma_rad,
+    }
+    return VarianceComponents(
+        point_sigma_mm=point_sigma_mm,
+        position_sigma_mm=sigmas.position_mm,
+        orientation_sigma_rad=sigmas.orientation_rad,
+        orientation_sigma_deg=float(np.rad2deg(sigmas.orientation_rad)),
+        estimated=[name for name, value in given.items() if value is None],
+    )
+
+
+def _towards(direction: FloatArray, axis: FloatArray) -> FloatArray:
+    return direction if direction @ axis >= 0 else -direction
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

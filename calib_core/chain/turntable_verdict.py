@@ -1,0 +1,151 @@
+"""Whether a turntable can be trusted: the verdict, and every reason for doubt as a sentence."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.chain.likelihood import Sigmas
+from calib_core.chain.table_frame import TableCovariance, TableFrame
+from calib_core.chain.table_residuals import TableResiduals
+from calib_core.chain.turntable import EncoderScale, TurntableOptions
+from calib_core.frames import FloatArray
+from calib_core.records import Undetermined, Verdict
+
+_UNDETERMINED_RAD = np.deg2rad(0.5)
+_UNDETERMINED_MM = 3.0
+_WEAK_RAD = np.deg2rad(0.1)
+_MOST_REJECTED = 1 / 3
+_ONE_HEIGHT_MM = 20.0
+_SCALE_SIGMAS = 4.0
+_WORTH_SAYING_SCALE = 1e-4
+_LARGE_ANGLE_RAD = np.deg2rad(0.05)
+_HOPELESS_MM = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class TableJudgement:
+    """What the doubts about a table are drawn from."""
+
+    frame: TableFrame
+    covariance: TableCovariance
+    residuals: TableResiduals
+    captures: list[str]
+    used: np.ndarray
+    sigmas: Sigmas
+    excess: float
+    encoder: EncoderScale
+    options: TurntableOptions
+    remounted: str | None
+
+
+def turntable_verdict(judgement: TableJudgement) -> tuple[Verdict, list[str]]:
+    """Return the verdict on a turntable and its warnings, the gravest first."""
+    failures = [f"Not determined: {u.description}." for u in undetermined_of_table(judgement.covariance)]
+    failures += _failures(judgement)
+    warnings = [
+        *_doubts_about_captures(judgement),
+        *_doubts_about_axis(judgement),
+        *_doubts_about_encoder(judgement),
+    ]
+    if failures:
+        return "fail", failures + warnings
+    return ("warn" if warnings else "pass"), warnings
+
+
+def undetermined_of_table(covariance: TableCovariance) -> list[Undetermined]:
+    """Return the directions in which the axis is not fixed: tilts beyond 0.5°, shifts beyond 3 mm."""
+    found: list[Undetermined] = []
+    values, vectors = np.linalg.eigh(covariance.axis_direction)
+    for value, direction in zip(values, vectors.T, strict=True):
+        if value > _UNDETERMINED_RAD**2:
+            text = f"the axis may lean towards {_words(direction)} (±{_degrees(value)}): {_MORE}"
+            found.append(Undetermined(direction=direction.tolist(), description=text))
+    values, vectors = np.linalg.eigh(covariance.axis_point)
+    for value, direction in zip(values, vectors.T, strict=True):
+        if value > _UNDETERMINED_MM**2:
+            shift = 2 * np.sqrt(value)
+            text = f"the axis may lie further along {_words(direction)} (±{shift:.1f} mm): {_MORE}"
+            found.append(Undetermined(direction=direction.tolist(), description=text))
+    return found
+
+
+_MORE = "capture the sphere all around, well off the axis and at two heights"
+
+
+def _failures(j: TableJudgement) -> list[str]:
+    found: list[str] = []
+    rejected = [name for name, used in zip(j.captures, j.used, strict=True) if not used]
+    if len(rejected) > _MOST_REJECTED * len(j.captures):
+        found.append(
+            f"{len(rejected)} of {len(j.captures)} captures contradict the others ({', '.join(rejected)}). "
+            "Check table angles, mountings and poses, then repeat these."
+        )
+    scatter = float(np.sqrt(np.mean(j.residuals.distance_mm[j.used] ** 2)))
+    if scatter > _HOPELESS_MM:
+        found.append(
+            f"Table angles and scans do not fit together: the sphere is {scatter:.1f} mm off its circle. "
+            "Check the angles, their unit, and that every capture has its own."
+        )
+    return found
+
+
+def _doubts_about_captures(j: TableJudgement) -> list[str]:
+    found = [j.remounted] if j.remounted else []
+    rejected = [name for name, used in zip(j.captures, j.used, strict=True) if not used]
+    if 0 < len(rejected) <= _MOST_REJECTED * len(j.captures):
+        found.append(f"Left out because they contradict the others: {', '.join(rejected)}; see their reasons.")
+    if j.excess > 1:
+        found.append(
+            f"The captures scatter {np.sqrt(j.excess):.1f} times more than the given sigmas explain (wobble, play "
+            "or a robot less exact than stated); the stated uncertainty is enlarged by that."
+        )
+    return found
+
+
+def _doubts_about_axis(j: TableJudgement) -> list[str]:
+    found: list[str] = []
+    heights = j.frame.mounts_mm[:, 2]
+    values, vectors = np.linalg.eigh(j.covariance.axis_direction)
+    weakest = f"weakest towards {_words(vectors[:, -1])} (±{_degrees(values[-1])})"
+    if np.ptp(heights) < _ONE_HEIGHT_MM:
+        found.append(
+            f"One height only: the axis's direction rests on the plane of one circle, {weakest}. Mount the sphere "
+            "100 mm or more higher and capture it all around again."
+        )
+    elif values[-1] > _WEAK_RAD**2:
+        found.append(f"The axis's direction is weakly determined, {weakest}. Add angles all around, and heights.")
+    if j.options.direction not in (None, j.frame.direction):
+        found.append(
+            f"The table turns the other way round than turntable.direction = {j.options.direction} says: its "
+            f"angles count {'right' if j.frame.direction > 0 else 'left'}-handed about the axis that points up. "
+            f"The answer has direction {j.frame.direction}; correct the cell."
+        )
+    return found
+
+
+def _doubts_about_encoder(j: TableJudgement) -> list[str]:
+    found: list[str] = []
+    scale = j.encoder
+    if abs(scale.error) > max(_SCALE_SIGMAS * scale.sigma, _WORTH_SAYING_SCALE) and not scale.applied:
+        found.append(
+            f"The table seems to turn by {100 * scale.error:+.3f} ± {200 * scale.sigma:.3f} % more than its "
+            "angles say. Check the encoder and the gear; or set turntable.encoder to 'scale' to account for it."
+        )
+    if j.options.angle_sigma_rad is None and j.sigmas.angle_rad > _LARGE_ANGLE_RAD:
+        found.append(
+            f"The table's angles scatter by {np.rad2deg(j.sigmas.angle_rad):.3f}°: check the encoder and the "
+            "table's brake."
+        )
+    return found
+
+
+def _degrees(variance: float) -> str:
+    return f"{np.rad2deg(2 * np.sqrt(variance)):.3f}°"
+
+
+def _words(direction: FloatArray) -> str:
+    signed = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    largest = int(np.argmax(np.abs(signed)))
+    if signed[largest] > np.cos(np.deg2rad(15)):
+        return f"base's {'xyz'[largest]}"
+    return f"({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f}) in base"
