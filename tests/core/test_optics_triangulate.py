@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib_core.errors import InputError
@@ -68,6 +68,7 @@ def test_a_frame_of_its_own_is_respected_and_one_off_the_plane_refused() -> None
         ProfileCalibration.of(camera, NORMAL, DISTANCE, off)
 
 
+@settings(deadline=None)
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda n: np.linalg.norm(n) > 0.1), st.floats(1, 500))
 def test_the_rule_of_the_frame_l(normal: tuple[float, float, float], distance_mm: float) -> None:
     frame = camera_from_laser_of(normal, distance_mm)
