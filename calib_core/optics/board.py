@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
-from calib_core.optics.board_refusal import grey_eight_bit, refuse_flat_image, refuse_second_board, why_not_found
+from calib_core.optics.board_refusal import (
+    grey_eight_bit,
+    refuse_flat_image,
+    refuse_second_board,
+    shrunk,
+    why_not_found,
+)
 from calib_core.records import Board
 
 IntArray = NDArray[np.int64]
@@ -119,29 +125,40 @@ def points_in_board_mm(board: Board) -> FloatArray:
 
 
 def _find_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None:
-    """Return the corners as (rows, columns, 2), or None."""
+    """Return the corners as (rows, columns, 2), or None.
+
+    Large frames are searched at about a megapixel; their corners are then refined in the frame itself.
+    """
     import cv2
 
     size = (board.columns, board.rows)
+    small, factor = shrunk(grey)
+    worth_it = _has_bright_areas(small)
     thorough = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
-    worth_it = _has_bright_areas(grey)
     for flags in (0, thorough) if worth_it else (0,):
-        found, corners = cv2.findChessboardCornersSB(grey, size, flags=flags)
+        found, corners = cv2.findChessboardCornersSB(small, size, flags=flags)
         if found:
-            return np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2)
+            grid = np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2)
+            return grid if factor == 1 else _refined(grey, (grid + 0.5) * factor - 0.5)
     if not worth_it:
         return None
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, corners = cv2.findChessboardCorners(
-        grey, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+        grey, size, flags=flags if factor == 1 else flags | cv2.CALIB_CB_FAST_CHECK
     )
     if not found:
         return None
-    half = int(
-        np.clip(0.35 * _spacing(np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2)), 2, 11)
-    )
+    return _refined(grey, np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2))
+
+
+def _refined(grey: NDArray[np.uint8], grid: FloatArray) -> FloatArray:
+    """Return corners refined by the grey values' gradients about them."""
+    import cv2
+
+    half = int(np.clip(0.35 * _spacing(grid), 2, 15))
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
-    corners = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), stop)
-    return np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2)
+    start = grid.reshape(-1, 1, 2).astype(np.float32)
+    return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), stop), dtype=float).reshape(grid.shape)
 
 
 def _has_bright_areas(grey: NDArray[np.uint8]) -> bool:

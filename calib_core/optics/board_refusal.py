@@ -11,6 +11,7 @@ from calib_core.records import Board
 
 Grey = NDArray[np.uint8]
 
+_SEARCHED_PIXELS = 1_400_000
 _LEAST_CONTRAST = 12.0  # grey values of 255 between the dark and the bright of a frame
 _NAMES = {
     "chessboard": "inner corners",
@@ -42,6 +43,18 @@ def grey_eight_bit(image: NDArray[Any]) -> tuple[Grey, tuple[str, ...]]:
         low, high = (float(v) for v in np.percentile(image, [0.1, 99.9]))
         image = np.clip((image.astype(np.float32) - low) * (255.0 / max(high - low, 255.0)), 0, 255)
     return np.ascontiguousarray(image, dtype=np.uint8), notes
+
+
+def shrunk(grey: Grey) -> tuple[Grey, int]:
+    """Return a frame of at most about a megapixel and by which whole factor it was shrunk."""
+    import cv2
+
+    factor = int(np.ceil(np.sqrt(grey.size / _SEARCHED_PIXELS)))
+    if factor <= 1:
+        return grey, 1
+    height, width = (n // factor * factor for n in grey.shape)
+    small = cv2.resize(grey[:height, :width], (width // factor, height // factor), interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(small, dtype=np.uint8), factor
 
 
 def refuse_flat_image(grey: Grey) -> None:
@@ -95,7 +108,8 @@ def refuse_second_board(grey: Grey, board: Board, points: FloatArray) -> None:
 
     if board.kind != "chessboard":
         return
-    hull = cv2.convexHull(points.astype(np.float32))[:, 0]
+    grey, factor = shrunk(grey)
+    hull = cv2.convexHull(((points + 0.5) / factor - 0.5).astype(np.float32))[:, 0]
     wider = hull.mean(0) + (hull - hull.mean(0)) * (1 + 2.6 / min(board.columns, board.rows))
     rest = grey.copy()
     cv2.fillConvexPoly(rest, np.rint(wider).astype(np.int32), int(np.median(grey)))
@@ -116,5 +130,5 @@ def _partial_chessboard(grey: Grey) -> tuple[int, int] | None:
     """Return columns and rows of the largest chessboard to be found, at least 3 × 3."""
     import cv2
 
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), cv2.CALIB_CB_LARGER)
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(shrunk(grey)[0], (3, 3), cv2.CALIB_CB_LARGER)
     return (int(meta.shape[1]), int(meta.shape[0])) if found else None

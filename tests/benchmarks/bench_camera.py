@@ -1,4 +1,10 @@
-"""Camera calibration from boards, beside cv2.calibrateCamera; and what a tilted model is worth."""
+"""Camera calibration from boards, beside cv2.calibrateCamera and vision-calibration; what a tilted model is worth.
+
+The package `vision-calibration` serves this benchmark alone: `pip install vision-calibration` adds its rows.
+"""
+
+import importlib.util
+import time
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -7,7 +13,7 @@ from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State, fit_poses, shared_vector
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera import CameraOptions, calibrate_camera
-from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.camera_model import CameraModel, Model
 from calib_core.optics.camera_start import homographies, poses_from_homographies, start_from_homographies
 from tests.benchmarks.harness import Row, interleaved_medians_s
 
@@ -21,7 +27,11 @@ WHOLE = (np.array([-np.inf]), np.array([np.inf]))
 
 def run(full: bool) -> list[Row]:
     """Return times and optimum on 100 views, and a tilted camera's held-out errors over 300 mm of depth."""
-    return [*_adjustment(15 if full else 7), *_tilted(40 if full else 30)]
+    rows = [*_adjustment(15 if full else 7), *_tilted(40 if full else 30)]
+    if importlib.util.find_spec("vision_calibration") is None:
+        return [*rows, Row("vision-calibration", "", "not installed")]
+    plain, tilted = CameraModel.from_names(MATRIX, LENS, SIZE), CameraModel.from_names(MATRIX, SCHEIMPFLUG, SIZE)
+    return [*rows, *_beside_peer("plain", plain, 20, 0.1), *_beside_peer("tilted", tilted, 20, 0.05)]
 
 
 def _adjustment(rounds: int) -> list[Row]:
@@ -68,6 +78,55 @@ def _tilted(count: int) -> list[Row]:
         Row("model chosen by held-out error", "tilted", chosen, chosen == "tilted"),
         Row("times smaller than the plain model's", "≥ 5", f"{ratio:.1f}", ratio >= 5),
     ]
+
+
+def _beside_peer(model: Model, truth: CameraModel, count: int, sigma_px: float) -> list[Row]:
+    """Return held-out errors and times of both on the same detections; ours with rejection and covariance."""
+    views, fresh = _views(truth, count, 3, sigma_px), _views(truth, 10, 2, 0.0)
+    options = CameraOptions(model=model)
+    calibrate_camera(views, SIZE, options)
+    start = time.perf_counter()
+    ours = calibrate_camera(views, SIZE, options).camera
+    middle = time.perf_counter()
+    theirs = _peer_camera(views, model)
+    ratio = (time.perf_counter() - middle) / (middle - start)
+    error, peer = _held_out_rms_px(ours, fresh), _held_out_rms_px(theirs, fresh)
+    return [
+        Row(f"vision-calibration, {model}: held out", f"≤ {peer:.5f} px", f"{error:.5f} px", error <= 1.01 * peer),
+        Row(f"vision-calibration, {model}: times faster", "≥ 2", f"{ratio:.1f}", ratio >= 2),
+    ]
+
+
+def _peer_camera(views: list[BoardView], model: Model) -> CameraModel:
+    """Return what vision-calibration makes of the views, with the same coefficients free."""
+    import vision_calibration as peer
+
+    data = peer.PlanarDataset(
+        views=[
+            peer.PlanarView(
+                observation=peer.Observation(
+                    points_3d=[tuple(p) for p in v.points_in_board_mm.tolist()],
+                    points_2d=[tuple(p) for p in v.points_px.tolist()],
+                )
+            )
+            for v in views
+        ]
+    )
+    if model == "tilted":
+        config = peer.ScheimpflugIntrinsicsCalibrationConfig(fix_scheimpflug={"tilt_x": False, "tilt_y": False})
+        config.fix_poses = []
+        run_peer = peer.run_scheimpflug_intrinsics
+    else:
+        config = peer.PlanarCalibrationConfig()
+        run_peer = peer.run_planar_intrinsics
+    config.init.fix_k3 = False
+    config.fix_camera.distortion.update(k3=False)
+    camera = run_peer(data, config).camera
+    k, d = camera.intrinsics, camera.distortion
+    names = {"k1": d.k1, "k2": d.k2, "k3": d.k3, "p1": d.p1, "p2": d.p2}
+    if model == "tilted":
+        names |= {"tauX": camera.sensor.tilt_x, "tauY": camera.sensor.tilt_y}
+    return CameraModel.from_names([[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]], names, SIZE)
 
 
 def _views(camera: CameraModel, count: int, seed: int, sigma_px: float) -> list[BoardView]:

@@ -121,6 +121,14 @@ def test_sixteen_bit_and_colour() -> None:
     assert np.abs(colour.points_px - reference).max() < 0.1
 
 
+def test_large_frames_are_searched_small_and_measured_large() -> None:
+    large = cv2.resize(render(CHESS), None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
+    view = find_board(large, CHESS)
+    assert view.image_size == (2560, 1920)
+    error = view.points_px - ((truth(CHESS) + 0.5) * 4 - 0.5)
+    assert np.sqrt((error**2).mean()) < 0.6  # 0.15 pixels of the frame it was made from
+
+
 def half_seen() -> NDArray[np.uint8]:
     image = render(CHESS)
     image[:, :260] = 210
