@@ -16,7 +16,7 @@ OK, NOT_ACCEPTED, BAD_INPUT = 0, 1, 2
 
 _EXIT_STATUS = """exit status:
   0  done, and accepted
-  1  solved, but a verdict is `fail` (bench: a figure does not hold)
+  1  solved, but a verdict is `fail` (bench: a figure does not hold; replay: a number differs)
   2  bad input: one sentence on standard error says which file and what to do"""
 
 
@@ -105,7 +105,7 @@ _Add = Callable[[str, str, Callable[[argparse.Namespace], int]], argparse.Argume
 
 
 def _solving(add: _Add) -> None:
-    command = add("run", "solve a session folder, no server needed", _command_run)
+    command = add("run", "solve a session folder or archive, no server needed", _command_run)
     _session(command)
     command.add_argument("--stage", default="all", metavar="STAGE", help="all (default) or one stage: tcp")
     command.add_argument("--out", type=Path, metavar="DIR", help="write results/ here instead of into the session")
@@ -114,6 +114,36 @@ def _solving(add: _Add) -> None:
     command = add("export", "write the calibrated tool frame for another program", _command_export)
     _session(command)
     command.add_argument("--format", required=True, metavar="NAME", help="json")
+    command = add("report", "write a session's report: one HTML page that needs nothing else", _command_report)
+    _session(command)
+    command.add_argument("--out", type=Path, required=True, metavar="FILE", help="the HTML file to write")
+    _archive(add("archive", "pack a session into one zip; unpack, verify or replay one", _command_archive_pack))
+
+
+def _archive(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True, parser_class=_Parser)
+
+    def add(name: str, text: str, command: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
+        added = actions.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        added.add_argument("--debug", action="store_true", help="show where an error comes from")
+        added.set_defaults(command=command)
+        return added
+
+    command = add("pack", "write a session's archive, with its report and scene", _command_archive_pack)
+    _session(command)
+    command.add_argument("--out", type=Path, required=True, metavar="FILE", help="the zip to write")
+    command.add_argument("--no-scene", action="store_true", help="leave out the 3-D scene")
+    command = add("unpack", "write an archive's files as a folder, all or nothing", _command_archive_unpack)
+    _archive_file(command)
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new folder")
+    _archive_file(add("verify", "check that an archive is whole and unaltered", _command_archive_verify))
+    command = add("replay", "solve an archive afresh and compare every number", _command_archive_replay)
+    _archive_file(command)
+    command.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _archive_file(command: argparse.ArgumentParser) -> None:
+    command.add_argument("file", type=Path, metavar="FILE", help="the zip")
 
 
 def _tools(add: _Add) -> None:
@@ -145,7 +175,7 @@ def _workbench(add: _Add) -> None:
 
 
 def _session(command: argparse.ArgumentParser) -> None:
-    command.add_argument("session", type=Path, metavar="SESSION", help="a session folder")
+    command.add_argument("session", type=Path, metavar="SESSION", help="a session folder or archive")
 
 
 def _address(command: argparse.ArgumentParser) -> None:
@@ -172,6 +202,36 @@ def _command_export(options: argparse.Namespace) -> int:
     from server.commands.solving import export
 
     return export(options.session, options.format)
+
+
+def _command_report(options: argparse.Namespace) -> int:
+    from server.commands.solving import report
+
+    return report(options.session, options.out)
+
+
+def _command_archive_pack(options: argparse.Namespace) -> int:
+    from server.commands.archive import pack
+
+    return pack(options.session, options.out, not options.no_scene)
+
+
+def _command_archive_unpack(options: argparse.Namespace) -> int:
+    from server.commands.archive import unpack
+
+    return unpack(options.file, options.out)
+
+
+def _command_archive_verify(options: argparse.Namespace) -> int:
+    from server.commands.archive import verify
+
+    return verify(options.file)
+
+
+def _command_archive_replay(options: argparse.Namespace) -> int:
+    from server.commands.archive import replay
+
+    return replay(options.file, options.json)
 
 
 def _command_sphere(options: argparse.Namespace) -> int:

@@ -10,36 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, Final, cast
 
-from pydantic import ValidationError
-
 from calib_core import __version__
 from calib_core.errors import CalibrationError, ConflictError, InputError
-from calib_core.records import (
-    CameraResult,
-    LaserPlaneResult,
-    Record,
-    Result,
-    Session,
-    TcpResult,
-    Verdict,
-    input_error,
-    parse_session,
-)
+from calib_core.records import Record, Session, Verdict, parse_session
 from calib_core.session.bag import Bag, Content, open_bag, write_bag
 from calib_core.session.bag_zip import LIMITS, ArchiveLimits
 from calib_core.session.files import require_file_size
 from calib_core.session.folder import MAX_SESSION_BYTES, SESSION_FILE, folder_of, load_session, parse_json
 from calib_core.session.measure import ReadFile
 from calib_core.session.plain_json import require_plain
+from calib_core.session.stored_results import require_result
 
 SCENE_FILE: Final = "scene.html"
 REPORT_FILE: Final = "report.html"
-
-_RESULTS: Final[dict[str, type[Result]]] = {
-    "camera": CameraResult,
-    "laser-plane": LaserPlaneResult,
-    "tcp": TcpResult,
-}
 
 
 @dataclass(frozen=True)
@@ -286,14 +269,7 @@ def _plain(name: str) -> str:
 
 def _result(bag: Bag, name: str, stage: str) -> dict[str, Any]:
     data = _json_object(bag, name)
-    where = f"{bag.where}: {name}"
-    if data.get("stage") != stage:
-        got = repr(data.get("stage"))[:80]
-        raise InputError(f"the result of the stage '{stage}'", got, "Solve the session again.", where)
-    try:
-        _RESULTS.get(stage, Result).model_validate(data)
-    except ValidationError as error:
-        raise input_error(error, data, where) from None
+    require_result(stage, data, f"{bag.where}: {name}")
     return data
 
 

@@ -1,4 +1,4 @@
-"""`scancell run`, `check` and `export`: on a session folder, without a server."""
+"""`scancell run`, `check` and `export`: on a session folder or an archive, without a server."""
 
 import json
 import sys
@@ -6,24 +6,34 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib_core.errors import InputError
+from calib_core.errors import CalibrationError, InputError
 from calib_core.records import Record, Result, Session, TcpResult
+from calib_core.session.archive import is_archive, opened
 from calib_core.session.check import check_session
 from calib_core.session.export import FORMATS
 from calib_core.session.export import export as export_results
-from calib_core.session.folder import folder_of, load_results, load_session, result_data, write_result
+from calib_core.session.folder import (
+    folder_of,
+    load_results,
+    load_session,
+    result_data,
+    write_atomically,
+    write_result,
+)
 from calib_core.session.measure import ReadFile
 from calib_core.session.pipeline import inputs_sha256
 from calib_core.session.pipeline import run as run_stages
+from calib_core.session.stored_results import stored_results
 from server.commands.progress import progress_bar
 from server.commands.summary import tcp_summary
 
 
 def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
     """Solve a session, store its results, print them; return 0 where all are accepted, else 1."""
-    session, read = load_session(path)
-    with progress_bar() as progress:
-        results = run_stages(session, read, stage, progress)
+    with opened(path) as folder:
+        session, read = load_session(folder)
+        with progress_bar() as progress:
+            results = run_stages(session, read, stage, progress)
     if as_json:
         data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
         print(json.dumps(data, ensure_ascii=False, allow_nan=False))
@@ -33,14 +43,18 @@ def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
                 print(tcp_summary(session, result))
         if not results:
             print("Nothing to solve: cell.known gives every result.")
-    _store(results, out or folder_of(path), asked=out is not None)
+    if out is not None or not is_archive(path):
+        _store(results, out or folder_of(path), asked=out is not None)
+    else:
+        print(f"scancell: {path} stays as it is: --out DIR writes the results to a folder.", file=sys.stderr)
     return 1 if any(result.verdict == "fail" for result in results.values()) else 0
 
 
 def check(path: Path) -> int:
     """Print what is wrong with a session and what is missing; return 2 where something blocks solving."""
-    session, read = load_session(path)
-    findings = check_session(session, read)
+    with opened(path) as folder:
+        session, read = load_session(folder)
+        findings = check_session(session, read)
     for finding in findings:
         print(f"{finding.level:8} {finding.where}: {finding.sentence}")
     errors = sum(finding.level == "error" for finding in findings)
@@ -56,14 +70,41 @@ def check(path: Path) -> int:
 
 def export(path: Path, name: str) -> int:
     """Print the calibrated tool frame in a format; solves first where no result is stored or it is stale."""
-    session, read = load_session(path)
-    results: dict[str, Record | Mapping[str, Any]] = {**load_results(folder_of(path))}
-    if name in FORMATS and _is_stale(session, read, results.get("tcp")):
-        with progress_bar() as progress:
-            results |= run_stages(session, read, "tcp", progress)
+    with opened(path) as folder:
+        session, read = load_session(folder)
+        results: dict[str, Record | Mapping[str, Any]] = {**load_results(folder)}
+        if name in FORMATS and _is_stale(session, read, results.get("tcp")):
+            with progress_bar() as progress:
+                results |= run_stages(session, read, "tcp", progress)
     content, _ = export_results(session, results, name)
     sys.stdout.write(content)
     return 0
+
+
+def report(path: Path, out: Path) -> int:
+    """Write a session's report as one HTML page; a session without results is solved for it."""
+    from server.report.report import report_html
+    from server.report.stale import stale_stages
+
+    with opened(path) as folder:
+        session, read = load_session(folder)
+        results = stored_results(folder) or solved_if_possible(session, read)
+        stale = stale_stages(session, read, results)
+    write_atomically(out, report_html(session, results, stale).encode())
+    print(out)
+    return 0
+
+
+def solved_if_possible(session: Session, read: ReadFile) -> dict[str, dict[str, Any]]:
+    """Return a session's results as JSON data, stored nowhere; where it cannot be solved yet, say so and go on."""
+    try:
+        with progress_bar() as progress:
+            return {
+                stage: result_data(result) for stage, result in run_stages(session, read, "all", progress).items()
+            }
+    except CalibrationError as error:
+        print(f"scancell: warning: nothing is solved: {error}", file=sys.stderr)
+        return {}
 
 
 def _is_stale(session: Session, read: ReadFile, stored: Any) -> bool:

@@ -1,0 +1,1 @@
+"""A session's report: records in, one self-contained HTML page out."""
