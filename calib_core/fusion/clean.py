@@ -57,7 +57,9 @@ class CleanScan:
     verdicts : (P, C) uint8
         KEPT, or why not: BLANK, STRAY, MIXED, GRAZING.
     sigma_mm : (P, C) float32
-        Of each kept point: the noise over the cosine of incidence, and the scan's own place.
+        Of each kept point's place along the ray: the noise over the cosine of incidence, and the scan's own place.
+    point_sigma_mm : float
+        Of a point's distance to the surface, as the scan states it.
     reach_mm : float
         Points of adjacent rows or columns farther apart than this are not on one surface; 0 without a grid.
     """
@@ -67,6 +69,7 @@ class CleanScan:
     normals: SingleArray
     verdicts: NDArray[np.uint8]
     sigma_mm: SingleArray
+    point_sigma_mm: float
     reach_mm: float
 
     @property
@@ -142,6 +145,7 @@ def _clean_grid(scan: Scan, o: CleanOptions) -> CleanScan:
         np.stack(list(normals), axis=-1),
         verdicts,
         np.sqrt(variance),
+        scan.point_sigma_mm,
         float(np.sqrt(reach2[2, 3:].min())),
     )
 

@@ -31,7 +31,9 @@ def clean_unordered(scan: Scan, options: CleanOptions) -> CleanScan:
     )
     least = np.cos(np.deg2rad(options.grazing_deg))
     sigma = np.hypot(scan.point_sigma_mm / np.maximum(cosines, least), scan.position_sigma_mm)
-    return CleanScan(scan.name, moved.astype(np.float32), normals, verdicts, sigma.astype(np.float32), 0.0)
+    return CleanScan(
+        scan.name, moved.astype(np.float32), normals, verdicts, sigma.astype(np.float32), scan.point_sigma_mm, 0.0
+    )
 
 
 def _judge(

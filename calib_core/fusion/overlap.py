@@ -1,0 +1,190 @@
+"""How far scans lie apart where they overlap, before any registration: the promise of the whole chain, measured.
+
+Each scan is averaged in voxels of its own.  In every voxel that several scans have seen, each pair of scans gives
+the distance of their means along their common normal.  Beside its RMS stands the one that is expected from the
+noise and from what the calibration leaves uncertain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, skew
+from calib_core.fusion.clean import KEPT, CleanScan
+from calib_core.fusion.merge import VoxelGrid
+
+_FEWEST_POINTS = 3
+_TOTALS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class PoseErrors:
+    """What the calibration leaves uncertain of each scan's place in T.
+
+    Parameters
+    ----------
+    common : (S, 6, D)
+        The move of each scan (rx ry rz about T's origin in rad, tx ty tz in mm) by one standard deviation of each of
+        D independent errors that scans share, such as those of the TCP and the table's axis.
+    own : (S, 6, 6)
+        Covariance of the moves of each scan alone: the robot's repeatability, the table's angle.
+    """
+
+    common: FloatArray
+    own: FloatArray
+
+    @classmethod
+    def none(cls, scans: int) -> "PoseErrors":
+        """Return no errors for so many scans."""
+        return cls(np.zeros((scans, 6, 0)), np.zeros((scans, 6, 6)))
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """The scans' means in voxels, those of one voxel side by side.
+
+    Parameters
+    ----------
+    names : tuple of str
+    scans, points_mm, normals, variances_mm2 : (N,), (N, 3), (N, 3), (N,)
+    bounds : (G + 1,)
+        Where each voxel's rows begin.
+    size_mm : float
+    """
+
+    names: tuple[str, ...]
+    scans: NDArray[np.int64]
+    points_mm: FloatArray
+    normals: FloatArray
+    variances_mm2: FloatArray
+    bounds: NDArray[np.int64]
+    size_mm: float
+
+    def moved(self, moves: FloatArray, centre_mm: FloatArray) -> "Patches":
+        """Return the patches after each scan's move (S, 6): rx ry rz about `centre_mm`, tx ty tz."""
+        from calib_core.frames import rotation_from_vector
+
+        rotations = np.array([rotation_from_vector(move[:3]) for move in moves])[self.scans]
+        offset = self.points_mm - centre_mm
+        points = np.einsum("nij,nj->ni", rotations, offset) + centre_mm + moves[self.scans, 3:]
+        return replace(self, points_mm=points, normals=np.einsum("nij,nj->ni", rotations, self.normals))
+
+
+@dataclass(frozen=True, eq=False)
+class Overlap:
+    """Distances between scans.
+
+    Parameters
+    ----------
+    rms_mm : float
+        Over all pairs of scans in all voxels that both have seen; NaN where no two scans overlap.
+    expected_rms_mm : float
+        The same from noise and calibration.
+    pairs : int
+    beyond : int
+        Pairs that were farther apart than `cut_mm` and count as other surfaces.
+    per_scan : (S, 4)
+        Pairs, mean distance in front of the others, RMS, and the RMS expected, in mm.
+    """
+
+    rms_mm: float
+    expected_rms_mm: float
+    pairs: int
+    beyond: int
+    per_scan: FloatArray
+
+
+def patches(scans: Sequence[CleanScan], size_mm: float = 1.0) -> Patches:
+    """Return the means of each scan in voxels of its own.
+
+    Parameters
+    ----------
+    scans : sequence of CleanScan
+    size_mm : float
+        The voxels' edge: large beside the scans' distances, small beside the object's curvature.
+
+    Raises
+    ------
+    InputError
+        If there are no scans or the size is not a positive number.
+    """
+    if not scans:
+        raise InputError("scans to compare", "none", "Add scans of the object.", "scans")
+    columns: list[tuple[NDArray[Any], ...]] = []
+    for number, scan in enumerate(scans):
+        grid = VoxelGrid(size_mm, normals=True)
+        # A distance along the normal has the noise that the scan states, at every angle of incidence.
+        weights = ((scan.verdicts == KEPT) / scan.point_sigma_mm**2).astype(np.float32)
+        grid.add(scan.points_in_turntable_mm, None, weights, scan.normals, scan.name)
+        cloud = grid.cloud()
+        good = (cloud.counts >= _FEWEST_POINTS) & np.isfinite(cloud.normals).all(axis=1)
+        values = (cloud.keys, cloud.points_mm, cloud.normals, cloud.sigma_mm.astype(float) ** 2)
+        columns.append((*(value[good] for value in values), np.full(int(good.sum()), number)))
+    keys, points, normals, variances, scan_numbers = (np.concatenate(c) for c in zip(*columns, strict=True))
+    order = np.argsort(keys, kind="stable")
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(keys[order])) + 1, [len(keys)]])
+    return Patches(
+        tuple(scan.name for scan in scans),
+        scan_numbers[order],
+        points[order].astype(float),
+        normals[order].astype(float),
+        variances[order].astype(float),
+        bounds.astype(np.int64),
+        size_mm,
+    )
+
+
+def overlap(seen: Patches, errors: PoseErrors | None = None, cut_mm: float | None = None) -> Overlap:
+    """Return how far the scans lie apart where they overlap.
+
+    Parameters
+    ----------
+    seen : Patches
+    errors : PoseErrors, optional
+        For the RMS that is expected; noise alone if left out.
+    cut_mm : float, optional
+        Pairs farther apart are other surfaces; half a voxel if left out.
+    """
+    from calib_core.kernels.overlap import pair_sums
+
+    count = len(seen.names)
+    e = errors or PoseErrors.none(count)
+    if len(e.common) != count or len(e.own) != count:
+        raise InputError(f"the errors of {count} scans", f"those of {len(e.own)}", "Give one for each.", "errors")
+    totals = np.zeros((count, _TOTALS))
+    cut = 0.5 * seen.size_mm if cut_mm is None else cut_mm
+    rows = (seen.bounds, seen.scans, seen.points_mm, seen.normals, seen.variances_mm2)
+    common, own = np.ascontiguousarray(e.common), np.ascontiguousarray(e.own)
+    pairs, squares, expected, beyond = pair_sums(*rows, cut, common, own, totals).tolist()
+    divisor = np.where(totals[:, :1] > 0, totals[:, :1], np.nan)
+    per_scan = np.concatenate([totals[:, :1], totals[:, 1:] / divisor], axis=1)
+    per_scan[:, 2:] = np.sqrt(per_scan[:, 2:])
+    if not pairs:
+        return Overlap(float("nan"), float("nan"), 0, int(beyond), per_scan)
+    return Overlap(
+        float(np.sqrt(squares / pairs)), float(np.sqrt(expected / pairs)), int(pairs), int(beyond), per_scan
+    )
+
+
+def move_of_pose_change(into_from_outof: FloatArray, perturbation: FloatArray) -> FloatArray:
+    """Return the moves in T (6, K) that small changes of a pose cause.
+
+    Parameters
+    ----------
+    into_from_outof : (4, 4)
+        A pose whose `into` frame is T (or moves rigidly with it).
+    perturbation : (6, K)
+        Columns rx ry rz tx ty tz as in `frames`: the rotation on the right, the translation added in `into`.
+
+    Returns
+    -------
+    (6, K)
+        Rotation about T's origin and translation there: a point p moves by ω × p + v.
+    """
+    rotation, translation = into_from_outof[:3, :3], into_from_outof[:3, 3]
+    turning = rotation @ perturbation[:3]
+    return np.concatenate([turning, perturbation[3:] + skew(translation) @ turning])

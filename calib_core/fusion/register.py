@@ -1,0 +1,108 @@
+"""Fine registration, an option: what small moves of the scans would close the gaps between them.
+
+All scans move at once.  The distances between them along the surface's normal (see `overlap`) are weighed against
+what the calibration says of each scan's place, so that a direction in which the surfaces can slide stays where the
+calibration put it.  The moves are the answer's evidence: large ones mean that the calibration is off.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap
+
+_ROUNDS = 8
+_CONVERGED_MM = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """The moves that a fine registration made.
+
+    Parameters
+    ----------
+    turntable_from_scan : (S, 4, 4)
+        To be applied to each scan's points in T.
+    shift_mm : (S,)
+        How far each scan's middle moved.
+    turn_rad : (S,)
+    before, after : Overlap
+        Distances between the scans.
+    """
+
+    turntable_from_scan: FloatArray
+    shift_mm: FloatArray
+    turn_rad: FloatArray
+    before: Overlap
+    after: Overlap
+
+
+def register(
+    seen: Patches, errors: PoseErrors | None = None, position_sigma_mm: float = 0.1, turn_sigma_rad: float = 0.001
+) -> Registration:
+    """Return the small moves of the scans that bring them together.
+
+    Parameters
+    ----------
+    seen : Patches
+        Voxels several times as large as the moves that are expected.
+    errors : PoseErrors, optional
+        What the calibration leaves uncertain; the two sigmas below for every scan if left out.
+    position_sigma_mm, turn_sigma_rad : float
+        Per axis, about the middle of all points.
+    """
+    from calib_core.kernels.overlap import registration_sums
+
+    count = len(seen.names)
+    centre = seen.points_mm.mean(axis=0)
+    prior = np.kron(np.eye(count), np.diag([turn_sigma_rad**2] * 3 + [position_sigma_mm**2] * 3))
+    if errors is not None:
+        prior = _prior(errors, centre) + 1e-6 * prior
+    information: FloatArray = np.linalg.inv(prior).astype(float)
+    before = overlap(seen, errors)
+    moves = np.zeros((count, 6))
+    now = seen
+    for _ in range(_ROUNDS):
+        matrix: FloatArray = information.copy()
+        vector: FloatArray = -information @ moves.ravel()
+        rows = (now.bounds, now.scans, now.points_mm, now.normals, now.variances_mm2)
+        registration_sums(*rows, 0.5 * seen.size_mm, centre, matrix, vector)
+        step = np.linalg.solve(matrix, vector).reshape(count, 6)
+        moves = moves + step  # small turns about one centre add up
+        now = seen.moved(moves, centre)
+        reach = float(np.linalg.norm(now.points_mm - centre, axis=1).max())
+        if np.abs(step * np.array([reach] * 3 + [1] * 3)).max() < _CONVERGED_MM:
+            break
+    return _answer(seen, moves, centre, before, overlap(now, errors))
+
+
+def _prior(errors: PoseErrors, centre: FloatArray) -> FloatArray:
+    """Return the covariance (6S, 6S) of all scans' moves about a centre, out of those about T's origin."""
+    from calib_core.frames import skew
+
+    about = np.eye(6)
+    about[3:, :3] = -skew(centre)  # the centre moves by ω × centre + v
+    count = len(errors.own)
+    common = np.einsum("ij,sjd->sid", about, errors.common).reshape(6 * count, -1)
+    covariance = common @ common.T
+    for scan in range(count):
+        block = slice(6 * scan, 6 * scan + 6)
+        covariance[block, block] += about @ errors.own[scan] @ about.T
+    return covariance
+
+
+def _answer(seen: Patches, moves: FloatArray, centre: FloatArray, before: Overlap, after: Overlap) -> Registration:
+    from calib_core.frames import rotation_from_vector
+
+    matrices = np.tile(np.eye(4), (len(moves), 1, 1))
+    shift = np.zeros(len(moves))
+    for number, move in enumerate(moves):
+        rotation = rotation_from_vector(move[:3])
+        matrices[number, :3, :3] = rotation
+        matrices[number, :3, 3] = centre - rotation @ centre + move[3:]
+        mine = seen.points_mm[seen.scans == number]
+        if len(mine):
+            middle = mine.mean(axis=0)
+            shift[number] = np.linalg.norm(rotation @ (middle - centre) + centre + move[3:] - middle)
+    return Registration(matrices, shift, np.linalg.norm(moves[:, :3], axis=1), before, after)
