@@ -28,7 +28,7 @@ class PoseErrors:
     Parameters
     ----------
     common : (S, 6, D)
-        The move of each scan (rx ry rz about T's origin in rad, tx ty tz in mm) by one standard deviation of each of
+        The move of each scan (rx ry rz about T's origin, rad; tx ty tz, mm) by one standard deviation of each of
         D independent errors that scans share, such as those of the TCP and the table's axis.
     own : (S, 6, 6)
         Covariance of the moves of each scan alone: the robot's repeatability, the table's angle.
