@@ -332,7 +332,8 @@ class LaserPlaneResidual(CaptureResidual):
 class LaserPlaneResult(Result):
     """The plane of light in the camera frame, and the frame L in it.
 
-    `covariance` is of camera_from_laser, `plane_covariance` (4, 4) of the normal and the distance.
+    `covariance` is of camera_from_laser, `plane_covariance` (4, 4) of the normal and the distance,
+    `joint_covariance` of the camera's parameters named (none where the camera was brought) and normal / distance.
     """
 
     stage: Literal["laser-plane"] = "laser-plane"
@@ -341,6 +342,8 @@ class LaserPlaneResult(Result):
     plane_rms_mm: float
     covariance: Rows
     plane_covariance: Rows
+    joint_parameters: list[str] = Field(default_factory=list)
+    joint_covariance: Rows
     normal_sigma_deg: float
     distance_sigma_mm: float
     residuals: list[LaserPlaneResidual]

@@ -81,6 +81,8 @@ class PlaneSolution:
         normal · p = distance in the camera frame, distance not negative.
     covariance : (4, 4)
         Of normal and distance.
+    joint_covariance : (C + 3, C + 3)
+        Of the camera's uncertain parameters, if any, and of q = normal / distance, 1/mm.
     rms_mm : float
         RMS distance of the stripe's points on the boards from the plane.
     camera_from_board : list of RigidTransform
@@ -98,6 +100,7 @@ class PlaneSolution:
     normal: FloatArray
     distance_mm: float
     covariance: FloatArray
+    joint_covariance: FloatArray
     rms_mm: float
     camera_from_board: list[RigidTransform]
     lines: tuple[BoardLine, ...]
@@ -150,7 +153,10 @@ def solve_plane(
     weights = 1.0 / corner_sigma
     weighted = corners.weighted(weights[corners.view_of_each]).take(used)
     start = posed.take(used)
-    normal, distance, covariance, end, factor = _jointly(camera, weighted, inliers, start, fit, camera_uncertainty)
+    q, joint, end, factor = _jointly(camera, weighted, inliers, start, fit, camera_uncertainty)
+    length = float(np.linalg.norm(q))
+    normal, distance = oriented_plane(q / length, 1.0 / length)
+    covariance = plane_covariance_from_inverse(q, joint[-3:, -3:])
     ended = end.poses()
     final = [_line(camera, views[i].name, s, p) for i, s, p in zip(used, inliers, ended, strict=True)]
     everywhere = np.concatenate([line.points_in_camera_mm for line in final])
@@ -159,6 +165,7 @@ def solve_plane(
         normal,
         distance,
         covariance,
+        joint,
         float(np.sqrt(np.mean((everywhere @ normal - distance) ** 2))),
         ended,
         tuple(final),
@@ -260,8 +267,8 @@ def _jointly(
     start: State,
     fit: PlaneFit,
     uncertainty: CameraUncertainty | None,
-) -> tuple[FloatArray, float, FloatArray, State, float]:
-    """Return normal, distance, their covariance, the poses, and the stripe's noise factor."""
+) -> tuple[FloatArray, FloatArray, State, float]:
+    """Return q = normal / distance, its covariance after the camera's, poses, the stripe's noise factor."""
     bands, near, far = camera.bands
     q = fit.normal / fit.distance_mm
     shared = shared_vector(camera.camera_matrix, bands, q)
@@ -293,10 +300,10 @@ def _jointly(
         ).equations(state).hessian  # fmt: skip
         size = len(uncertainty.free)
         follows = -np.linalg.solve(both[size:, size:], both[size:, :size])
-        covariance = covariance + follows @ uncertainty.covariance @ follows.T
-    length = float(np.linalg.norm(q))
-    normal, distance = oriented_plane(q / length, 1.0 / length)
-    return normal, distance, plane_covariance_from_inverse(q, covariance), state, factor
+        cross = uncertainty.covariance @ follows.T
+        own = covariance + follows @ cross
+        covariance = np.block([[uncertainty.covariance, cross], [cross.T, own]])
+    return q, covariance, state, factor
 
 
 def _figures(

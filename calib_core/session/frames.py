@@ -71,11 +71,16 @@ def calibration_of(session: Session, read: ReadFile) -> ProfileCalibration:
     known = session.cell.known.laser_plane
     if known is not None:
         return ProfileCalibration.of(camera, known.normal, known.distance_mm)
+    plane = plane_of(session, read).plane_in_camera
+    return ProfileCalibration.of(camera, plane.normal, plane.distance_mm)
+
+
+def plane_of(session: Session, read: ReadFile) -> LaserPlaneResult:
+    """Return the plane of light solved from the session's captures; raises as `calibration_of`."""
     from calib_core.session.stage_laser_plane import solve_laser_plane_stage
 
     _require(session, "laser-plane", "the plane of light", "cell.known.laser_plane")
-    plane = _solve_once(session, read, "laser-plane", LaserPlaneResult, solve_laser_plane_stage)
-    return ProfileCalibration.of(camera, plane.plane_in_camera.normal, plane.plane_in_camera.distance_mm)
+    return _solve_once(session, read, "laser-plane", LaserPlaneResult, solve_laser_plane_stage)
 
 
 def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResult | None]:

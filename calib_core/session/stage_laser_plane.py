@@ -73,7 +73,7 @@ def solve_laser_plane(
             raise
         names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
         raise MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where) from None
-    return _result(given, solution, failed)
+    return _result(given, solution, failed, camera_result)
 
 
 def _find_all(given: StageInput, camera: CameraModel) -> tuple[list[PlaneView], dict[str, MeasurementError]]:
@@ -119,7 +119,9 @@ def _uncertainty(result: CameraResult | None) -> CameraUncertainty | None:
     return CameraUncertainty(parameter_places(result.parameters), covariance)
 
 
-def _result(given: StageInput, solution: PlaneSolution, failed: dict[str, MeasurementError]) -> LaserPlaneResult:
+def _result(
+    given: StageInput, solution: PlaneSolution, failed: dict[str, MeasurementError], camera: CameraResult | None
+) -> LaserPlaneResult:
     normal, distance, covariance = solution.normal, solution.distance_mm, solution.covariance
     sigma_deg = rotation_sigma_deg(covariance)
     rows = _rows(given, solution, failed)
@@ -143,6 +145,8 @@ def _result(given: StageInput, solution: PlaneSolution, failed: dict[str, Measur
         plane_rms_mm=solution.rms_mm,
         covariance=camera_from_laser_covariance(normal, distance, covariance).tolist(),
         plane_covariance=covariance.tolist(),
+        joint_parameters=[name for name in camera.parameters if not name.startswith("board")] if camera else [],
+        joint_covariance=solution.joint_covariance.tolist(),
         normal_sigma_deg=sigma_deg,
         distance_sigma_mm=float(np.sqrt(covariance[3, 3])),
         residuals=rows,

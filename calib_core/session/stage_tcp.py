@@ -2,15 +2,27 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from calib_core import __version__
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MeasurementError, MotionError
-from calib_core.records import Capture, Session, TcpResidual, TcpResult
+from calib_core.records import (
+    Capture,
+    ChainResult,
+    Session,
+    TcpResidual,
+    TcpResult,
+    TurntableResidual,
+    TurntableResult,
+)
 from calib_core.session.measure import ReadFile, observe_capture, sphere_of
 from calib_core.session.poses import base_from_tool0_by_capture, duplicates, same_place
+
+if TYPE_CHECKING:
+    from calib_core.chain.tcp import TcpSolution  # brings numba and scipy
 
 Progress = Callable[[float, str], None]
 
@@ -30,6 +42,25 @@ class StageInput:
     progress: Progress
 
 
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """A stage's captures as the solvers take them, and by id why others are of no use."""
+
+    observations: list[SphereObservation]
+    failed: dict[str, MeasurementError]
+    unused: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedTcp:
+    """The tcp captures' solution and what it was solved from."""
+
+    solution: "TcpSolution"
+    observations: list[SphereObservation]
+    sphere: SphereSize
+    unused: dict[str, str]
+
+
 def solve_tcp_stage(given: StageInput) -> TcpResult:
     """Return the scanner's pose on the flange from all tcp captures that are not excluded.
 
@@ -42,15 +73,20 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
     MotionError
         If the motions do not determine the answer.
     """
+    from calib_core.chain.tcp_result import tcp_result
+
+    solved = solve_tcp_captures(given)
+    result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
+    return with_unused(result, given.captures, solved.unused)
+
+
+def solve_tcp_captures(given: StageInput) -> SolvedTcp:
+    """Return the tcp captures' solution, with what it was solved from; raises as `solve_tcp_stage` does."""
     from calib_core.chain.tcp import TcpOptions, solve_tcp
 
     cell = given.session.cell
-    captures = [capture for capture in given.captures if not capture.excluded]
-    sphere = sphere_of(cell, captures)
-    base_from_tool0_by_capture(cell, captures)
-    unused = {capture.id: "excluded by the user" for capture in given.captures if capture.excluded}
-    unused |= _copies(captures, given.read)
-    observations, failed = _observe_all(given, [c for c in captures if c.id not in unused])
+    sphere = sphere_of(cell, [capture for capture in given.captures if not capture.excluded])
+    observed = observe_stage(given)
     degrees = cell.robot.orientation_sigma_deg
     options = TcpOptions(
         position_sigma_mm=cell.robot.position_sigma_mm,
@@ -58,18 +94,33 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         point_sigma_mm=cell.scanner.point_sigma_mm,
     )
     try:
-        solution = solve_tcp(observations, sphere, options, _later(given.progress))
+        solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
     except MotionError as error:
-        raise _with_failures(error, failed) from None
-    from calib_core.chain.tcp_result import tcp_result
-
-    unused |= {name: _why(error) for name, error in failed.items()}
-    return _with_unused(tcp_result(solution, SOFTWARE, given.inputs_sha256), given.captures, unused)
+        raise with_failures(error, observed.failed) from None
+    return SolvedTcp(solution, observed.observations, sphere, observed.unused)
 
 
-def _observe_all(
+def observe_stage(given: StageInput) -> Observed:
+    """Return the sphere as the stage's captures saw it, and why some are of no use."""
+    cell = given.session.cell
+    captures = [capture for capture in given.captures if not capture.excluded]
+    base_from_tool0_by_capture(cell, captures)
+    unused = {capture.id: "excluded by the user" for capture in given.captures if capture.excluded}
+    unused |= copies_of(captures, given.read)
+    observations, failed = observe_all(given, [c for c in captures if c.id not in unused])
+    return Observed(observations, failed, unused | {name: why(error) for name, error in failed.items()})
+
+
+def observe_all(
     given: StageInput, captures: Sequence[Capture]
 ) -> tuple[list[SphereObservation], dict[str, MeasurementError]]:
+    """Return captures of the sphere as the solvers take them, and the errors of those that do not show it.
+
+    Raises
+    ------
+    MeasurementError
+        If most do not show it.
+    """
     observations: list[SphereObservation] = []
     failed: dict[str, MeasurementError] = {}
     for number, capture in enumerate(captures):
@@ -85,7 +136,7 @@ def _observe_all(
     return observations, failed
 
 
-def _copies(captures: Sequence[Capture], read: ReadFile) -> dict[str, str]:
+def copies_of(captures: Sequence[Capture], read: ReadFile) -> dict[str, str]:
     """Return why captures that repeat another are left out; a copy at another pose is left to the solver."""
     by_id = {capture.id: capture for capture in captures}
     return {
@@ -99,7 +150,7 @@ def _later(progress: Progress) -> Progress:
     return lambda fraction, message: progress(_MEASURING_SHARE + (1 - _MEASURING_SHARE) * fraction, message)
 
 
-def _with_failures(error: MotionError, failed: dict[str, MeasurementError]) -> MotionError:
+def with_failures(error: MotionError, failed: dict[str, MeasurementError]) -> MotionError:
     """Return the error with the captures that would have been there, had the sphere been found in them."""
     if not failed:
         return error
@@ -107,16 +158,21 @@ def _with_failures(error: MotionError, failed: dict[str, MeasurementError]) -> M
     return MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where)
 
 
-def _why(error: MeasurementError) -> str:
+def why(error: MeasurementError) -> str:
+    """Return why a capture is of no use, and what to do, without a full stop."""
     return f"need {error.need}, got {error.got}. {error.to_do.removesuffix('.')}"
 
 
-def _with_unused(result: TcpResult, captures: Sequence[Capture], unused: dict[str, str]) -> TcpResult:
+_R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
+
+
+def with_unused(result: _R, captures: Sequence[Capture], unused: dict[str, str]) -> _R:
     """Return the result with a row for every capture, in their order, and a warning for those of no use."""
-    rows = {row.capture: row for row in result.residuals}
+    rows: dict[str, TcpResidual | TurntableResidual] = {row.capture: row for row in result.residuals}
     for capture in captures:
         if capture.id in unused:
-            rows[capture.id] = TcpResidual(capture=capture.id, used=False, reason=unused[capture.id])
+            row = TurntableResidual if capture.step == "turntable" else TcpResidual
+            rows[capture.id] = row(capture=capture.id, used=False, reason=unused[capture.id])
     warnings = list(result.warnings)
     warnings += [f"{c.id} is not used: {unused[c.id]}." for c in captures if c.id in unused and not c.excluded]
     return result.model_copy(
