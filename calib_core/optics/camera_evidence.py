@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.camera_choice import Candidate
+from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_segments import corner_depths
 
 if TYPE_CHECKING:
@@ -123,6 +124,14 @@ def tilt_correlation(names: tuple[str, ...], covariance: FloatArray) -> float | 
     return float(np.abs(correlation[np.ix_(tilts, centres)]).max())
 
 
+def _folds_inside(camera: CameraModel) -> bool:
+    """Whether some pixels of the image's border are reached by no ray."""
+    width, height = camera.image_size
+    corners = [[0.0, 0.0], [width - 1.0, 0.0], [0.0, height - 1.0], [width - 1.0, height - 1.0]]
+    depths = [s.near_mm for s in camera.segments] or [None]
+    return any(bool(np.isnan(camera.undistort(corners, depth)).any()) for depth in depths)
+
+
 def remarks_of(solution: "CameraSolution") -> list[str]:
     """Return how the model was chosen and what that means, in sentences; nothing in them is wrong."""
     found: list[str] = []
@@ -167,6 +176,11 @@ def problems_of(solution: "CameraSolution") -> list[str]:
             "are hard to tell apart. Tilt it by 20 to 45° in some views."
         )
     focal, deviation = solution.camera.camera_matrix[0, 0], float(np.sqrt(solution.covariance[0, 0]))
+    if _folds_inside(solution.camera):
+        found.append(
+            "The distortion turns back before the image's corners, where no board was seen: pixels there give no "
+            "points. Show the board in the corners too."
+        )
     if deviation > _UNSURE_FOCAL * focal:
         found.append(f"The focal length is known to ±{100 * deviation / focal:.1f} % only: tilt the board more.")
     if solution.bend_gain is not None and solution.bend_gain > _NOTABLE_BEND_GAIN and solution.bend_mm is not None:

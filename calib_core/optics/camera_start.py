@@ -10,14 +10,17 @@ from calib_core.optics.adjust import Corners, State, shared_vector
 def homographies(corners: Corners) -> FloatArray:
     """Return the homography (V, 3, 3) from each view's board plane to pixels, by least algebraic error.
 
-    The 9×9 moment matrix of the direct linear transform is summed for all views at once.
+    The 9×9 moment matrix of the direct linear transform is summed for all views at once. Pixels that are not
+    finite (rays that a distortion does not reach) are left out.
     """
-    board, pixels = corners.points_mm[:, :2], corners.pixels
+    finite = np.asarray(np.all(np.isfinite(corners.pixels), axis=1))
+    board, pixels = corners.points_mm[:, :2], np.where(finite[:, None], corners.pixels, 0.0)
     board_middle, board_size = board.mean(0), max(float(np.ptp(board, axis=0).max()), 1e-9)
-    middle, size = pixels.mean(0), max(float(np.ptp(pixels, axis=0).max()), 1e-9)
+    seen = pixels[finite] if finite.any() else pixels
+    middle, size = seen.mean(0), max(float(np.ptp(seen, axis=0).max()), 1e-9)
     p = np.column_stack([(board - board_middle) / board_size, np.ones(len(board))])
     u, v = ((pixels - middle) / size).T
-    products = (p[:, :, None] * p[:, None, :]).reshape(-1, 9)
+    products = (p[:, :, None] * p[:, None, :]).reshape(-1, 9) * finite[:, None]
     starts = corners.ends[:-1]
     plain, by_u, by_v, by_square = (
         np.add.reduceat(products * factor[:, None], starts).reshape(-1, 3, 3)

@@ -19,7 +19,7 @@ from calib_core.optics.adjust import (
     shared_vector,
 )
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.camera_start import start_from_homographies
+from calib_core.optics.camera_start import homographies, start_from_homographies
 
 MATRIX = np.array([[2400.0, 0, 650], [0, 2390, 500], [0, 0, 1]])
 LENS = np.array([-0.2, 0.12, 0.001, -0.0007, 0.02])
@@ -207,6 +207,15 @@ def test_poses_alone() -> None:
     error = end.state.translations - at.translations
     deviation = np.sqrt(np.einsum("vii->vi", end.pose_covariances))[:, 3:]
     assert (np.abs(error) < 4.5 * deviation).all()
+
+
+def test_rays_that_are_missing_do_not_spoil_a_homography() -> None:
+    pixels, _ = views(3, 6, 0.0, CameraModel(MATRIX))
+    whole = homographies(corners_of(pixels, 1.0))
+    pixels[1][5] = np.nan
+    holed = homographies(corners_of(pixels, 1.0))
+    ratio = holed / whole
+    np.testing.assert_allclose(ratio, ratio[:, :1, :1] * np.ones((3, 3, 3)), rtol=1e-5)
 
 
 def test_boards_that_all_face_the_camera_say_nothing() -> None:
