@@ -51,12 +51,15 @@ class TableCovariance:
     axis_direction, axis_point : (3, 3)
         Of the axis's unit vector and of T's origin, in base.
     mounts : (3 M, 3 M)
+    pose_by_unknowns : (6, size)
+        The derivative of the pose by the table's unknowns.
     """
 
     pose: FloatArray
     axis_direction: FloatArray
     axis_point: FloatArray
     mounts: FloatArray
+    pose_by_unknowns: FloatArray
 
     @property
     def axis_direction_sigma_rad(self) -> float:
@@ -116,4 +119,5 @@ def frame_covariance(
         axis_direction=axis @ covariance @ axis.T,
         axis_point=pose[3:] @ covariance @ pose[3:].T,
         mounts=mounts @ covariance @ mounts.T,
+        pose_by_unknowns=pose,
     )

@@ -31,7 +31,7 @@ def table_reasons(
     residuals : TableResiduals
     frame : TableFrame
     """
-    places = places_in_table(observations, residuals, frame)
+    places = places_in_table(observations, residuals.both_in_base, frame)
     reasons: list[str | None] = []
     for k, o in enumerate(observations):
         if used[k]:
@@ -52,22 +52,22 @@ def table_reasons(
 
 
 def places_in_table(
-    observations: Sequence[TableObservation], residuals: TableResiduals, frame: TableFrame
+    observations: Sequence[TableObservation], centers_in_base: FloatArray, frame: TableFrame
 ) -> FloatArray:
-    """Return the captures' own sphere centres in T, turned back to angle zero, (K, 3)."""
-    local = frame.base_from_turntable.inverse().apply(residuals.centers_in_base)
+    """Return the captures' own sphere centres (K, …, 3) in T, turned back to angle zero."""
+    local = np.moveaxis(frame.base_from_turntable.inverse().apply(centers_in_base), 0, -2)
     angle = -frame.direction * np.array([o.angle_rad for o in observations])
     cosine, sine = np.cos(angle), np.sin(angle)
-    x, y, z = local.T
-    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y, z])
+    x, y, z = np.moveaxis(local, -1, 0)
+    return np.moveaxis(np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1), -2, 0)
 
 
 def _other_mount(
-    place: FloatArray, places: FloatArray, names: Sequence[str], own: str, distance_mm: float
+    own_places: FloatArray, places: FloatArray, names: Sequence[str], own: str, distance_mm: float
 ) -> str | None:
-    off = np.linalg.norm(places - place, axis=1)
+    """Return the mounting that fits either side (2, 3) of a capture far better than its own, if there is one."""
+    off = np.linalg.norm(places[:, None] - own_places[None], axis=2).min(axis=1)
     best = int(np.argmin(off))
-    # The wrong side of a profile may have been taken beside the wrong mounting: then the nearer one still tells.
     return names[best] if names[best] != own and off[best] < max(_FITS * distance_mm, 1.0) else None
 
 
@@ -78,7 +78,7 @@ def remounted(
     rejected = np.flatnonzero(~used)
     if len(rejected) < 3:
         return None
-    places = places_in_table(observations, residuals, frame)[rejected]
+    places = places_in_table(observations, residuals.centers_in_base, frame)[rejected]
     middle = np.median(places, axis=0)
     near = np.linalg.norm(places - middle, axis=1) < 2.0
     if near.sum() < 3:

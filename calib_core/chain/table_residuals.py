@@ -22,6 +22,8 @@ class TableResiduals:
     ----------
     sides : (K,)
         The sign of y of each profile's sphere centre in L; 0 for other kinds.
+    both_in_base : (K, 2, 3)
+        The capture's own sphere centre on the +y and on the −y side, mm.
     centers_in_base, expected_in_base : (K, 3)
         The capture's own sphere centre, and where the solution expects it, mm.
     radial_mm, tangential_mm, axial_mm : (K,)
@@ -33,6 +35,7 @@ class TableResiduals:
     """
 
     sides: np.ndarray
+    both_in_base: FloatArray
     centers_in_base: FloatArray
     expected_in_base: FloatArray
     radial_mm: FloatArray
@@ -86,6 +89,7 @@ def table_residuals(
     ]
     return TableResiduals(
         sides=sides,
+        both_in_base=both,
         centers_in_base=centers,
         expected_in_base=expected,
         radial_mm=np.einsum("ki,ki->k", offsets[:, :2], away),

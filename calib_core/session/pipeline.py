@@ -13,6 +13,7 @@ from calib_core.session.stage_tcp import Progress, StageInput, solve_tcp_stage
 
 _TO_CAPTURE = {
     "camera": "Capture the board, tilted differently in each frame, and add the frames to the session.",
+    "turntable": "Fix the sphere on the table, capture it at 8 angles, and again at a second height.",
     "laser-plane": "Capture the board with the stripe on it, near and far, and add the frames to the session.",
 }
 _OF_FRAMES: tuple[Step, ...] = ("camera", "laser-plane")  # what raw frames of later stages rest on
@@ -20,11 +21,17 @@ _OF_FRAMES: tuple[Step, ...] = ("camera", "laser-plane")  # what raw frames of l
 
 @dataclass(frozen=True)
 class StageEntry:
-    """One stage: the steps whose captures it takes, what it gives that a user may bring, and its solver."""
+    """One stage: the steps whose captures it takes, what it gives that a user may bring, and its solver.
+
+    `tool_from` are the steps that its tool comes from, where the user brings none; with `every_step` it is solved
+    only where there are captures of all its steps.
+    """
 
     steps: tuple[Step, ...]
     known: Callable[[Known], object | None]
     solve: Callable[[StageInput], Result]
+    tool_from: tuple[Step, ...] = ()
+    every_step: bool = False
 
 
 def _solve_camera(given: StageInput) -> Result:
@@ -39,10 +46,31 @@ def _solve_laser_plane(given: StageInput) -> Result:
     return solve_laser_plane_stage(given)
 
 
+def _solve_turntable(given: StageInput) -> Result:
+    from calib_core.session.stage_turntable import solve_turntable_stage
+
+    return solve_turntable_stage(given)
+
+
+def _solve_chain(given: StageInput) -> Result:
+    from calib_core.session.stage_turntable import solve_chain_stage
+
+    return solve_chain_stage(given)
+
+
 STAGES: dict[Stage, StageEntry] = {
     "camera": StageEntry(("camera", "laser-plane"), lambda known: known.camera, _solve_camera),
     "laser-plane": StageEntry(("laser-plane",), lambda known: known.laser_plane, _solve_laser_plane),
     "tcp": StageEntry(("tcp",), lambda known: known.tool0_from_laser, solve_tcp_stage),
+    "turntable": StageEntry(
+        ("turntable",), lambda known: known.base_from_turntable, _solve_turntable, tool_from=("tcp",)
+    ),
+    "chain": StageEntry(
+        ("tcp", "turntable"),
+        lambda known: known.tool0_from_laser or known.base_from_turntable,
+        _solve_chain,
+        every_step=True,
+    ),
 }
 
 
@@ -62,7 +90,7 @@ def run(
         return {stage: solve_stage(session, stage, read, progress)}
     results: dict[str, Result] = {}
     todo = [name for name, entry in STAGES.items() if entry.known(session.cell.known) is None]
-    with_captures = [name for name in todo if stage_captures(session, name)]
+    with_captures = [name for name in todo if _has_captures(session, name)]
     if todo and not with_captures:
         _require_captures([], todo[0])
     for name in with_captures:
@@ -131,11 +159,21 @@ def inputs_sha256(session: Session, stage: str, read: ReadFile, digest: Callable
 
 def _captures_it_rests_on(session: Session, stage: str) -> list[Capture]:
     """Return a stage's captures, and those that tell how its raw frames become points."""
-    captures = stage_captures(session, stage)
+    entry = _entry(stage)
+    steps: set[Step] = {*entry.steps}
+    if entry.tool_from and session.cell.known.tool0_from_laser is None:
+        steps |= {*entry.tool_from}
+    captures = [capture for capture in session.captures if capture.step in steps]
     if stage != "camera" and any(capture.kind in ("frame", "sweep") for capture in captures):
-        steps = {*_entry(stage).steps, *_OF_FRAMES}
+        steps |= {*_OF_FRAMES}
         return [capture for capture in session.captures if capture.step in steps]
     return captures
+
+
+def _has_captures(session: Session, stage: str) -> bool:
+    steps = {capture.step for capture in session.captures}
+    entry = _entry(stage)
+    return (all if entry.every_step else any)(step in steps for step in entry.steps)
 
 
 def _entry(stage: str) -> StageEntry:

@@ -50,7 +50,7 @@ class TableScenario:
     encoder_scale : float
         What the encoder reports for each unit that the table turns.
     wobble_rad : float
-        The axis leans by this, once around at each turn of the table.
+        The axis leans by this, twice around at each turn of the table (once around, it would be the mounting's).
     angle_unit : {"deg", "rad"}
         The unit of the recorded angles; radians are the user's mistake to be found.
     mixed_mounts : int
@@ -124,7 +124,7 @@ class TableTruth:
 
     def center_in_base(self, mount: int, angle_rad: float) -> FloatArray:
         """Return where the sphere stands (3,) when the table has turned, wobble included."""
-        wobble = turn(self.options.wobble_rad * np.array([np.cos(angle_rad), np.sin(angle_rad), 0.0]))
+        wobble = turn(self.options.wobble_rad * np.array([np.cos(2 * angle_rad), np.sin(2 * angle_rad), 0.0]))
         in_table = wobble @ turn([0.0, 0.0, angle_rad]) @ self.mounts_mm[mount]
         return self.base_from_turntable[:3, :3] @ in_table + self.base_from_turntable[:3, 3]
 

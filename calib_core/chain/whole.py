@@ -1,0 +1,211 @@
+"""The whole chain: tool and turntable from all captures in one likelihood, so that each improves the other.
+
+The captures of the still sphere fix the tool up to what is hard to see from one place; those of the table see the
+sphere all around its axis.  Together they know both better than one after the other; the stages' answers stay
+beside it and say whether the two kinds of captures contradict each other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.likelihood import ChainState, chain_data
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.reasons import rejection_reasons
+from calib_core.chain.rejection import Judged, judge_from, without_each
+from calib_core.chain.table import SCALE_COLUMN, TableReadings
+from calib_core.chain.table_frame import frame_by_rule, frame_covariance
+from calib_core.chain.table_residuals import table_residuals
+from calib_core.chain.table_start import readings_of
+from calib_core.chain.tcp import Progress, TcpSolution, answer_of, pooled_point_sigma, say_nothing, sides_of
+from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, encoder_scale, paper_circles
+from calib_core.chain.undetermined import open_directions
+from calib_core.frames import FloatArray
+
+_TABLE = 9  # where the table's unknowns begin
+_WITHOUT_RZ = [0, 1, 3, 4, 5]  # T's rotation about its own z follows from the others
+_LEAST_SHARE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class ChainSolution:
+    """Tool and turntable from all captures.
+
+    Attributes
+    ----------
+    tcp : TcpSolution
+        Of the captures of the still sphere, by the whole chain's tool.
+    turntable : TurntableSolution
+        Of those of the table, by the same.
+    cross_covariance : (6, 6)
+        Of tool0_from_laser with base_from_turntable.
+    tcp_distance, turntable_distance : float
+        Squared Mahalanobis distance of the stages' own answers from the whole chain's: 6 and 5 degrees of freedom.
+    tcp_difference, turntable_difference : (6,)
+        From the stages' answers to the whole chain's, rx ry rz tx ty tz.
+    """
+
+    tcp: TcpSolution
+    turntable: TurntableSolution
+    cross_covariance: FloatArray
+    tcp_distance: float
+    turntable_distance: float
+    tcp_difference: FloatArray
+    turntable_difference: FloatArray
+
+
+def solve_chain(
+    tcp_observations: Sequence[SphereObservation],
+    table_observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    tcp: TcpSolution,
+    turntable: TurntableSolution,
+    options: TurntableOptions,
+    progress: Progress | None = None,
+) -> ChainSolution:
+    """Return tool and turntable from all captures, beginning with the stages' own answers.
+
+    Parameters
+    ----------
+    tcp_observations, table_observations
+        The same captures, in the same order, from which the stages were solved.
+    sphere : SphereSize
+    tcp, turntable
+        The stages' answers.
+    options : TurntableOptions
+    progress : callable, optional
+        Called with the fraction done and what is being done.
+    """
+    tell = progress or say_nothing
+    tell(0.1, "Fitting all captures of both kinds jointly")
+    judged, point_sigma = _judge(tcp_observations, table_observations, sphere, tcp, turntable, options)
+
+    tell(0.8, "Comparing with the stages' own answers")
+    covariance = judged.fit.covariance * judged.excess
+    still = _tcp_part(tcp_observations, sphere, tcp, judged, covariance, point_sigma)
+    turning = _table_part(table_observations, sphere, tcp, judged, covariance, point_sigma, options)
+    size = slice(_TABLE, judged.data.unknowns)
+    tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
+    table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
+    some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
+    return ChainSolution(
+        tcp=still,
+        turntable=turning,
+        cross_covariance=covariance[:6, size] @ turning.covariance.pose_by_unknowns.T,
+        tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], still.covariance[:6, :6]),
+        turntable_distance=_distance(
+            table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], turning.covariance.pose[some]
+        ),
+        tcp_difference=tool_shift,
+        turntable_difference=table_shift,
+    )
+
+
+def _judge(
+    tcp_observations: Sequence[SphereObservation],
+    table_observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    tcp: TcpSolution,
+    turntable: TurntableSolution,
+    options: TurntableOptions,
+) -> tuple[Judged, float | None]:
+    spheres = [*tcp_observations, *(o.sphere for o in table_observations)]
+    point_sigma = options.point_sigma_mm or pooled_point_sigma(spheres, sphere)
+    readings, _ = readings_of(table_observations)
+    still = len(tcp_observations)
+    table = TableReadings(
+        np.concatenate([np.zeros(still), readings.angles_rad]),
+        np.concatenate([np.full(still, -1), readings.mounts]),
+        readings.mount_count,
+    )
+    data = replace(chain_data(spheres, sphere, point_sigma), table=table)
+    held = np.zeros(data.unknowns, dtype=bool)
+    held[_TABLE + SCALE_COLUMN] = not options.encoder_scale
+    data = replace(data, held=held)
+    tool = tcp.joint.tool0_from_laser
+    center = tcp.joint.center_in_base_mm
+    start = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, turntable.state.table)
+    core = np.concatenate([tcp.used, turntable.used])
+    return judge_from(spheres, sphere, data, start, core, options.sigmas), point_sigma
+
+
+def _tcp_part(
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    alone: TcpSolution,
+    judged: Judged,
+    covariance: FloatArray,
+    point_sigma: float | None,
+) -> TcpSolution:
+    """Return the tcp stage's solution with the whole chain's answer in it."""
+    state, count = judged.fit.state, len(observations)
+    used = judged.used[:count]
+    steps = iter(without_each(judged.fit.minimum.at).steps)
+    left_out = [state.moved(next(steps)) if u else None for u in used]
+    sides = sides_of(observations, state)
+    joint = answer_of(observations, sphere, used, sides, state, left_out)
+    squared = judged.squared_distance[:count]
+    return replace(
+        alone,
+        joint=joint,
+        covariance=covariance[:9, :9],
+        sigmas=judged.fit.sigmas,
+        point_sigma_mm=point_sigma,
+        used=used,
+        sides=sides,
+        reasons=rejection_reasons(observations, used, squared, joint.offset_in_base_mm),
+        squared_distance=squared,
+        excess=judged.excess,
+        undetermined=open_directions(covariance[:6, :6]),
+        weak=open_directions(covariance[:6, :6], tolerance=0.2),
+    )
+
+
+def _table_part(
+    observations: Sequence[TableObservation],
+    sphere: SphereSize,
+    tcp: TcpSolution,
+    judged: Judged,
+    covariance: FloatArray,
+    point_sigma: float | None,
+    options: TurntableOptions,
+) -> TurntableSolution:
+    """Return the turntable by the whole chain's answer."""
+    state, count = judged.fit.state, len(observations)
+    assert state.table is not None
+    readings, mounts = readings_of(observations)
+    frame = frame_by_rule(state.table, options.direction)
+    residuals = table_residuals(observations, sphere, readings, state, frame)
+    used = judged.used[-count:]
+    two_step = tcp.two_step.tool0_from_laser if tcp.two_step else None
+    tool = KnownTool(tcp.joint.tool0_from_laser, None, two_step)
+    size = slice(_TABLE, judged.data.unknowns)
+    return TurntableSolution(
+        frame=frame,
+        covariance=frame_covariance(state.table, covariance[size, size], options.direction),
+        state=state,
+        sigmas=judged.fit.sigmas,
+        point_sigma_mm=point_sigma,
+        captures=[o.sphere.capture for o in observations],
+        mounts=mounts,
+        used=used,
+        squared_distance=judged.squared_distance[-count:],
+        excess=judged.excess,
+        residuals=residuals,
+        circles=paper_circles(observations, sphere, tool, residuals.sides, used),
+        encoder=encoder_scale(judged, options.encoder_scale),
+        options=options,
+    )
+
+
+def _distance(shift: FloatArray, alone: FloatArray, together: FloatArray) -> float:
+    """Return the squared Mahalanobis distance of an answer of some captures from that of all.
+
+    The difference of the two has the covariance by which the first is worse: C_some − C_all.  Where more captures
+    added little, the difference of two nearly equal matrices is not to be believed: at least 5 % of C_some remain.
+    """
+    scale = np.sqrt(np.diag(alone))
+    values, vectors = np.linalg.eigh((alone - together) / np.outer(scale, scale))
+    along = vectors.T @ (shift / scale)
+    return float(np.sum(along**2 / np.maximum(values, _LEAST_SHARE)))

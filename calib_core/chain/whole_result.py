@@ -1,0 +1,98 @@
+"""The whole chain's solution as the record that is stored, sent and archived."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.chain.observations import TableObservation
+from calib_core.chain.table_reasons import remounted
+from calib_core.chain.tcp_result import tcp_result
+from calib_core.chain.turntable_result import table_fields, table_rows, variance_components
+from calib_core.chain.turntable_verdict import TableJudgement, turntable_verdict
+from calib_core.chain.whole import ChainSolution
+from calib_core.frames import FloatArray
+from calib_core.records import ChainResult, Verdict
+
+METHOD = (
+    "joint maximum likelihood over all points of both kinds of captures, errors of poses and angles integrated out"
+)
+_CHI2_6_RARE, _CHI2_5_RARE = 22.5, 20.5  # 99.9 %
+_ORDER: tuple[Verdict, ...] = ("pass", "warn", "fail")
+
+
+def chain_result(
+    solution: ChainSolution, observations: Sequence[TableObservation], software: str, inputs_sha256: str
+) -> ChainResult:
+    """Return a solution as a record, with its verdict; `observations` are those of the table."""
+    table = solution.turntable
+    tcp = tcp_result(solution.tcp, software, inputs_sha256)
+    table_verdict, table_warnings = turntable_verdict(
+        TableJudgement(
+            table.frame,
+            table.covariance,
+            table.residuals,
+            table.captures,
+            table.used,
+            table.sigmas,
+            table.excess,
+            table.encoder,
+            table.options,
+            remounted(observations, table.used, table.residuals, table.frame),
+        )
+    )
+    doubts = _disagreements(solution)
+    verdicts: list[Verdict] = [tcp.verdict, table_verdict, "warn" if doubts else "pass"]
+    rows = table_rows(observations, table.mounts, table.used, table.squared_distance, table.residuals, table.frame)
+    return ChainResult(
+        stage="chain",
+        method=METHOD,
+        software=software,
+        inputs_sha256=inputs_sha256,
+        verdict=max(verdicts, key=_ORDER.index),
+        warnings=list(dict.fromkeys([*doubts, *tcp.warnings, *table_warnings])),
+        tool0_from_laser=tcp.tool0_from_laser,
+        covariance=tcp.covariance,
+        turntable_covariance=table.covariance.pose.tolist(),
+        cross_covariance=solution.cross_covariance.tolist(),
+        sphere_center_in_base_mm=tcp.sphere_center_in_base_mm,
+        sphere_center_covariance=tcp.sphere_center_covariance,
+        surface_rms_mm=tcp.surface_rms_mm,
+        leave_one_out_surface_rms_mm=tcp.leave_one_out_surface_rms_mm,
+        center_scatter_rms_mm=tcp.center_scatter_rms_mm,
+        undetermined=tcp.undetermined,
+        two_step=tcp.two_step,
+        variance_components=variance_components(table.sigmas, table.point_sigma_mm, table.options),
+        confidence_95=tcp.confidence_95,
+        residuals=[*tcp.residuals, *rows],
+        **table_fields(
+            observations,
+            table.mounts,
+            table.used,
+            table.frame,
+            table.covariance,
+            table.residuals,
+            table.circles,
+            table.sigmas,
+            table.encoder,
+        ),
+    )
+
+
+def _disagreements(solution: ChainSolution) -> list[str]:
+    found: list[str] = []
+    if solution.tcp_distance > _CHI2_6_RARE:
+        found.append(
+            f"The tcp stage alone gives a tool that differs {_words(solution.tcp_difference)}, more than its "
+            "uncertainty allows: the captures of the table contradict those of the still sphere. Check that "
+            "sphere, scanner mounting and robot are the same in both."
+        )
+    if solution.turntable_distance > _CHI2_5_RARE:
+        found.append(
+            f"The turntable stage alone gives a frame that differs {_words(solution.turntable_difference)}, more "
+            "than its uncertainty allows: check the table's wobble, its angles, and that the scanner sits firmly."
+        )
+    return found
+
+
+def _words(difference: FloatArray) -> str:
+    return f"by {np.linalg.norm(difference[3:]):.3f} mm and {np.rad2deg(np.linalg.norm(difference[:3])):.3f}°"
