@@ -1,5 +1,16 @@
 // Generated from the API's OpenAPI document by tests/web/api_types.py; do not edit.
 
+export interface ArchiveFacts {
+  session: string;
+  captures: number;
+  results: Record<string, "pass" | "warn" | "fail">;
+  software: string[];
+  files: number;
+  payload_bytes: number;
+  scene: boolean;
+  report: boolean;
+}
+
 export interface Board {
   kind: "chessboard" | "charuco" | "circles" | "asymmetric-circles";
   columns: number;
@@ -314,6 +325,7 @@ export interface TimedPose {
 export interface Turntable {
   direction?: 1 | -1 | null;
   angle_sigma_deg?: number | null;
+  encoder?: "exact" | "scale" | null;
 }
 
 export interface TwoStep {
