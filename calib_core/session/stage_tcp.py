@@ -97,6 +97,16 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
         solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
     except MotionError as error:
         raise with_failures(error, observed.failed) from None
+    if any(capture.kind == "frame" for capture in given.captures):
+        from calib_core.session.frame_uncertainty import with_calibration_uncertainty
+
+        solution = with_calibration_uncertainty(
+            given.session,
+            given.read,
+            observed.observations,
+            solution,
+            lambda moved: solve_tcp(moved, sphere, options),
+        )
     return SolvedTcp(solution, observed.observations, sphere, observed.unused)
 
 
