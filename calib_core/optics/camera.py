@@ -14,10 +14,17 @@ from calib_core.optics.camera_choice import Candidate, choose_model
 from calib_core.optics.camera_evidence import Coverage, summarise
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel, Model, Segment
 from calib_core.optics.camera_segments import depth_bands
-from calib_core.optics.camera_start import homographies, poses_from_homographies, start_from_homographies
+from calib_core.optics.camera_start import (
+    homographies,
+    homography_misfits_px,
+    poses_from_homographies,
+    start_from_homographies,
+)
 
 FEWEST_VIEWS = 3
 _VIEWS_TO_TELL_A_BEND = 5
+_VIEWS_TO_COMPARE = 6
+_NO_BOARD_SHARE = 0.03  # of the image; distortion alone bends a board by less
 K3 = 8  # its place in the shared vector
 _HUBER_SIGMAS = 3.0
 _OUTLIER_SIGMAS = 6.0
@@ -178,12 +185,18 @@ def calibrate_camera(
     _require_views(len(views))
     tell(0.0, "adjusting camera and boards")
     corners = Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
-    fit = _robust_fit(corners, whole_depth("plain"), start_from_homographies(corners, image_size))
+    no_boards = _no_boards(corners, image_size)
+    boards = [v for v in range(corners.views) if v not in no_boards]
+    _require_views(len(boards))
+    start = start_from_homographies(corners.take(boards), image_size)
+    fit = _robust_fit(corners, whole_depth("plain"), start, no_boards)
     layouts: dict[Model, Layout] = {m: whole_depth(m) for m in ("plain", "rational", "tilted")}
     bands = depth_bands(fit.corners, fit.adjusted.state, options.segments)
     if bands is not None:
         layouts["segmental"] = banded(*bands)
-    if options.model == "auto":
+    if options.model == "auto" and len(fit.used) < _VIEWS_TO_COMPARE:
+        chosen, candidates = "plain", ()
+    elif options.model == "auto":
         tell(0.2, "comparing models on held-out views")
         chosen, candidates = choose_model(fit.corners, fit.adjusted.state, layouts, options.folds)
     else:
@@ -217,6 +230,18 @@ class Fit:
     rejected: dict[int, str]
     view_rms_px: FloatArray
     sigma_px: float
+
+
+def _no_boards(corners: Corners, image_size: tuple[int, int]) -> dict[int, str]:
+    """Return the views whose points are no flat board in perspective, not even roughly, and why."""
+    misfits = homography_misfits_px(corners, homographies(corners))
+    limit = max(5 * float(np.median(misfits)), _NO_BOARD_SHARE * max(image_size))
+    if not np.isfinite(limit) or float(np.median(misfits)) > _NO_BOARD_SHARE * max(image_size):
+        limit = _NO_BOARD_SHARE * max(image_size)
+    return {
+        int(v): f"its points are {misfits[v]:.0f} px off a flat board in perspective: they were mistaken"
+        for v in np.flatnonzero(~(misfits <= limit))
+    }
 
 
 def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: dict[int, str] | None = None) -> Fit:

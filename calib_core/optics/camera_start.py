@@ -36,6 +36,19 @@ def homographies(corners: Corners) -> FloatArray:
     return np.asarray(pixels_from_unit @ solution @ unit_from_board)
 
 
+def homography_misfits_px(corners: Corners, homography: FloatArray) -> FloatArray:
+    """Return how far each view's corners lie from its homography, root mean square, (V,), px.
+
+    A lens's distortion alone makes this some pixels; points that are no board make it a good part of the image.
+    """
+    flat = np.column_stack([corners.points_mm[:, :2], np.ones(len(corners.points_mm))])
+    mapped = np.einsum("nij,nj->ni", homography[corners.view_of_each], flat)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = mapped[:, :2] / mapped[:, 2:] - corners.pixels
+    squares = np.nan_to_num((off**2).sum(axis=1), nan=np.inf)
+    return np.sqrt(np.add.reduceat(squares, corners.ends[:-1]) / np.diff(corners.ends))
+
+
 def focal_lengths(homography: FloatArray, image_size: tuple[int, int]) -> tuple[float, float]:
     """Return fx and fy, px, that make the boards' axes perpendicular and equally long, the image's centre given.
 

@@ -147,6 +147,23 @@ def test_spoiled_views_are_named() -> None:
     assert solution.camera.camera_matrix[0, 0] == pytest.approx(2400, abs=4 * np.sqrt(solution.covariance[0, 0]))
 
 
+def test_points_that_are_no_board_are_named_and_harmless() -> None:
+    rng = np.random.default_rng(13)
+    garbage = [view(rng.uniform(0, 1000, BOARD[:, :2].shape)) for _ in range(4)]
+    solution = calibrate_camera([*simulate(PLAIN, 9, 13), *garbage], SIZE)
+    assert sorted(solution.rejected) == [9, 10, 11, 12]
+    assert "flat board" in solution.rejected[9]
+    assert solution.camera.camera_matrix[0, 0] == pytest.approx(2400, abs=4 * np.sqrt(solution.covariance[0, 0]))
+    with pytest.raises(MotionError, match="at least 3 views"):
+        calibrate_camera(garbage, SIZE)
+
+
+def test_few_views_get_no_fancy_model() -> None:
+    solution = calibrate_camera(simulate(PLAIN, 4, 14), SIZE)
+    assert solution.camera.model == "plain"
+    assert solution.candidates == ()
+
+
 def test_poor_views_are_talked_about() -> None:
     views = simulate(PLAIN, 4, 6, depths=(550, 600))
     said = " ".join(problems_of(calibrate_camera(views, SIZE, CameraOptions(model="plain"))))
