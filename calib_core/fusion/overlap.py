@@ -5,7 +5,7 @@ the distance of their means along their common normal.  Beside its RMS stands th
 noise and from what the calibration leaves uncertain.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -98,12 +98,13 @@ class Overlap:
     per_scan: FloatArray
 
 
-def patches(scans: Sequence[CleanScan], size_mm: float = 1.0) -> Patches:
+def patches(scans: Iterable[CleanScan], size_mm: float = 1.0) -> Patches:
     """Return the means of each scan in voxels of its own.
 
     Parameters
     ----------
-    scans : sequence of CleanScan
+    scans : iterable of CleanScan
+        Taken one at a time, so that they need not be in memory together.
     size_mm : float
         The voxels' edge: large beside the scans' distances, small beside the object's curvature.
 
@@ -112,10 +113,10 @@ def patches(scans: Sequence[CleanScan], size_mm: float = 1.0) -> Patches:
     InputError
         If there are no scans or the size is not a positive number.
     """
-    if not scans:
-        raise InputError("scans to compare", "none", "Add scans of the object.", "scans")
+    names: list[str] = []
     columns: list[tuple[NDArray[Any], ...]] = []
     for number, scan in enumerate(scans):
+        names.append(scan.name)
         grid = VoxelGrid(size_mm, normals=True)
         # A distance along the normal has the noise that the scan states, at every angle of incidence.
         weights = ((scan.verdicts == KEPT) / scan.point_sigma_mm**2).astype(np.float32)
@@ -124,11 +125,13 @@ def patches(scans: Sequence[CleanScan], size_mm: float = 1.0) -> Patches:
         good = (cloud.counts >= _FEWEST_POINTS) & np.isfinite(cloud.normals).all(axis=1)
         values = (cloud.keys, cloud.points_mm, cloud.normals, cloud.sigma_mm.astype(float) ** 2)
         columns.append((*(value[good] for value in values), np.full(int(good.sum()), number)))
+    if not names:
+        raise InputError("scans to compare", "none", "Add scans of the object.", "scans")
     keys, points, normals, variances, scan_numbers = (np.concatenate(c) for c in zip(*columns, strict=True))
     order = np.argsort(keys, kind="stable")
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(keys[order])) + 1, [len(keys)]])
     return Patches(
-        tuple(scan.name for scan in scans),
+        tuple(names),
         scan_numbers[order],
         points[order].astype(float),
         normals[order].astype(float),

@@ -1,0 +1,190 @@
+"""The whole merge, scan after scan: clean, fuse, compare, register if asked, mesh; a table of contents."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from calib_core.errors import CalibrationError, InputError, MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.fusion.clean import KEPT, CleanOptions, CleanScan, clean_scan
+from calib_core.fusion.merge import SpillStore, VoxelCloud, VoxelGrid
+from calib_core.fusion.mesh import Mesh, grid_mesh, poisson_mesh
+from calib_core.fusion.overlap import Overlap, PoseErrors, overlap, patches
+from calib_core.fusion.register import Registration, register
+from calib_core.fusion.scan import Scan
+
+Progress = Callable[[float, str], None]
+
+_PATCH_VOXELS = 3.0
+
+
+@dataclass(frozen=True)
+class MergeOptions:
+    """What is asked of a merge.
+
+    Parameters
+    ----------
+    voxel_mm : float
+    mesh : {"poisson", "grid", "none"}
+    registration : bool
+        Whether the scans may be moved after the overlap was measured.
+    clean : CleanOptions
+    patch_mm : float, optional
+        Voxels in which scans are compared; three times `voxel_mm` if left out.
+    """
+
+    voxel_mm: float = 0.5
+    mesh: Literal["poisson", "grid", "none"] = "poisson"
+    registration: bool = False
+    clean: CleanOptions = field(default_factory=CleanOptions)
+    patch_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class ScanCounts:
+    """How many points of a scan were kept, and dropped by reason."""
+
+    points: int
+    kept: int
+    removed: dict[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class MergeSolution:
+    """The merged cloud and its evidence.
+
+    Parameters
+    ----------
+    cloud : VoxelCloud
+    mesh : Mesh or None
+    overlap : Overlap
+        Before any registration; rows of `per_scan` as `used`.
+    registration : Registration or None
+    used : tuple of str
+        Scans that were merged, in order.
+    failed : dict
+        Scans of no use, by name, and why.
+    counts : dict
+        By scan.
+    warnings : tuple of str
+    """
+
+    cloud: VoxelCloud
+    mesh: Mesh | None
+    overlap: Overlap
+    registration: Registration | None
+    used: tuple[str, ...]
+    failed: dict[str, MeasurementError]
+    counts: dict[str, ScanCounts]
+    warnings: tuple[str, ...]
+
+
+def solve_merge(
+    scans: Sequence[Scan],
+    errors: PoseErrors | None = None,
+    options: MergeOptions | None = None,
+    progress: Progress | None = None,
+    store: SpillStore | None = None,
+) -> MergeSolution:
+    """Return all scans in one cloud in T, how far they lie apart, and a mesh.
+
+    Parameters
+    ----------
+    scans : sequence of Scan
+        May read them one by one; each is asked for once, twice with registration or a mesh of the grids.
+    errors : PoseErrors, optional
+        What the calibration leaves uncertain of each scan's place, for the overlap that is expected.
+    options : MergeOptions, optional
+    progress : callable, optional
+        Called with the fraction done and what is being done; may raise to stop.
+    store : SpillStore, optional
+        For more voxels than memory holds.
+
+    Raises
+    ------
+    InputError
+        If there are no scans.
+    MeasurementError
+        If no scan has points on a surface.
+    """
+    o = options or MergeOptions()
+    tell = progress or _say_nothing
+    if not scans:
+        raise InputError("at least one scan", "none", "Scan the object and add the captures.", "captures")
+    grid = VoxelGrid(o.voxel_mm, normals=True, store=store)
+    failed: dict[str, MeasurementError] = {}
+    counts: dict[str, ScanCounts] = {}
+    used: list[int] = []
+
+    def cleaned() -> Iterator[CleanScan]:
+        for number, scan in enumerate(scans):
+            tell(0.6 * number / len(scans), f"Cleaning and merging {scan.name}")
+            try:
+                clean = clean_scan(scan, o.clean)
+            except MeasurementError as error:
+                failed[scan.name] = error
+                continue
+            used.append(number)
+            counts[scan.name] = _counted(clean)
+            if not o.registration:
+                _add(grid, clean)
+            yield clean
+
+    try:
+        seen = patches(cleaned(), o.patch_mm or _PATCH_VOXELS * o.voxel_mm)
+    except InputError:
+        if not failed:
+            raise
+        raise next(iter(failed.values())) from None
+    if errors is not None:
+        errors = PoseErrors(errors.common[used], errors.own[used])
+    apart = overlap(seen, errors)
+    registration = None
+    moves = np.tile(np.eye(4), (len(used), 1, 1))
+    if o.registration:
+        tell(0.6, "Registering the scans to each other")
+        registration = register(seen, errors)
+        moves = registration.turntable_from_scan
+        for number, move in zip(used, moves, strict=True):
+            tell(0.65, f"Merging {scans[number].name}")
+            _add(grid, clean_scan(_moved(scans[number], move), o.clean))
+    tell(0.75, "Gathering the points")
+    cloud = grid.cloud()
+    tell(0.8, "Building the mesh")
+    again = (clean_scan(_moved(scans[n], move), o.clean) for n, move in zip(used, moves, strict=True))
+    mesh, warnings = _mesh(cloud, again, o)
+    tell(1.0, "Merged")
+    names = tuple(scans[number].name for number in used)
+    return MergeSolution(cloud, mesh, apart, registration, names, failed, counts, tuple(warnings))
+
+
+def _say_nothing(_fraction: float, _what: str) -> None:
+    """Take progress that nobody asked for."""
+
+
+def _counted(clean: CleanScan) -> ScanCounts:
+    removed = clean.removed()
+    kept = int(np.count_nonzero(clean.verdicts == KEPT))
+    return ScanCounts(kept + sum(removed.values()), kept, removed)
+
+
+def _add(grid: VoxelGrid, clean: CleanScan) -> None:
+    grid.add(clean.points_in_turntable_mm, None, clean.weights, clean.normals, clean.name)
+
+
+def _moved(scan: Scan, turntable_from_scan: FloatArray) -> Scan:
+    return replace(scan, turntable_from_laser=turntable_from_scan @ scan.turntable_from_laser)
+
+
+def _mesh(cloud: VoxelCloud, cleaned: Iterator[CleanScan], options: MergeOptions) -> tuple[Mesh | None, list[str]]:
+    """Return the mesh that is asked for; without one, and why not, where the points do not give it."""
+    if options.mesh == "none":
+        return None, []
+    try:
+        if options.mesh == "grid":
+            return grid_mesh(list(cleaned)), []
+        return poisson_mesh(cloud, options.voxel_mm), []
+    except CalibrationError as error:
+        return None, [f"No mesh: need {error.need}, got {error.got}. {error.to_do}"]
