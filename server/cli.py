@@ -107,7 +107,8 @@ _Add = Callable[[str, str, Callable[[argparse.Namespace], int]], argparse.Argume
 def _solving(add: _Add) -> None:
     command = add("run", "solve a session folder or archive, no server needed", _command_run)
     _session(command)
-    command.add_argument("--stage", default="all", metavar="STAGE", help="all (default) or one stage: tcp")
+    stages = "all (default), or one of camera, laser-plane, tcp, turntable, chain"
+    command.add_argument("--stage", default="all", metavar="STAGE", help=stages)
     command.add_argument("--out", type=Path, metavar="DIR", help="write results/ here instead of into the session")
     command.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     _session(add("check", "say what is wrong with a session and what is still missing", _command_check))

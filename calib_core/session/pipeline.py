@@ -91,8 +91,8 @@ def run(
     results: dict[str, Result] = {}
     todo = [name for name, entry in STAGES.items() if entry.known(session.cell.known) is None]
     with_captures = [name for name in todo if _has_captures(session, name)]
-    if todo and not with_captures:
-        _require_captures([], todo[0])
+    if not any(stage_captures(session, name) for name in STAGES):
+        _require_captures([], "tcp")
     for name in with_captures:
         results[name] = solve_stage(session, name, read, progress)
     return results

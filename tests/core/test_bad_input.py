@@ -251,9 +251,9 @@ def test_a_known_tool_is_not_solved(folder, capsys):
     refused(folder, capsys, "cell.known", arguments=("--stage", "tcp"))
 
 
-@pytest.mark.parametrize(("stage", "said"), [("tpc", "'tpc'"), ("turntable", "which a later version will solve")])
+@pytest.mark.parametrize(("stage", "said"), [("tpc", "'tpc'"), ("verify", "which a later version will solve")])
 def test_unknown_stage(folder, capsys, stage, said):
-    refused(folder, capsys, "a stage among all, tcp", said, arguments=("--stage", stage))
+    refused(folder, capsys, "a stage among all, camera, laser-plane, tcp", said, arguments=("--stage", stage))
 
 
 def test_an_out_folder_that_cannot_be_written(folder, capsys, tmp_path):
