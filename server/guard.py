@@ -15,6 +15,7 @@ from calib_core.errors import CalibrationError, TooLargeError
 from server.errors import ForbiddenError, problem, problem_response
 from server.settings import Settings, is_loopback
 
+_ARCHIVES = "/api/v1/archives"
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
 _PAGE_POLICY = (
@@ -31,6 +32,7 @@ class Guard:
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
         self._max_bytes = settings.max_upload_bytes
+        self._max_archive_bytes = settings.max_archive_bytes
         self._open_to_names = not is_loopback(settings.host) and not settings.allowed_hosts
         self._names = {"localhost", "127.0.0.1", "::1", settings.host, *settings.allowed_hosts}
 
@@ -51,7 +53,7 @@ class Guard:
         if scope["type"] == "websocket":
             await self._app(scope, receive, send)
         else:
-            await self._app(scope, self._limited(receive), _with_headers(scope, send))
+            await self._app(scope, _limited(receive, self._limit(scope)), _with_headers(scope, send))
 
     def _check(self, scope: Scope) -> None:
         headers = Headers(scope=scope)
@@ -64,25 +66,28 @@ class Guard:
             )
         if scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS:
             _check_origin(headers, host)
-        length = headers.get("content-length", "")
-        if length.isdecimal() and int(length) > self._max_bytes:
-            raise TooLargeError(
-                f"at most {self._max_bytes} bytes in one request", length, "Send less at once.", "request"
-            )
+        length, limit = headers.get("content-length", ""), self._limit(scope)
+        if length.isdecimal() and int(length) > limit:
+            raise TooLargeError(f"at most {limit} bytes in one request", length, "Send less at once.", "request")
 
-    def _limited(self, receive: Receive) -> Receive:
-        total = 0
+    def _limit(self, scope: Scope) -> int:
+        """Return how many bytes a request may have: archives go to a file as they come, all else to memory."""
+        return self._max_archive_bytes if scope["path"].startswith(_ARCHIVES) else self._max_bytes
 
-        async def counting() -> Message:
-            nonlocal total
-            message = await receive()
-            total += len(message.get("body", b""))
-            if total > self._max_bytes:
-                # An HTTPException is the one error that passes through the body parsers unchanged.
-                raise HTTPException(413, f"a request of more than {self._max_bytes} bytes")
-            return message
 
-        return counting
+def _limited(receive: Receive, limit: int) -> Receive:
+    total = 0
+
+    async def counting() -> Message:
+        nonlocal total
+        message = await receive()
+        total += len(message.get("body", b""))
+        if total > limit:
+            # An HTTPException is the one error that passes through the body parsers unchanged.
+            raise HTTPException(413, f"a request of more than {limit} bytes")
+        return message
+
+    return counting
 
 
 def _check_origin(headers: Headers, host: str) -> None:

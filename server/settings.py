@@ -36,6 +36,7 @@ class Settings(BaseSettings):
 
     max_json_bytes: Annotated[int, Field(gt=0)] = 4 * MEBIBYTE
     max_upload_bytes: Annotated[int, Field(gt=0)] = 128 * MEBIBYTE
+    max_archive_bytes: Annotated[int, Field(gt=0)] = 2048 * MEBIBYTE
     max_files_per_capture: Annotated[int, Field(gt=0)] = 5000
 
     workers: Annotated[int, Field(ge=1, le=64)] = 1

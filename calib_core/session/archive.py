@@ -8,7 +8,7 @@ from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO, Final, cast
+from typing import IO, Any, Final, cast
 
 from calib_core import __version__
 from calib_core.errors import CalibrationError, ConflictError, InputError
@@ -89,7 +89,7 @@ def pack(folder: Path, out: Path, extra: Mapping[str, Content] | None = None) ->
     return facts
 
 
-def pack_files(session: Session, payload: Mapping[str, Content], out: BinaryIO, where: str) -> ArchiveFacts:
+def pack_files(session: Session, payload: Mapping[str, Content], out: IO[bytes], where: str) -> ArchiveFacts:
     """Write the archive of a session whose files lie anywhere, and verify what was written.
 
     Parameters
@@ -125,7 +125,7 @@ def archive_name(session: Session) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", session.name).strip("-")[:60].lower() or "session"
 
 
-def verify(source: Path | BinaryIO, where: str = "", limits: ArchiveLimits = LIMITS) -> ArchiveFacts:
+def verify(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = LIMITS) -> ArchiveFacts:
     """Check an archive as a whole: the zip, the bag, every SHA-256, the session and its results.
 
     Raises
@@ -238,7 +238,7 @@ def read_archive(bag: Bag) -> ArchivedSession:
     there = set(bag.payload)
     for capture in session.captures:
         for name in capture.files:
-            if _plain(name) not in there:
+            if plain_name(name) not in there:
                 place = f"{bag.where}: {SESSION_FILE}: captures[{capture.id}]"
                 raise InputError(f"the file {ascii(name)[:80]}", "none", "Copy it there and pack again.", place)
     results: dict[str, dict[str, Any]] = {}
@@ -253,7 +253,7 @@ def _reader(bag: Bag) -> ReadFile:
     there = set(bag.payload)
 
     def read(name: str) -> bytes:
-        plain = _plain(name)
+        plain = plain_name(name)
         place = f"{bag.where}: {name}"
         if plain not in there:
             raise InputError("a file of the session", "none by this name", "Pack the session again.", place)
@@ -263,7 +263,8 @@ def _reader(bag: Bag) -> ReadFile:
     return read
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """Return the name in an archive of a file that a record names, perhaps as ``./captures//p01.csv``."""
     return str(PurePosixPath(name))
 
 

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO, Final
+from typing import IO, Final
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.session.bag_names import require_distinct_names, require_safe_name
@@ -87,7 +87,7 @@ class Bag:
 
 
 @contextmanager
-def open_bag(source: Path | BinaryIO, where: str = "", limits: ArchiveLimits = LIMITS) -> Generator[Bag]:
+def open_bag(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = LIMITS) -> Generator[Bag]:
     """Open a zipped bag whose manifests name exactly the files that it holds.
 
     Parameters
@@ -119,7 +119,7 @@ def open_bag(source: Path | BinaryIO, where: str = "", limits: ArchiveLimits = L
         yield Bag(files, base, manifest, tags)
 
 
-def write_bag(out: BinaryIO, base: str, payload: Mapping[str, Content], about: Mapping[str, str]) -> None:
+def write_bag(out: IO[bytes], base: str, payload: Mapping[str, Content], about: Mapping[str, str]) -> None:
     """Write a zipped bag; the same payload gives the same bytes.
 
     Parameters

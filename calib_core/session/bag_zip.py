@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.session.bag_names import require_distinct_names, require_safe_name
@@ -95,7 +95,7 @@ class ZipFiles:
 
 
 @contextmanager
-def open_zip(source: Path | BinaryIO, where: str = "", limits: ArchiveLimits = LIMITS) -> Generator[ZipFiles]:
+def open_zip(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = LIMITS) -> Generator[ZipFiles]:
     """Open a zip whose names, sizes and kinds of entries are harmless.
 
     Parameters
@@ -123,7 +123,7 @@ def open_zip(source: Path | BinaryIO, where: str = "", limits: ArchiveLimits = L
 
 
 @contextmanager
-def _opened(source: Path | BinaryIO, where: str) -> Generator[IO[bytes]]:
+def _opened(source: Path | IO[bytes], where: str) -> Generator[IO[bytes]]:
     if not isinstance(source, Path):
         yield source
         return

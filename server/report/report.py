@@ -71,7 +71,7 @@ def number(value: float | None, decimals: int = 3, unit: str = "") -> str:
     """Return a number with fixed decimals and its unit, a dash where there is none."""
     if value is None or not math.isfinite(value):
         return "–"
-    space = "\u202f" if unit else ""
+    space = "" if unit in ("", "°") else "\u202f"
     return f"{value:.{decimals}f}{space}{unit}".replace("-", "−")
 
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
+from typing import IO
 
 from calib_core.errors import NotFoundError
 
@@ -79,6 +80,10 @@ class Blobs:
             with self._lock:
                 if path.exists() and path.stat().st_mtime < oldest_s:
                     path.unlink()
+
+    def scratch(self) -> IO[bytes]:
+        """Return a nameless file on the same disk, for what is on its way in or out; it goes when it is closed."""
+        return tempfile.TemporaryFile(dir=self._arriving)
 
     def clean(self) -> None:
         """Remove what an interrupted upload left; called at start-up, before anything arrives."""

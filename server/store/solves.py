@@ -88,9 +88,10 @@ def add_result(db: Transaction, job_id: str, record: Data) -> None:
     job = db.get(JobRow, job_id)
     if job is None or not update_job(db, job_id, "done", "done", 1.0):
         return
-    db.add(
-        ResultRow(
-            session_id=job.session_id, stage=job.stage, created=now(), verdict=record["verdict"], record=record
-        )
-    )
-    record_event(db, locked_session(db, job.session_id), "result", {"stage": job.stage})
+    store_result(db, locked_session(db, job.session_id), job.stage, record)
+
+
+def store_result(db: Transaction, session: SessionRow, stage: str, record: Data) -> None:
+    """Store a stage's result as the latest one."""
+    db.add(ResultRow(session_id=session.id, stage=stage, created=now(), verdict=record["verdict"], record=record))
+    record_event(db, session, "result", {"stage": stage})

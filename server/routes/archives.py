@@ -1,0 +1,147 @@
+"""Archives and reports: a session out as one file, and an archive in."""
+
+from collections.abc import AsyncGenerator, Iterator
+from typing import IO, Annotated, Any
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi.responses import HTMLResponse, StreamingResponse
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import UploadFile
+
+from calib_core.errors import CalibrationError, InputError
+from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
+from server.deps import OnceDep, SessionId, StoreDep
+from server.schemas import StoredSession
+from server.store.database import Store
+from server.store.models import Data
+from server.store.sessions import StoredSession as SessionOfStore
+from server.store.sessions import load_session, session_data
+from server.strict_json import StrictRoute
+
+router = APIRouter(tags=["archives"], route_class=StrictRoute)
+
+_CHUNK_BYTES = 1 << 20
+_ZIP: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+_FORM: dict[str, Any] = {
+    "schema": {
+        "type": "object",
+        "properties": {"file": {"type": "string", "format": "binary"}},
+        "required": ["file"],
+    }
+}
+_BODY: dict[str, Any] = {
+    "requestBody": {"required": True, "content": {"application/zip": _ZIP, "multipart/form-data": _FORM}}
+}
+
+
+async def arrived(request: Request, store: StoreDep) -> AsyncGenerator[IO[bytes]]:
+    """Give the archive that a request brings, as its body or as the file of a form; raises InputError."""
+    if request.headers.get("content-type", "").startswith("multipart/form-data"):
+        async with request.form(max_files=1, max_fields=10) as form:
+            upload = next((part for part in form.values() if isinstance(part, UploadFile)), None)
+            if upload is None:
+                raise InputError("an archive", "a form without a file", "Send it as the part `file`.", "request")
+            yield upload.file
+        return
+    with store.blobs.scratch() as file:
+        async for chunk in request.stream():
+            await run_in_threadpool(file.write, chunk)
+        file.seek(0)
+        yield file
+
+
+ArchiveDep = Annotated[IO[bytes], Depends(arrived)]
+
+
+@router.get(
+    "/sessions/{session_id}/archive",
+    response_class=Response,
+    responses={200: {"description": "The archive, a zip.", "content": {"application/zip": _ZIP}}},
+)
+def get_archive(
+    session_id: SessionId,
+    store: StoreDep,
+    scene: Annotated[bool, Query(description="With the 3-D scene as a page of its own.")] = True,
+) -> StreamingResponse:
+    """Return the session as one zip that still computes years later: record, files, results, report, scene."""
+    from server.store.archives import pack_stored
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    file = store.blobs.scratch()
+    try:
+        pack_stored(stored, file, _pages(store, stored, scene))
+        size = file.seek(0, 2)
+    except BaseException:
+        file.close()
+        raise
+    headers = {
+        "Content-Length": str(size),
+        "Content-Disposition": f'attachment; filename="{archive_name(stored.session)}.zip"',
+    }
+    return StreamingResponse(_chunks(file), media_type="application/zip", headers=headers)
+
+
+@router.post("/archives", status_code=201, response_model=StoredSession, openapi_extra=_BODY)
+def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep) -> Response:
+    """Make a session from an archive, with its captures and results; what is wrong with it leaves nothing behind.
+
+    What the session folder holds beside them (scene, report, truth, notes) stays in the archive.
+    """
+    from server.store.archives import add_import, digest_of, read_import
+
+    content = digest_of(archive)
+    answered = once.answered(store, content)
+    if answered is not None:
+        return answered
+    found = read_import(archive, store.blobs)
+
+    def act(db: Any) -> Data:
+        return session_data(db, add_import(db, found))
+
+    answer, _ = once.run(store, content, 201, act)
+    return answer
+
+
+@router.post("/archives/verify", response_model=ArchiveFacts, openapi_extra=_BODY)
+def verify_archive(archive: ArchiveDep, _: OnceDep) -> ArchiveFacts:
+    """Check that an archive is whole, unaltered and a session; stores nothing."""
+    from calib_core.session.archive import verify
+
+    return verify(archive, "archive")
+
+
+@router.get("/sessions/{session_id}/report", response_class=HTMLResponse)
+def get_report(session_id: SessionId, store: StoreDep) -> HTMLResponse:
+    """Return the session's report: one page that needs nothing else and can be printed."""
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    return HTMLResponse(_report(stored))
+
+
+def _report(stored: SessionOfStore) -> str:
+    from server.report.report import report_html
+
+    results = stored.results_with_stale()
+    return report_html(stored.session, stored.results, [name for name, r in results.items() if r["stale"]])
+
+
+def _pages(store: Store, stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:
+    pages = {REPORT_FILE: _report(stored).encode()}
+    if with_scene:
+        from server.scenes.offline import scene_html
+        from server.scenes.stored import scene_input
+
+        try:
+            scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results)
+            pages[SCENE_FILE] = scene_html(scene).encode()
+        except CalibrationError:
+            pass  # measurements and results go out even where they cannot be drawn
+    return pages
+
+
+def _chunks(file: IO[bytes]) -> Iterator[bytes]:
+    with file:
+        file.seek(0)
+        while chunk := file.read(_CHUNK_BYTES):
+            yield chunk

@@ -1,0 +1,135 @@
+"""Archives: a stored session out as one zip, and one in, all or nothing."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from hashlib import sha256
+from typing import IO
+
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import ConflictError, InputError
+from calib_core.records import Capture, Measured, Session
+from calib_core.session.archive import ArchivedSession, pack_files, plain_name, read_archive
+from calib_core.session.bag import Content, open_bag
+from calib_core.session.bag_zip import LIMITS, ArchiveLimits
+from calib_core.session.folder import SESSION_FILE, to_json_bytes
+from calib_core.session.pipeline import STAGES
+from server.measuring import check_poses, measure
+from server.store.blobs import Blobs
+from server.store.captures import add_capture
+from server.store.models import Data, SessionRow
+from server.store.sessions import STORE_FIELDS, StoredSession, create_session
+from server.store.solves import store_result
+
+_MAX_NAME = 500
+_WHERE = "archive"
+
+
+@dataclass
+class Import:
+    """A session on its way from an archive into the store: all of it is checked, its files are blobs."""
+
+    session: Session
+    results: Mapping[str, Data]
+    measured: dict[str, Measured] = field(default_factory=dict[str, Measured])
+    digests: dict[str, str] = field(default_factory=dict[str, str])
+    sizes: dict[str, int] = field(default_factory=dict[str, int])
+
+
+def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes]) -> None:
+    """Write a stored session's archive.
+
+    Parameters
+    ----------
+    stored : StoredSession
+    out : binary file
+        To read and write.
+    pages : mapping
+        What goes in beside the session: its scene and its report, by file name.
+
+    Raises
+    ------
+    ConflictError
+        If a capture's file bears the name of something else in a session folder.
+    CalibrationError
+        If a name cannot be stored everywhere, or a stored file is damaged.
+    """
+    payload: dict[str, Content] = {
+        SESSION_FILE: to_json_bytes(stored.session.to_json()),
+        **{f"results/{stage}.json": to_json_bytes(result) for stage, result in stored.results.items()},
+        **pages,
+    }
+    for name, digest in stored.digests.items():
+        if plain_name(name) in payload:
+            got = f"a capture's file named {name}"
+            raise ConflictError("files of captures below captures/", got, "Rename the file.", stored.id)
+        payload[plain_name(name)] = stored.blobs.path(digest)
+    pack_files(stored.session, payload, out, stored.id)
+
+
+def read_import(file: IO[bytes], blobs: Blobs, limits: ArchiveLimits = LIMITS) -> Import:
+    """Check an archive as a whole, measure its captures, and then store its files as blobs.
+
+    Raises
+    ------
+    CalibrationError
+        With the first thing that is wrong; nothing is stored then.
+    """
+    with open_bag(file, _WHERE, limits) as bag:
+        bag.verify()
+        archived = read_archive(bag)
+        found = Import(archived.session, archived.results)
+        _require_storable(archived)
+        for capture in archived.session.captures:
+            check_poses(archived.session, capture)
+            found.measured[capture.id] = measure(archived.session, capture, archived.read)
+        for name in dict.fromkeys(name for capture in archived.session.captures for name in capture.files):
+            content = archived.read(name)
+            found.digests[name], found.sizes[name] = blobs.put(content), len(content)
+    return found
+
+
+def add_import(db: Transaction, found: Import) -> SessionRow:
+    """Store what an archive holds as a new session."""
+    record = {name: value for name, value in found.session.to_json().items() if name not in STORE_FIELDS}
+    del record["captures"]
+    row = create_session(db, record, None)
+    for capture in found.session.captures:
+        digests = {name: found.digests[name] for name in capture.files}
+        sizes = {name: found.sizes[name] for name in capture.files}
+        add_capture(db, row, capture, found.measured[capture.id], digests, sizes)
+    for stage, result in found.results.items():
+        store_result(db, row, stage, result)
+    return row
+
+
+def digest_of(file: IO[bytes]) -> str:
+    """Return the SHA-256 of a file as a whole."""
+    digest = sha256()
+    file.seek(0)
+    while chunk := file.read(1 << 20):
+        digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _require_storable(archived: ArchivedSession) -> None:
+    """Refuse what a session folder may have and the store has no place for."""
+    where = f"{_WHERE}: {SESSION_FILE}"
+    if len(archived.session.name) > _MAX_NAME:
+        got = f"{len(archived.session.name)}"
+        raise InputError(f"a name of at most {_MAX_NAME} characters", got, "Shorten it.", where)
+    for stage in archived.results:
+        if stage not in STAGES:
+            raise InputError(
+                "results of the stages " + ", ".join(STAGES),
+                f"one of '{stage[:60]}'",
+                "Import it with a version of scancell that solves this stage.",
+                f"{_WHERE}: results",
+            )
+    for capture in archived.session.captures:
+        _require_names_differ(capture, where)
+
+
+def _require_names_differ(capture: Capture, where: str) -> None:
+    if len(set(capture.files)) != len(capture.files):
+        raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)

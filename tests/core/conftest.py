@@ -1,0 +1,29 @@
+"""A simulated session, solved and packed once for all tests of archives and reports."""
+
+from pathlib import Path
+
+import pytest
+
+from calib_core.session.archive import pack
+from calib_core.session.folder import load_session, save_session, to_json_bytes, write_result
+from calib_core.session.pipeline import run
+from calib_core.simulation import simulate
+
+
+@pytest.fixture(scope="session")
+def solved_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session folder with its result; tests read it and leave it as it is."""
+    folder = tmp_path_factory.mktemp("solved") / "cell"
+    simulated = simulate("tcp-spoiled", 7)
+    save_session(folder, simulated.session, {**simulated.files, "truth.json": to_json_bytes(simulated.truth)})
+    session, read = load_session(folder)
+    write_result(folder, "tcp", run(session, read)["tcp"])
+    return folder
+
+
+@pytest.fixture(scope="session")
+def packed(solved_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The session's archive."""
+    file = tmp_path_factory.mktemp("packed") / "cell.zip"
+    pack(solved_folder, file, {"report.html": b"<p>report</p>"})
+    return file.read_bytes()
