@@ -9,6 +9,7 @@ from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.table_residuals import TableResiduals
 from calib_core.frames import FloatArray
 
+_SAME_PLACE_MM = 2.0
 _FITS = 0.1  # of the residual: a capture that fits another label so much better belongs there
 
 
@@ -78,9 +79,11 @@ def remounted(
     rejected = np.flatnonzero(~used)
     if len(rejected) < 3:
         return None
-    places = places_in_table(observations, residuals.centers_in_base, frame)[rejected]
-    middle = np.median(places, axis=0)
-    near = np.linalg.norm(places - middle, axis=1) < 2.0
+    places = places_in_table(observations, residuals.both_in_base, frame)[rejected]
+    guesses = places.reshape(-1, 3)
+    agree = np.linalg.norm(places[None] - guesses[:, None, None], axis=3).min(axis=2) < _SAME_PLACE_MM
+    best = int(np.argmax(agree.sum(axis=1)))
+    middle, near = guesses[best], agree[best]
     if near.sum() < 3:
         return None
     names = ", ".join(observations[int(k)].sphere.capture for k in rejected[near])
