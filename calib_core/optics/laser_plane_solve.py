@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
-from calib_core.optics.adjust import Adjustment, Corners, LaserLines, State, fit_poses, plane_start, shared_vector
+from calib_core.optics.adjust import (
+    Adjusted,
+    Adjustment,
+    Corners,
+    LaserLines,
+    State,
+    fit_poses,
+    plane_start,
+    shared_vector,
+)
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
@@ -37,6 +46,7 @@ _LEAST_CORNER_SIGMA_PX = 0.01
 _LEAST_STRIPE_SIGMA_PX = 0.01
 _LEAST_POINTS = 30
 _INSIDE_SHARE = 0.25
+_EDGE_WIDTHS = 2.5
 _SPOILED_RMS_RATIO = 6.0
 
 
@@ -218,7 +228,20 @@ def _on_straight_line(camera: CameraModel, view: PlaneView, pose: RigidTransform
         for margin in (_pitch(corners), float((high - low).max()))
     )
     enough = inside.sum() >= max(_LEAST_POINTS, _INSIDE_SHARE * around.sum())
-    return inside if enough else around
+    straight = inside if enough else around
+    clear = straight & _clear_of_edges(on_board, view)
+    return clear if clear.sum() >= _LEAST_POINTS else straight
+
+
+def _clear_of_edges(on_board: FloatArray, view: PlaneView) -> Mask:
+    """Return which centres (N,) are clear of the squares' edges, where white draws the light's middle to it."""
+    corners, pixels = view.board.points_in_board_mm[:, :2], view.board.points_px
+    low, high, pitch = corners.min(axis=0), corners.max(axis=0), _pitch(corners)
+    mm_per_px = pitch / float(np.median(np.hypot(*np.diff(pixels, axis=0).T)))
+    clearance = min(_EDGE_WIDTHS * view.stripe.width_px * mm_per_px, 0.3 * pitch)
+    from_edge = np.abs((on_board - low) - pitch * np.rint((on_board - low) / pitch))
+    outside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
+    return outside | (from_edge > clearance).all(axis=1)
 
 
 def _straight_within(on_board: FloatArray, low: FloatArray, high: FloatArray) -> Mask:
@@ -292,7 +315,8 @@ def _jointly(
         factor *= grown
     assert adjusted is not None
     q = state.shared[plane]
-    covariance = adjusted.covariance
+    tension = _tension(adjusted, corners, start, (near, far), replace(lines, weights=lines.weights / factor))
+    covariance = adjusted.covariance * tension
     if uncertainty is not None:
         both = Adjustment(
             corners, near, far, np.concatenate([uncertainty.free, plane]), _HUBER,
@@ -304,6 +328,29 @@ def _jointly(
         own = covariance + follows @ cross
         covariance = np.block([[uncertainty.covariance, cross], [cross.T, own]])
     return q, covariance, state, factor
+
+
+def _tension(
+    adjusted: Adjusted,
+    corners: Corners,
+    start: State,
+    bands: tuple[FloatArray, FloatArray],
+    lines: LaserLines,
+) -> float:
+    """Return how much more the boards disagree about the plane than corners and centres say (variance ratio).
+
+    Each board alone could have its corners and its straight line; that they lie in one plane costs something, and
+    it should cost one for each of 2 B − 3 degrees of freedom.  Errors of corners or lines that are common to a
+    whole board (its flatness, light that bleeds at edges) show up here and nowhere else.
+    """
+    alone = fit_poses(corners, start, bands, _HUBER).cost
+    for first, last in zip(lines.ends[:-1], lines.ends[1:], strict=True):
+        normed = adjusted.line_residuals[first:last] * lines.weights[first:last]
+        along = np.linspace(-1.0, 1.0, last - first)
+        within = np.abs(normed - np.polyval(np.polyfit(along, normed, 1), along))
+        alone += float(np.where(within < _HUBER, within**2 / 2, _HUBER * (within - _HUBER / 2)).sum())
+    freedom = 2 * corners.views - 3
+    return max(1.0, 2.0 * (adjusted.cost - alone) / max(freedom, 1))
 
 
 def _figures(
