@@ -21,6 +21,7 @@ _TRIPLES = 40
 _TRIALS = 160
 _SCALE_MM = 1.0  # of the robust loss: about the worst that a first TCP leaves
 _STILL_MM = 2.0
+_ANOTHER_PLACE_MM = 5.0
 _SAME_ANGLE_RAD = np.deg2rad(1.0)
 _FULL_TURN_AND_MORE = 6.5
 _MUCH_WORSE = 8.0
@@ -70,7 +71,7 @@ def find_table_start(
     MotionError
         If no mounting has three different angles, or the sphere stays where it is while the table turns.
     InputError
-        If the angles fit as radians, and not as degrees.
+        If the angles fit as radians, and not as degrees; or a mounting's captures show the sphere in two places.
     """
     readings, _ = readings_of(observations)
     centers = both_centers_in_base(observations, sphere, tool0_from_laser)
@@ -87,6 +88,7 @@ def find_table_start(
                 "Multiply them by 180/π.",
                 "captures: table_deg",
             )
+    _require_one_place(observations, readings, centers, start)
     sides = np.array([0 if o.sphere.circle_radius_mm is None else 1 for o in observations])
     return TableStart(start.state, sides * start.sides, start.misfit_mm)
 
@@ -128,6 +130,35 @@ def _require_motion(readings: TableReadings, centers: FloatArray) -> None:
             "a sphere that moves when the table turns",
             f"one that stays within {max(distances):.2f} mm: it stands on the axis, or the table did not turn",
             "Mount it well off the axis (80 mm or more) and check that the table turns between captures.",
+        )
+
+
+def _require_one_place(
+    observations: Sequence[TableObservation], readings: TableReadings, centers: FloatArray, start: TableStart
+) -> None:
+    """Refuse a mounting of which a third of the captures or more agree on another place of the sphere."""
+    places = _turned_back(readings, centers, start.state.rotation, start.state.origin)
+    for mount in range(readings.mount_count):
+        members = np.flatnonzero(readings.mounts == mount)
+        off = members[start.misfit_mm[members] > _ANOTHER_PLACE_MM]
+        if len(off) < 3 or 3 * len(off) < len(members):
+            continue
+        guesses = places[off].reshape(-1, 3)
+        agree = _nearest_side(guesses, places[off]) < _STILL_MM
+        best = int(np.argmax(agree.sum(axis=1)))
+        if agree[best].sum() < max(3, len(members) // 3):
+            continue
+        names = ", ".join(observations[int(k)].sphere.capture for k in off[agree[best]])
+        x, y, z = guesses[best] - start.state.mounts[mount]
+        known = any(
+            other != mount and np.linalg.norm(guesses[best] - place) < _STILL_MM
+            for other, place in enumerate(start.state.mounts)
+        )
+        raise InputError(
+            f"one place of the sphere on the table in the mounting '{observations[int(off[0])].mount}'",
+            f"another place in {names}, by ({x:.0f}, {y:.0f}, {z:.0f}) mm",
+            "Correct their `mount`: the labels are mixed up." if known else "Give these a `mount` of their own.",
+            "captures: mount",
         )
 
 
@@ -208,7 +239,8 @@ def _state(
         distances = _nearest_side(guesses, own)
         best = int(np.argmin(np.sum(np.log1p((distances / _SCALE_MM) ** 2), axis=1)))
         near = own[np.arange(len(own)), np.argmin(np.linalg.norm(own - guesses[best], axis=2), axis=1)]
-        agree = np.linalg.norm(near - guesses[best], axis=1) <= max(3 * float(np.median(distances[best])), 1e-9)
+        third = float(np.sort(distances[best])[(len(own) - 1) // 3])
+        agree = np.linalg.norm(near - guesses[best], axis=1) <= max(3 * third, _SCALE_MM)
         mounts[mount] = near[agree].mean(axis=0)
     return TableState(rotation, constant, mounts)
 

@@ -85,9 +85,20 @@ def test_heights_without_names_ask_for_names(cell):
         for capture in data["captures"]:
             capture.pop("mount", None)
 
-    result = solve(cell, unname)
-    assert result.verdict == "fail"
-    assert any("`mount` of their own" in warning for warning in result.warnings)
+    later = "t09, t10, t11, t12, t13, t14, t15, t16"
+    refused(cell, InputError, later, "Give these a `mount` of their own", change=unname)
+
+
+def test_a_few_captures_of_another_place_ask_for_a_name(cell):
+    def mislabel(data):
+        for capture in data["captures"]:
+            if capture["id"] in ("t09", "t10", "t11"):
+                capture["mount"] = "low"
+            elif capture.get("mount") == "high":
+                capture["excluded"] = True
+
+    result = solve(cell, mislabel)
+    assert any("t09, t10, t11 agree on another place" in warning for warning in result.warnings)
 
 
 def test_neither_tool_nor_tcp_captures(cell):
