@@ -72,7 +72,7 @@ class CameraSolution:
     parameters : tuple of str
         What the rows of `covariance` stand for.
     covariance : (C, C)
-        Scaled by the residuals.
+        Scaled by the residuals, and by `inflation`.
     camera_from_board : tuple of RigidTransform or None
         One a view; None where the view was rejected.
     pose_covariances : dict
@@ -98,6 +98,8 @@ class CameraSolution:
     bend_mm, bend_gain : float or None
         How far from its plane the board seems to be bent, highest to lowest point, and by what share the residuals
         shrink if it may be; None where there are too few views to tell.
+    inflation : float
+        By how much the covariance has grown for errors that a view's corners share; 1 for independent ones.
     coverage : Coverage
     converged : bool
     """
@@ -118,6 +120,7 @@ class CameraSolution:
     board_shape_mm: FloatArray | None
     bend_mm: float | None
     bend_gain: float | None
+    inflation: float
     coverage: Coverage
     converged: bool
 
@@ -212,6 +215,10 @@ def calibrate_camera(
         layout = layout.with_bent_board()
     tell(0.8, f"final adjustment, {chosen} model")
     final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
+    if options.model == "auto" and chosen != "plain" and not final.adjusted.converged:
+        chosen, layout = "plain", layouts["plain"]  # what the views do not determine is not worth having
+        layout = layout.with_bent_board() if options.refine_board else layout
+        final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
     if options.model == "auto" and chosen in ("plain", "tilted") and _is_idle(final, K3):
         layout = replace(layout, free=layout.free[layout.free != K3])
         final = _robust_fit(corners, layout, restart(final.adjusted.state, layout), final.rejected)

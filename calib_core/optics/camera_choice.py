@@ -47,15 +47,20 @@ def choose_model(
     folds : int
     """
     errors: dict[Model, FloatArray] = {}
+    settled: set[Model] = set()
     for model, layout in layouts.items():
         found = held_out_errors(corners, state, layout, folds)
         if found is not None:
-            errors[model] = found
+            errors[model] = found[0]
+            if found[1]:
+                settled.add(model)
     candidates = tuple(
         Candidate(model, len(layouts[model].free), float(np.sqrt(np.mean(e)))) for model, e in errors.items()
     )
     best: Model = "plain"
     for model, squares in errors.items():
+        if model not in settled:
+            continue  # views that do not determine a model's coefficients are no reason to take it
         # By their logarithms, so that the few views that gain most do not blur what all of them say.
         gain = np.log(errors[best] / squares)
         mean, deviation = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
@@ -65,8 +70,12 @@ def choose_model(
     return best, candidates
 
 
-def held_out_errors(corners: Corners, state: State, layout: "Layout", folds: int) -> FloatArray | None:
-    """Return each view's mean squared error (V,), px², when it is left out; None if a fold cannot be solved.
+def held_out_errors(
+    corners: Corners, state: State, layout: "Layout", folds: int
+) -> tuple[FloatArray, bool] | None:
+    """Return each view's mean squared error (V,), px², when it is left out, and whether all folds' fits settled.
+
+    None if a fold cannot be solved.
 
     Views are dealt to the folds by their depth in turn, so that every fold spans the depths.
     """
@@ -75,7 +84,7 @@ def held_out_errors(corners: Corners, state: State, layout: "Layout", folds: int
     order = np.argsort(state.translations[:, 2], kind="stable")
     folds = max(2, min(folds, corners.views // 2))
     squares = np.full(corners.views, np.nan)
-    start = restart(state, layout)
+    start, settled = restart(state, layout), True
     for fold in range(folds):
         out = np.sort(order[fold::folds])
         kept = np.setdiff1d(np.arange(corners.views), out)
@@ -85,6 +94,7 @@ def held_out_errors(corners: Corners, state: State, layout: "Layout", folds: int
             trained = Adjustment(corners.take(kept), *layout.bands, layout.free).solve(start.take(kept), 1e-3)
         except np.linalg.LinAlgError:
             return None
+        settled &= trained.converged
         left = corners.take(out)
         there = start.take(out)
         end = fit_poses(
@@ -93,4 +103,4 @@ def held_out_errors(corners: Corners, state: State, layout: "Layout", folds: int
         each = (end.corner_residuals**2).sum(axis=1) * (left.weights > 0)
         counts = np.add.reduceat((left.weights > 0).astype(float), left.ends[:-1])
         squares[out] = np.add.reduceat(each, left.ends[:-1]) / np.maximum(counts, 1)
-    return squares if np.isfinite(squares).all() else None
+    return (squares, settled) if np.isfinite(squares).all() else None

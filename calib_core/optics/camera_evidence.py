@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_segments import corner_depths
@@ -75,6 +76,8 @@ def summarise(
     end, state = fit.adjusted, fit.adjusted.state
     weight = float(fit.corners.weights.max())
     scale = (fit.sigma_px * weight) ** 2  # the covariance was for 1 / weight as standard deviation
+    inflation = correlation_inflation(fit, layout, scale)
+    scale *= inflation
     covariance = end.covariance * scale
     kept = fit.corners.weights > 0
     poses: list[RigidTransform | None] = [None] * fit.all_corners.views
@@ -103,9 +106,28 @@ def summarise(
         board_shape_mm=state.shared[shape_at : shape_at + 7].copy() if refined else None,
         bend_mm=None if shaped is None else _bend_mm(shaped, shape_at),
         bend_gain=None if bent is None else 1 - bent.sigma_px / fit.sigma_px,
+        inflation=inflation,
         coverage=coverage(fit, image_size),
         converged=end.converged,
     )
+
+
+def correlation_inflation(fit: "Fit", layout: "Layout", scale: float) -> float:
+    """Return by how much the covariance must grow because the errors of a view's corners are not independent.
+
+    At the optimum the views' scores s_v (their gradients, poses eliminated, information H_v) add up to zero. For
+    independent errors and C = (Σ H_v)⁻¹ the expectation of Σ s_vᵀ C s_v is P − Σ tr (C H_v)², its relative
+    deviation √(2 / (P V)). What is beyond two deviations is taken for correlation (the localisation's bias).
+    """
+    corners, state = fit.corners, fit.adjusted.state
+    found, expected = 0.0, float(len(layout.free))
+    for view in range(corners.views):
+        alone = Adjustment(corners.take([view]), *layout.bands, layout.free).equations(state.take([view]))
+        share = fit.adjusted.covariance @ alone.hessian
+        found += float(alone.gradient @ fit.adjusted.covariance @ alone.gradient)
+        expected -= float(np.sum(share * share.T))
+    ratio = found / (scale * max(expected, 0.2 * len(layout.free)))
+    return ratio if ratio > 1 + 2 * np.sqrt(2 / (len(layout.free) * corners.views)) else 1.0
 
 
 def _bend_mm(fit: "Fit", shape_at: int) -> float:
@@ -141,9 +163,7 @@ def remarks_of(solution: "CameraSolution") -> list[str]:
         why = "no other is" if chosen == "plain" else "it is"
         found.append(f"The {chosen} model was chosen: {why} significantly better on held-out views ({errors}).")
     if chosen in ("plain", "tilted") and "k3" not in solution.parameters:
-        found.append(
-            "k3 was left at zero: the views do not determine it, and held-out views fit better without it."
-        )
+        found.append("k3 was left at zero: it is below √2 of its standard deviation and would foretell worse.")
     if solution.tilt_correlation is not None and solution.tilt_correlation > 0.9:
         found.append(
             f"Tilt and principal point are correlated by {solution.tilt_correlation:.3f}: "
