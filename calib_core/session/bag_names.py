@@ -47,10 +47,11 @@ def require_distinct_names(names: Iterable[str], where: str) -> None:
     folders: dict[str, str] = {}
     need = "names that differ by more than case and Unicode form"
     for name in names:
-        other = files.setdefault(folded(name), name)
-        if other is not name:
+        other = files.get(folded(name))
+        if other is not None:
             got = f"{_shown(name)} twice" if other == name else f"{_shown(other)} and {_shown(name)}"
             raise InputError(need, got, _RENAME, where)
+        files[folded(name)] = name
         parts = name.split("/")[:-1]
         for depth in range(1, len(parts) + 1):
             folder = "/".join(parts[:depth])

@@ -30,7 +30,7 @@ def zipped(entries: Iterable[Entry]) -> bytes:
 def with_entry(archive: bytes, name: str, content: bytes = b"x", attributes: int = 0o100644 << 16) -> bytes:
     """Return an archive with one more entry, which its manifests name."""
     info = zipfile.ZipInfo(name)
-    info.external_attr = attributes
+    info.external_attr, info.compress_type = attributes, zipfile.ZIP_DEFLATED
     return resealed([*entries_of(archive), (info, content)])
 
 
