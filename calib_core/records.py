@@ -123,6 +123,14 @@ class Known(Record):
     base_from_turntable: Matrix4 | None = None
 
 
+class MergeSettings(Record):
+    """How scans are merged; all may be left out."""
+
+    voxel_mm: Positive = 0.5
+    mesh: Literal["poisson", "grid", "none"] = "poisson"
+    registration: bool = False
+
+
 class Cell(Record):
     """The scanning cell: sphere, robot, scanner, table, board."""
 
@@ -134,6 +142,7 @@ class Cell(Record):
     turntable: Turntable = Field(default_factory=Turntable)
     board: Board | None = None
     known: Known = Field(default_factory=Known)
+    merge: MergeSettings = Field(default_factory=MergeSettings)
 
 
 class TimedPose(Record):
@@ -457,6 +466,51 @@ class ChainResult(Result, TableFields):
     variance_components: VarianceComponents
     confidence_95: dict[str, float] = Field(default_factory=dict)
     residuals: list[TcpResidual | TurntableResidual]
+
+
+class MergeResidual(CaptureResidual):
+    """Figures of one scan: points kept and dropped by reason, and how it lies to the scans that overlap it.
+
+    `overlap_mean_mm` is how far the scan lies in front of the others, `shift_mm` and `turn_deg` what registration
+    did to it.
+    """
+
+    points: int = 0
+    kept: int = 0
+    stray: int = 0
+    mixed: int = 0
+    grazing: int = 0
+    overlap_pairs: int = 0
+    overlap_mean_mm: float | None = None
+    overlap_rms_mm: float | None = None
+    expected_overlap_rms_mm: float | None = None
+    shift_mm: float | None = None
+    turn_deg: float | None = None
+
+
+class MergeResult(Result):
+    """All scans in one frame, and how far they lie apart where they overlap, before any registration.
+
+    `cloud` and `mesh` name the files, where they were stored; `frame` says whether points are in the turntable's
+    frame or, without a turntable, in the robot's base.  `expected_overlap_rms_mm` follows from noise and from what
+    the calibration leaves uncertain; `registered_overlap_rms_mm` is that after a registration.
+    """
+
+    stage: Literal["merge"] = "merge"
+    frame: Literal["turntable", "base"]
+    cloud: str | None
+    points: int
+    scanned_points: int
+    voxel_mm: float
+    overlap_rms_mm: float | None
+    expected_overlap_rms_mm: float | None
+    overlap_pairs: int
+    registered_overlap_rms_mm: float | None = None
+    mesh: str | None
+    triangles: int = 0
+    low_mm: Vector3
+    high_mm: Vector3
+    residuals: list[MergeResidual]
 
 
 class CameraResidual(CaptureResidual):

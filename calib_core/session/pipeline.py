@@ -9,11 +9,12 @@ from typing import get_args
 from calib_core.errors import InputError
 from calib_core.records import Capture, Known, Result, Session, Stage, Step
 from calib_core.session.measure import ReadFile
-from calib_core.session.stage_tcp import Progress, StageInput, solve_tcp_stage
+from calib_core.session.stage_tcp import Progress, StageInput, StoreFile, solve_tcp_stage
 
 _TO_CAPTURE = {
     "camera": "Capture the board, tilted differently in each frame, and add the frames to the session.",
     "turntable": "Fix the sphere on the table, capture it at 8 angles, and again at a second height.",
+    "merge": "Scan the object from around, with the robot's pose and the table's angle of each scan.",
     "laser-plane": "Capture the board with the stripe on it, near and far, and add the frames to the session.",
 }
 _OF_FRAMES: tuple[Step, ...] = ("camera", "laser-plane")  # what raw frames of later stages rest on
@@ -23,14 +24,15 @@ _OF_FRAMES: tuple[Step, ...] = ("camera", "laser-plane")  # what raw frames of l
 class StageEntry:
     """One stage: the steps whose captures it takes, what it gives that a user may bring, and its solver.
 
-    `tool_from` are the steps that its tool comes from, where the user brings none; with `every_step` it is solved
-    only where there are captures of all its steps.
+    `tool_from` and `table_from` are the steps that its tool and its table come from, where the user brings none;
+    with `every_step` it is solved only where there are captures of all its steps.
     """
 
     steps: tuple[Step, ...]
     known: Callable[[Known], object | None]
     solve: Callable[[StageInput], Result]
     tool_from: tuple[Step, ...] = ()
+    table_from: tuple[Step, ...] = ()
     every_step: bool = False
 
 
@@ -58,6 +60,12 @@ def _solve_chain(given: StageInput) -> Result:
     return solve_chain_stage(given)
 
 
+def _solve_merge(given: StageInput) -> Result:
+    from calib_core.session.stage_merge import solve_merge_stage
+
+    return solve_merge_stage(given)
+
+
 STAGES: dict[Stage, StageEntry] = {
     "camera": StageEntry(("camera", "laser-plane"), lambda known: known.camera, _solve_camera),
     "laser-plane": StageEntry(("laser-plane",), lambda known: known.laser_plane, _solve_laser_plane),
@@ -71,11 +79,18 @@ STAGES: dict[Stage, StageEntry] = {
         _solve_chain,
         every_step=True,
     ),
+    "merge": StageEntry(
+        ("scan",), lambda _known: None, _solve_merge, tool_from=("tcp",), table_from=("turntable",)
+    ),
 }
 
 
 def run(
-    session: Session, read: ReadFile, stage: str = "all", progress: Progress | None = None
+    session: Session,
+    read: ReadFile,
+    stage: str = "all",
+    progress: Progress | None = None,
+    store: StoreFile | None = None,
 ) -> dict[str, Result]:
     """Return the results of a stage, or of all that the session has captures for, by stage.
 
@@ -87,18 +102,24 @@ def run(
         What a stage's solver says.
     """
     if stage != "all":
-        return {stage: solve_stage(session, stage, read, progress)}
+        return {stage: solve_stage(session, stage, read, progress, store)}
     results: dict[str, Result] = {}
     todo = [name for name, entry in STAGES.items() if entry.known(session.cell.known) is None]
     with_captures = [name for name in todo if _has_captures(session, name)]
     if not any(stage_captures(session, name) for name in STAGES):
         _require_captures([], "tcp")
     for name in with_captures:
-        results[name] = solve_stage(session, name, read, progress)
+        results[name] = solve_stage(session, name, read, progress, store)
     return results
 
 
-def solve_stage(session: Session, stage: str, read: ReadFile, progress: Progress | None = None) -> Result:
+def solve_stage(
+    session: Session,
+    stage: str,
+    read: ReadFile,
+    progress: Progress | None = None,
+    store: StoreFile | None = None,
+) -> Result:
     """Return the result of one stage.
 
     Parameters
@@ -110,6 +131,8 @@ def solve_stage(session: Session, stage: str, read: ReadFile, progress: Progress
         Returns the bytes of a file by its name in the capture.
     progress : callable, optional
         Called with the fraction done and what is being done.
+    store : callable, optional
+        Takes the files that a stage makes beside its result, by name and in pieces: the merged cloud, its mesh.
 
     Raises
     ------
@@ -129,7 +152,8 @@ def solve_stage(session: Session, stage: str, read: ReadFile, progress: Progress
     captures = stage_captures(session, stage)
     _require_captures(captures, stage)
     inputs = inputs_sha256(session, stage, read)
-    return entry.solve(StageInput(session, captures, read, inputs, progress or (lambda _fraction, _message: None)))
+    tell: Progress = progress or (lambda _fraction, _message: None)
+    return entry.solve(StageInput(session, captures, read, inputs, tell, store))
 
 
 def stage_captures(session: Session, stage: str) -> list[Capture]:
@@ -163,6 +187,8 @@ def _captures_it_rests_on(session: Session, stage: str) -> list[Capture]:
     steps: set[Step] = {*entry.steps}
     if entry.tool_from and session.cell.known.tool0_from_laser is None:
         steps |= {*entry.tool_from}
+    if entry.table_from and session.cell.known.base_from_turntable is None:
+        steps |= {*entry.table_from}
     captures = [capture for capture in session.captures if capture.step in steps]
     if stage != "camera" and any(capture.kind in ("frame", "sweep") for capture in captures):
         steps |= {*_OF_FRAMES}

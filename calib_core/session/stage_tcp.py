@@ -1,6 +1,6 @@
 """The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from calib_core.chain.tcp import TcpSolution  # brings numba and scipy
 
 Progress = Callable[[float, str], None]
+StoreFile = Callable[[str, Iterable[bytes | memoryview]], object]
 
 SOFTWARE = f"scancell {__version__}"
 
@@ -33,13 +34,17 @@ _MEASURING_SHARE = 0.3
 
 @dataclass(frozen=True, eq=False)
 class StageInput:
-    """What a stage's solver gets: the session, the stage's captures, their files, and whom to tell progress."""
+    """What a stage's solver gets: the session, the stage's captures, their files, and whom to tell progress.
+
+    `store` takes files that a stage makes beside its result, by name and in pieces; without one they are not made.
+    """
 
     session: Session
     captures: list[Capture]
     read: ReadFile
     inputs_sha256: str
     progress: Progress
+    store: StoreFile | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,288 @@
+"""The merge stage: the calibration first, then every scan into T, one cloud, one mesh, one row a capture."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
+from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
+from calib_core.records import (
+    Cell,
+    ChainResult,
+    MergeResidual,
+    MergeResult,
+    TcpResult,
+    TurntableResult,
+    VarianceComponents,
+    Verdict,
+)
+from calib_core.session.point_writers import Pieces, ply_pieces
+from calib_core.session.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
+from calib_core.session.stage_tcp import SOFTWARE, StageInput
+
+CLOUD_FILE = "clouds/merged.ply"
+MESH_FILE = "clouds/mesh.ply"
+
+_CALIBRATION_SHARE = 0.2
+_SUSPICIOUS = 1.5  # overlap over what is expected: something beyond the calibration moves the scans
+
+
+@dataclass(frozen=True, eq=False)
+class _Calibration:
+    """Where scans belong, the covariance (12, 12) of tool and table, and the scatters of robot and table."""
+
+    placement: Placement
+    covariance: FloatArray
+    position_sigma_mm: float
+    orientation_sigma_rad: float
+    angle_sigma_rad: float
+    warnings: tuple[str, ...] = ()
+
+
+def solve_merge_stage(given: StageInput) -> MergeResult:
+    """Return all scans in one frame; the cloud and the mesh go to `given.store`, where there is one.
+
+    Raises
+    ------
+    InputError
+        If a file, a pose or a table angle is of no use, or the calibration is missing.
+    MeasurementError
+        If no scan has points on a surface, or most captures of the calibration do not show the sphere.
+    MotionError
+        If the calibration's motions do not determine it.
+    """
+    captures = [capture for capture in given.captures if not capture.excluded]
+    if not captures:
+        raise InputError(
+            "captures with step 'scan'", "none that is not excluded", "Scan the object from around.", "captures"
+        )
+    groups = scan_groups(captures)
+    calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
+    settings = given.session.cell.merge
+    options = MergeOptions(settings.voxel_mm, settings.mesh, settings.registration)
+    scans = SessionScans(given.session, groups, calibration.placement, given.read)
+    errors = _errors(given, groups, calibration)
+
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
+
+    solution = solve_merge(scans, errors, options, tell)
+    result = _result(given, groups, calibration, solution)
+    if given.store is not None:
+        given.store(CLOUD_FILE, _cloud_pieces(solution))
+        if solution.mesh is not None:
+            given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
+    return result
+
+
+def _cloud_pieces(solution: MergeSolution) -> Pieces:
+    cloud = solution.cloud
+    table = np.column_stack([cloud.points_mm, np.nan_to_num(cloud.normals), cloud.sigma_mm])
+    return ply_pieces(table, ("x", "y", "z", "nx", "ny", "nz", "sigma"))
+
+
+def _calibration(given: StageInput, with_table: bool) -> _Calibration:
+    """Return tool and table: brought by the user, or solved from the session's own captures."""
+    from calib_core.session.pipeline import solve_stage
+
+    known, steps = given.session.cell.known, {c.step for c in given.session.captures if not c.excluded}
+    table_to_solve = known.base_from_turntable is None and "turntable" in steps
+    if with_table and known.base_from_turntable is None and not table_to_solve:
+        raise InputError(
+            "the turntable, since scans have a table angle",
+            "neither captures with step 'turntable' nor cell.known.base_from_turntable",
+            "Capture the sphere on the table, or give base_from_turntable with the cell.",
+            "captures",
+        )
+
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_CALIBRATION_SHARE * fraction, what)
+
+    stage = ("turntable" if known.tool0_from_laser else "chain") if table_to_solve else "tcp"
+    if not table_to_solve and known.tool0_from_laser is not None:
+        return _calibration_of(given.session.cell, None)
+    if not table_to_solve and "tcp" not in steps:
+        raise InputError(
+            "the scanner's pose on the flange",
+            "neither captures with step 'tcp' nor cell.known.tool0_from_laser",
+            "Capture the still sphere from several robot poses, or give tool0_from_laser with the cell.",
+            "captures",
+        )
+    result = solve_stage(given.session, stage, given.read, tell)
+    assert isinstance(result, TcpResult | TurntableResult | ChainResult)
+    return _calibration_of(given.session.cell, result)
+
+
+def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResult | None) -> _Calibration:
+    """Return the calibration out of what the user brings and what was solved."""
+    tool = result.tool0_from_laser if result else cell.known.tool0_from_laser
+    table, direction = cell.known.base_from_turntable, cell.turntable.direction or 1
+    covariance = np.zeros((12, 12))
+    degrees = cell.robot.orientation_sigma_deg or 0.0
+    scatter = (cell.robot.position_sigma_mm or 0.0, float(np.deg2rad(degrees)))
+    angle_deg = cell.turntable.angle_sigma_deg or 0.0
+    warnings: list[str] = []
+    if result is not None:
+        parts: VarianceComponents = result.variance_components
+        scatter = (parts.position_sigma_mm, parts.orientation_sigma_rad)
+        if result.verdict == "fail":
+            warnings.append(f"The {result.stage} stage's own verdict is fail: mend it first.")
+    if isinstance(result, TurntableResult | ChainResult):
+        table, direction, angle_deg = result.base_from_turntable, result.direction, result.angle_sigma_deg
+        # The turntable's covariance holds the tool's share where there is no joint one.
+        covariance[6:, 6:] = getattr(result, "turntable_covariance", result.covariance)
+    if isinstance(result, TcpResult | ChainResult):
+        covariance[:6, :6] = result.covariance
+    if isinstance(result, ChainResult):
+        covariance[:6, 6:] = result.cross_covariance
+        covariance[6:, :6] = np.transpose(result.cross_covariance)
+    base_from_turntable = None if table is None else RigidTransform.from_rounded(table, "base", "turntable")
+    assert tool is not None, "the caller has seen to it"
+    placement = Placement(RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction)
+    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), tuple(warnings))
+
+
+def _errors(given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibration) -> PoseErrors:
+    """Return how the calibration's uncertainty moves each scan in T.
+
+    A sweep counts with its middle pose: the robot's error is taken to be the same along one sweep.
+    """
+    values, vectors = np.linalg.eigh(calibration.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0))
+    common: list[FloatArray] = []
+    own: list[FloatArray] = []
+    for group in groups:
+        pairs = poses_of(given.session, group)
+        capture, pose = pairs[len(pairs) // 2]
+        turntable_from_base = calibration.placement.turntable_from_base(capture)
+        moves, mine = _moves(calibration, turntable_from_base, pose)
+        common.append(moves @ root)
+        own.append(mine)
+    return PoseErrors(np.array(common), np.array(own))
+
+
+def _moves(
+    calibration: _Calibration, turntable_from_base: RigidTransform, base_from_tool0: RigidTransform
+) -> tuple[FloatArray, FloatArray]:
+    """Return the moves (6, 12) of a scan by tool and table, and the covariance (6, 6) of those of its own."""
+    placement = calibration.placement
+    turntable_from_tool0 = turntable_from_base @ base_from_tool0
+    moves = np.zeros((6, 12))
+    moves[:, :6] = _by_pose(turntable_from_tool0.rotation, turntable_from_tool0 @ placement.tool0_from_laser)
+    if placement.base_from_turntable is not None:
+        # B·exp(r), t + δ: a point of T moves by −r × p − Bᵀδ, seen at the table's angle.
+        turned = turntable_from_base.rotation @ placement.base_from_turntable.rotation
+        moves[:3, 6:9] = -turned
+        moves[3:, 9:] = -turntable_from_base.rotation
+    sigmas = np.repeat([calibration.orientation_sigma_rad, calibration.position_sigma_mm], 3)
+    robot = _by_pose(turntable_from_base.rotation, turntable_from_tool0) * sigmas
+    own = robot @ robot.T
+    own[2, 2] += calibration.angle_sigma_rad**2 if placement.base_from_turntable is not None else 0.0
+    return moves, own
+
+
+def _by_pose(into_from_added: FloatArray, pose: RigidTransform) -> FloatArray:
+    """Return the moves (6, 6) by a pose in the middle of a chain that ends in `pose`.
+
+    Its rotation perturbs in the frame that `pose` maps from, its translation in one that `into_from_added` (3, 3)
+    turns into T.
+    """
+    change = np.zeros((6, 6))
+    change[:3, :3], change[3:, 3:] = np.eye(3), into_from_added
+    return move_of_pose_change(pose.matrix, change)
+
+
+def _result(
+    given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibration, solution: MergeSolution
+) -> MergeResult:
+    apart = solution.overlap
+    warnings = [*calibration.warnings, *solution.warnings, *_doubts(solution)]
+    verdict: Verdict = "warn" if warnings else "pass"
+    points = solution.cloud.points_mm
+    registered = solution.registration
+    return MergeResult(
+        method="chain, cleaning on the scan's grid, voxel means weighted by 1/σ²"
+        + (", point-to-plane registration" if registered else ""),
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=verdict,
+        warnings=warnings,
+        frame="base" if calibration.placement.base_from_turntable is None else "turntable",
+        cloud=CLOUD_FILE,
+        points=len(points),
+        scanned_points=sum(counts.points for counts in solution.counts.values()),
+        voxel_mm=given.session.cell.merge.voxel_mm,
+        overlap_rms_mm=_number(apart.rms_mm),
+        expected_overlap_rms_mm=_number(apart.expected_rms_mm),
+        overlap_pairs=apart.pairs,
+        registered_overlap_rms_mm=_number(registered.after.rms_mm) if registered else None,
+        mesh=MESH_FILE if solution.mesh else None,
+        triangles=len(solution.mesh.triangles) if solution.mesh else 0,
+        low_mm=points.min(axis=0).tolist(),
+        high_mm=points.max(axis=0).tolist(),
+        residuals=_rows(given, groups, solution),
+    )
+
+
+def _doubts(solution: MergeSolution) -> list[str]:
+    apart = solution.overlap
+    doubts = [f"{name} is not used: need {e.need}, got {e.got}. {e.to_do}" for name, e in solution.failed.items()]
+    if not apart.pairs and len(solution.used) > 1:
+        doubts.append(
+            "No two scans overlap, so nothing says how well they fit together: scan some of the surface twice."
+        )
+    elif apart.pairs and apart.rms_mm > _SUSPICIOUS * apart.expected_rms_mm:
+        worst = int(np.nanargmax(apart.per_scan[:, 2]))
+        doubts.append(
+            f"Scans lie {apart.rms_mm:.3f} mm apart where {apart.expected_rms_mm:.3f} mm is expected, "
+            f"{solution.used[worst]} the farthest ({apart.per_scan[worst, 2]:.3f} mm): "
+            "check its pose and table angle, and that the object did not move."
+        )
+    return doubts
+
+
+def _rows(given: StageInput, groups: Sequence[ScanGroup], solution: MergeSolution) -> list[MergeResidual]:
+    rows: dict[str, MergeResidual] = {}
+    for group in groups:
+        row = _row(group.name, solution)
+        for number, capture in enumerate(
+            group.captures
+        ):  # figures of a scan of many captures stand with the first
+            own = {"capture": capture.id, "used": row.used, "reason": row.reason}
+            rows[capture.id] = row.model_copy(update=own) if number == 0 else MergeResidual.model_validate(own)
+    for capture in given.captures:
+        if capture.excluded:
+            rows[capture.id] = MergeResidual(capture=capture.id, used=False, reason="excluded by the user")
+    return [rows[capture.id] for capture in given.captures]
+
+
+def _row(name: str, solution: MergeSolution) -> MergeResidual:
+    if name in solution.failed:
+        error = solution.failed[name]
+        return MergeResidual(capture=name, used=False, reason=f"need {error.need}, got {error.got}")
+    number = solution.used.index(name)
+    pairs, mean, rms, expected = solution.overlap.per_scan[number].tolist()
+    counts = solution.counts[name]
+    moved = solution.registration
+    return MergeResidual(
+        capture=name,
+        used=True,
+        points=counts.points,
+        kept=counts.kept,
+        stray=counts.removed["stray"],
+        mixed=counts.removed["mixed"],
+        grazing=counts.removed["grazing"],
+        overlap_pairs=int(pairs),
+        overlap_mean_mm=_number(mean),
+        overlap_rms_mm=_number(rms),
+        expected_overlap_rms_mm=_number(expected),
+        shift_mm=float(moved.shift_mm[number]) if moved else None,
+        turn_deg=float(np.rad2deg(moved.turn_rad[number])) if moved else None,
+    )
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

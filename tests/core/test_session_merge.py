@@ -1,0 +1,228 @@
+"""The merge stage on session files: poses and table angles used, grids kept, what is missing named."""
+
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from calib_core.errors import CalibrationError, InputError
+from calib_core.frames import RigidTransform
+from calib_core.fusion.overlap import move_of_pose_change
+from calib_core.records import MergeResult, Session
+from calib_core.session.files import parse_cloud
+from calib_core.session.pipeline import inputs_sha256, run
+from calib_core.session.point_writers import write_pieces
+from calib_core.session.scans import Placement, read_scan, scan_groups
+from calib_core.session.stage_merge import CLOUD_FILE, MESH_FILE, _Calibration, _moves
+
+sphere_scans = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("sphere_scans.py"))))
+
+TOOL = RigidTransform.of([0.2, -0.3, 0.5], [30, -120, 140], "tool0", "laser")
+TABLE = RigidTransform.of([0.05, -0.02, 0.4], [900, 100, 50], "base", "turntable")
+ANGLES_DEG = np.arange(8) * 45.0
+
+
+def session(direction: int = 1, kind: str = "sweep", **merge: object) -> tuple[Session, dict[str, bytes]]:
+    """Scans of the sphere on the table: the robot stands still, the table turns; known tool and table."""
+    rng = np.random.default_rng(7)
+    files: dict[str, bytes] = {}
+    captures = []
+    for k, degrees in enumerate(ANGLES_DEG):
+        angle = direction * np.deg2rad(degrees)
+        turned = RigidTransform.of([0, 0, angle], [0, 0, 0], "turntable", "turntable")
+        view = sphere_scans.nominal_poses(8)[k]
+        base_from_laser = TABLE @ turned @ RigidTransform(view, "turntable", "laser")
+        tool0 = base_from_laser @ TOOL.inverse()
+        scan = sphere_scans.scan_sphere("", view, view, 0.5, rng)
+        points = scan.points_in_laser_mm
+        capture = {"id": f"s{k}", "step": "scan", "kind": kind, "table_deg": float(degrees)}
+        if kind == "sweep":
+            poses, names = [], []
+            for row, profile in enumerate(points):
+                name = f"captures/s{k}-{row:02d}.csv"
+                lines = [f"{x:.4f}," + ("" if np.isnan(z) else f"{z:.4f}") for x, _, z in profile]
+                files[name] = ("x_mm,z_mm\n" + "\n".join(lines)).encode()
+                names.append(name)
+                shift = RigidTransform.of([0, 0, 0], [0, float(profile[0, 1]), 0], "laser", "laser")
+                poses.append((base_from_laser @ shift @ TOOL.inverse()).matrix.ravel().tolist())
+            captures.append({**capture, "files": names, "poses": poses})
+        else:
+            name = f"captures/s{k}.xyz"
+            kept = points[np.isfinite(points[..., 2])]
+            files[name] = "\n".join(" ".join(f"{v:.4f}" for v in p) for p in kept).encode()
+            captures.append({**capture, "files": [name], "pose": tool0.matrix.ravel().tolist()})
+    cell = {
+        "pose_convention": "matrix",
+        "scanner": {"point_sigma_mm": sphere_scans.POINT_SIGMA_MM},
+        "turntable": {"direction": direction},
+        "known": {"tool0_from_laser": TOOL.to_rows(), "base_from_turntable": TABLE.to_rows()},
+        "merge": {"voxel_mm": 0.5, "mesh": "none", **merge},
+    }
+    return Session.model_validate({"cell": cell, "captures": captures}), files
+
+
+def solve(given: tuple[Session, dict[str, bytes]], **options) -> MergeResult:
+    result = run(given[0], given[1].__getitem__, "merge", **options)["merge"]
+    assert isinstance(result, MergeResult)
+    return result
+
+
+@pytest.mark.parametrize(("direction", "kind"), [(1, "sweep"), (-1, "sweep"), (1, "cloud")])
+def test_scans_land_where_the_sphere_is_in_the_turntables_frame(direction: int, kind: str, tmp_path: Path):
+    result = solve(session(direction, kind), store=lambda name, pieces: write_pieces(tmp_path / name, pieces))
+    points = parse_cloud((tmp_path / CLOUD_FILE).read_bytes(), CLOUD_FILE)
+    assert (len(points), result.frame, result.cloud) == (result.points, "turntable", CLOUD_FILE)
+    distance = np.linalg.norm(points - sphere_scans.CENTER_MM, axis=1) - sphere_scans.RADIUS_MM
+    assert np.sqrt(np.mean(distance**2)) < 1.5 * sphere_scans.POINT_SIGMA_MM
+    assert result.overlap_rms_mm is not None
+    assert result.expected_overlap_rms_mm is not None
+    assert 0.5 < result.overlap_rms_mm / result.expected_overlap_rms_mm < 1.5
+    assert [row.capture for row in result.residuals] == [f"s{k}" for k in range(8)]
+    assert all(row.used and row.kept > 500 for row in result.residuals)
+    assert result.verdict == "pass"
+
+
+def test_a_mesh_is_stored_beside_the_cloud(tmp_path: Path):
+    result = solve(session(mesh="poisson"), store=lambda name, pieces: write_pieces(tmp_path / name, pieces))
+    assert (result.mesh, (tmp_path / MESH_FILE).is_file()) == (MESH_FILE, True)
+    assert result.triangles > 1000
+
+
+def test_a_wrong_table_angle_stands_out():
+    given, files = session()
+    captures = list(given.captures)
+    captures[3] = captures[3].model_copy(update={"table_deg": 135.7})
+    result = solve((given.model_copy(update={"captures": captures}), files))
+    assert result.verdict == "warn"
+    assert "s3 the farthest" in result.warnings[0]
+
+
+def test_registration_reports_what_it_did():
+    result = solve(session(registration=True))
+    assert result.registered_overlap_rms_mm is not None
+    assert all(row.shift_mm is not None and row.shift_mm < 0.1 for row in result.residuals)
+
+
+def test_excluded_scans_stay_out_and_have_a_row():
+    given, files = session()
+    captures = [given.captures[0].model_copy(update={"excluded": True}), *given.captures[1:]]
+    result = solve((given.model_copy(update={"captures": captures}), files))
+    assert (result.residuals[0].used, result.residuals[0].reason) == (False, "excluded by the user")
+    assert result.residuals[1].used
+
+
+@pytest.mark.parametrize(
+    ("update", "words"),
+    [
+        ({"table_deg": None}, r"s2: need the table's angle"),
+        ({"poses": [np.eye(4).ravel().tolist()]}, r"s2: need as many poses as files"),
+    ],
+)
+def test_what_a_scan_lacks_is_named(update: dict, words: str):
+    given, files = session()
+    captures = [c.model_copy(update=update) if c.id == "s2" else c for c in given.captures]
+    with pytest.raises(InputError, match=words):
+        solve((given.model_copy(update={"captures": captures}), files))
+
+
+def test_a_profile_of_another_size_is_named():
+    given, files = session()
+    name = given.captures[1].files[5]
+    files[name] = files[name][: files[name].rindex(b"\n")]
+    with pytest.raises(InputError, match=rf"{name}: need \d+ columns, like the scan's first profile"):
+        solve((given, files))
+
+
+def test_a_scan_of_blanks_alone_is_named():
+    given, files = session()
+    for name in given.captures[1].files:
+        files[name] = b"x_mm,z_mm\n" + b"\n".join(b"%d," % k for k in range(50))
+    with pytest.raises(InputError, match=r"s1: need a scan with points, got \d+ blanks"):
+        solve((given, files))
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        ({"tool0_from_laser": TOOL.to_rows()}, "need the turntable"),
+        ({"base_from_turntable": TABLE.to_rows()}, "need the scanner's pose on the flange"),
+    ],
+)
+def test_a_missing_calibration_is_named(known: dict, words: str):
+    given, files = session()
+    data = given.to_json()
+    data["cell"]["known"] = known
+    with pytest.raises(CalibrationError, match=words):
+        solve((Session.model_validate(data), files))
+
+
+def test_a_full_disk_is_named_and_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(_handle: int, _data: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.write", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        solve(session(), store=lambda name, pieces: write_pieces(tmp_path / name, pieces))
+    monkeypatch.undo()
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_the_result_is_stale_when_a_scan_changes():
+    given, files = session()
+    before = inputs_sha256(given, "merge", files.__getitem__)
+    files[given.captures[0].files[0]] += b"\n"
+    assert inputs_sha256(given, "merge", files.__getitem__) != before
+
+
+def test_single_profiles_at_one_table_angle_are_one_scan():
+    given, _ = session()
+    single = [
+        {"id": f"p{k}", "step": "scan", "kind": "profile", "files": ["a.csv"], "table_deg": float(k // 3)}
+        for k in range(6)
+    ]
+    data = given.to_json()
+    data["captures"] = [*single, data["captures"][0]]
+    groups = scan_groups(Session.model_validate(data).captures)
+    assert [group.name for group in groups] == ["p0…p2", "p3…p5", "s0"]
+
+
+def test_an_organised_pcd_keeps_its_grid():
+    given, _ = session()
+    pose = given.captures[0].poses[0]  # type: ignore[index]
+    points = np.random.default_rng(0).normal(size=(4, 5, 3)).astype("<f4")
+    points[1, 2] = np.nan
+    header = (
+        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 5\nHEIGHT 4\n"
+        "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 20\nDATA binary\n"
+    )
+    data = given.to_json()
+    capture = {"id": "c", "step": "scan", "kind": "cloud", "files": ["c.pcd"], "pose": pose, "table_deg": 0.0}
+    data["captures"] = [capture]
+    record = Session.model_validate(data)
+    files = {"c.pcd": header.encode() + points.tobytes()}
+    scan = read_scan(record, scan_groups(record.captures)[0], Placement(TOOL, TABLE), files.__getitem__)
+    assert scan.organised
+    np.testing.assert_array_equal(scan.points_in_laser_mm, points)
+
+
+def test_the_moves_of_a_scan_by_tool_and_table_are_those_of_finite_steps():
+    rng = np.random.default_rng(3)
+    pose = RigidTransform.of(rng.normal(size=3), 500 * rng.normal(size=3), "base", "tool0")
+    turn = RigidTransform.of([0, 0, -0.7], [0, 0, 0], "turntable", "turntable")
+    point = np.array([5.0, 0.0, 180.0])
+    calibration = _Calibration(Placement(TOOL, TABLE), np.zeros((12, 12)), 0.05, 2e-4, 1e-4)
+    moves, _ = _moves(calibration, turn @ TABLE.inverse(), pose)
+
+    def place(change: np.ndarray) -> np.ndarray:
+        tool, table = TOOL.perturbed(change[:6]), TABLE.perturbed(change[6:])
+        return (turn @ table.inverse() @ pose @ tool).apply(point)
+
+    here = place(np.zeros(12))
+    for column in range(12):
+        change = np.zeros(12)
+        change[column] = 1e-6
+        moved = here + np.cross(moves[:3, column], here) * 1e-6 + moves[3:, column] * 1e-6
+        np.testing.assert_allclose(place(change), moved, atol=1e-8)
+    assert move_of_pose_change(pose.matrix, np.zeros((6, 1))).shape == (6, 1)
