@@ -44,7 +44,8 @@ def export(session: Session, results: Mapping[str, Record | Mapping[str, Any]], 
     if found is None:
         raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
     result = result_data(found) if isinstance(found, Record) else dict(found)
-    text = json.dumps(tool_frame(session, result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    frames = tool_frame(session, result) | table_frames(results)
+    text = json.dumps(frames, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return text, "application/json"
 
 
@@ -71,6 +72,28 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
         "pose_convention": session.cell.pose_convention,
         "conventions": {name: _in_convention(name, tool0_from_laser, covariance[:6, :6]) for name in CONVENTIONS},
     }
+
+
+_TABLE_FIELDS = (
+    "verdict", "inputs_sha256", "base_from_turntable", "axis_direction_in_base", "axis_point_in_base_mm",
+    "direction", "axis_direction_sigma_deg", "axis_point_sigma_mm", "mounts", "tool0_from_laser", "covariance",
+    "turntable_covariance",
+)  # fmt: skip
+
+
+def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the turntable's frame, and tool and turntable of the whole chain, where they are solved.
+
+    A table belongs together with the tool beside it: that of `turntable` with the tcp stage's, that of `chain`
+    with the chain's own.
+    """
+    found: dict[str, Any] = {}
+    for stage in ("turntable", "chain"):
+        result = results.get(stage)
+        if result is not None:
+            data = result_data(result) if isinstance(result, Record) else result
+            found[stage] = {name: data[name] for name in _TABLE_FIELDS if name in data}
+    return found
 
 
 def tool_numbers(convention: str, tool0_from_laser: RigidTransform) -> list[float]:

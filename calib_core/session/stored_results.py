@@ -7,7 +7,15 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from calib_core.errors import InputError
-from calib_core.records import CameraResult, LaserPlaneResult, Result, TcpResult, input_error
+from calib_core.records import (
+    CameraResult,
+    ChainResult,
+    LaserPlaneResult,
+    Result,
+    TcpResult,
+    TurntableResult,
+    input_error,
+)
 from calib_core.session.folder import load_results
 from calib_core.session.plain_json import require_plain
 
@@ -15,6 +23,8 @@ _RECORDS: Final[dict[str, type[Result]]] = {
     "camera": CameraResult,
     "laser-plane": LaserPlaneResult,
     "tcp": TcpResult,
+    "turntable": TurntableResult,
+    "chain": ChainResult,
 }
 
 

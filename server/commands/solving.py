@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.records import Record, Result, Session, TcpResult
+from calib_core.records import ChainResult, Record, Result, Session, TcpResult, TurntableResult
 from calib_core.session.archive import is_archive, opened
 from calib_core.session.check import check_session
 from calib_core.session.export import FORMATS
@@ -26,6 +26,7 @@ from calib_core.session.pipeline import run as run_stages
 from calib_core.session.stored_results import stored_results
 from server.commands.progress import progress_bar
 from server.commands.summary import tcp_summary
+from server.commands.table_summary import table_summary
 
 
 def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
@@ -41,6 +42,8 @@ def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
         for result in results.values():
             if isinstance(result, TcpResult):
                 print(tcp_summary(session, result))
+            elif isinstance(result, TurntableResult | ChainResult):
+                print(f"\n{table_summary(session, result)}")
         if not results:
             print("Nothing to solve: cell.known gives every result.")
     if out is not None or not is_archive(path):
