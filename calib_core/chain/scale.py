@@ -6,11 +6,12 @@ import numpy as np
 
 from calib_core.chain.likelihood import fit
 from calib_core.chain.rejection import Judged
+from calib_core.frames import FloatArray
 
 _PROBE = 0.002
+_FLATTEST = 0.05  # a ray that only grazes the sphere says nothing reliable
 _SIGNIFICANT = 5.0
-# Point noise alone bends short arcs by some tenths of a per cent (a bias of second order); scanners that are wrong
-# are wrong by more.
+# Real arcs are bent by some tenths of a per cent for other reasons; scanners that are wrong are wrong by more.
 _WORTH_SAYING = 0.005
 
 
@@ -29,17 +30,16 @@ def scale_errors(judged: Judged) -> list[ScaleError]:
     The likelihood is maximised again with the points stretched a little either way; its parabola gives the most
     likely scale and that one's standard deviation.  Neither the arcs alone nor the poses alone decide: both do.
     """
-    data, state, sigmas = judged.data, judged.fit.state, judged.fit.sigmas
-    if len(data.points) == 0:
+    if len(judged.data.points) == 0:
         return []
-    middle = fit(data, state, sigmas).at.cost
+    middle = _cost(judged, np.ones(3))
     found: list[ScaleError] = []
     for axis, name in ((0, "x"), (2, "z")):
         costs: list[float] = []
         for stretch in (-_PROBE, _PROBE):
             factors = np.ones(3)
             factors[axis] += stretch
-            costs.append(fit(replace(data, points=data.points * factors), state, sigmas).at.cost)
+            costs.append(_cost(judged, factors))
         low, high = costs
         curvature = (low + high - 2 * middle) / _PROBE**2
         if curvature <= 0:
@@ -49,3 +49,17 @@ def scale_errors(judged: Judged) -> list[ScaleError]:
         if abs(error) > max(_SIGNIFICANT * sigma, _WORTH_SAYING):
             found.append(ScaleError(name, float(error), sigma))
     return found
+
+
+def _cost(judged: Judged, factors: FloatArray) -> float:
+    """Return half the squares, and the log-density's other part, with the points stretched by factors (3,).
+
+    A scanner's noise acts along its ray, z, while residuals are distances to the sphere: the density of z has the
+    slope between the two as a factor.  It hardly matters to a capture, but all captures' add up in the scale.
+    """
+    data = judged.data
+    points = data.points * factors
+    at = fit(replace(data, points=points), judged.fit.state, judged.fit.sigmas).at
+    offsets = points - np.repeat(at.centers_in_laser, np.diff(data.offsets), axis=0)
+    slopes = np.abs(offsets[:, 2]) / np.linalg.norm(offsets, axis=1) * factors[2]
+    return at.cost - float(np.sum(np.log(np.maximum(slopes, _FLATTEST))))
