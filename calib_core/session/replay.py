@@ -16,7 +16,7 @@ from calib_core.session.stage_tcp import SOFTWARE, Progress
 TOLERANCE: Final = 1e-9
 """Two numbers are equal where they differ by less than this, relative to the larger."""
 
-ROUNDING: Final = 1e-13
+ROUNDING: Final = 1e-15
 """Or by less than this, relative to the largest number of their vector or matrix: a zero is never quite zero."""
 
 MAX_LISTED: Final = 100

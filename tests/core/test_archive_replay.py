@@ -1,0 +1,156 @@
+"""Replay: bit for bit where nothing changed, and what differs, by how much and why where something did."""
+
+import copy
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calib_core.session.folder import load_session, to_json_bytes
+from calib_core.session.replay import MAX_LISTED, TOLERANCE, compare, replay
+from calib_core.session.stored_results import stored_results
+from server.cli import main
+
+
+@pytest.fixture
+def stored(solved_folder: Path) -> dict[str, Any]:
+    return stored_results(solved_folder)
+
+
+def test_an_untouched_session_comes_out_bit_for_bit(solved_folder, stored):
+    found = replay(*load_session(solved_folder), stored)
+    (stage,) = found.stages
+    assert found.equal
+    assert (stage.stage, stage.equal, stage.largest_relative, stage.difference_count) == ("tcp", True, 0.0, 0)
+    assert stage.numbers == count_numbers(stored["tcp"])
+    assert found.tolerance == TOLERANCE == 1e-9
+
+
+def count_numbers(data: Any) -> int:
+    if isinstance(data, dict):
+        return sum(map(count_numbers, data.values()))
+    if isinstance(data, list):
+        return sum(map(count_numbers, data))
+    return isinstance(data, int | float) and not isinstance(data, bool)
+
+
+def altered(stored: dict[str, Any], path: str, factor: float) -> dict[str, Any]:
+    data: Any = copy.deepcopy(stored["tcp"])
+    place, *keys = path.split(".")
+    target, names = data, [place, *keys]
+    for name in names[:-1]:
+        target = target[int(name) if isinstance(target, list) else name]
+    last = int(names[-1]) if isinstance(target, list) else names[-1]
+    target[last] *= factor
+    return data
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "tool0_from_laser.1.3",
+        "covariance.0.0",
+        "surface_rms_mm",
+        "residuals.4.surface_rms_mm",
+        "two_step.covariance.2.2",
+    ],
+)
+def test_every_number_counts_from_the_stated_tolerance_on(stored, path):
+    assert compare(altered(stored, path, 1 + 5e-10), stored["tcp"]).equal
+    found = compare(altered(stored, path, 1 + 2e-9), stored["tcp"])
+    assert not found.equal
+    (difference,) = found.differences
+    assert difference.relative == pytest.approx(2e-9, rel=1e-3)
+    assert found.largest_relative == difference.relative
+    named = re.sub(r"\[(p\d\d|\d)\]", lambda found: "." + found[1], difference.path)
+    assert named == path.replace("residuals.4", "residuals.p05")
+
+
+def test_a_zero_of_a_matrix_may_be_rounded_and_no_more():
+    def matrix(zero: float) -> dict[str, Any]:
+        return {"stage": "x", "m": [[1.0, zero], [0.0, 250.0]]}
+
+    assert compare(matrix(0.0), matrix(2e-13)).equal
+    assert not compare(matrix(0.0), matrix(1e-10)).equal
+    assert not compare({"stage": "x", "a": 0.0}, {"stage": "x", "a": 1e-15}).equal
+
+
+@pytest.mark.parametrize(
+    ("stored", "fresh", "path"),
+    [
+        ({"a": 1.0}, {}, "a"),
+        ({}, {"a": 1.0}, "a"),
+        ({"a": None}, {}, "a"),
+        ({"a": [1.0, 2.0]}, {"a": [1.0]}, "a[1]"),
+        ({"a": 1.0}, {"a": "1.0"}, "a"),
+        ({"a": True}, {"a": 1}, "a"),
+        ({"a": 1.0}, {"a": None}, "a"),
+        ({"a": {"b": "x"}}, {"a": {"b": "y"}}, "a.b"),
+        ({"a": [1.0]}, {"a": {"b": 1.0}}, "a"),
+        ({"a": []}, {"a": [{"capture": "p01"}]}, "a[0]"),
+    ],
+)
+def test_what_is_no_number_must_be_the_same(stored, fresh, path):
+    found = compare(stored, fresh)
+    assert [d.path for d in found.differences] == [path]
+    assert found.differences[0].relative is None
+
+
+def test_the_worst_of_many_differences_are_listed():
+    found = compare({"a": [float(k + 1) for k in range(500)]}, {"a": [k + 1.5 for k in range(500)]})
+    assert found.difference_count == 500
+    assert len(found.differences) == MAX_LISTED
+    assert found.differences[0].path == "a[0]"
+    assert found.largest_relative == found.differences[0].relative == pytest.approx(0.5 / 1.5)
+
+
+def why(folder: Path, stored: dict[str, Any]) -> str:
+    found = replay(*load_session(folder), stored)
+    assert not found.equal
+    return " ".join(found.stages[0].why)
+
+
+def test_reasons_from_the_records(solved_folder, stored, tmp_path):
+    wrong = {"tcp": altered(stored, "surface_rms_mm", 1.5)}
+    assert "altered" in why(solved_folder, wrong)
+    wrong["tcp"]["software"] = "scancell 0.0.1"
+    assert "computed by scancell 0.0.1; this is scancell" in why(solved_folder, wrong)
+    wrong["tcp"]["method"] = "guessing"
+    assert "'guessing'" in why(solved_folder, wrong)
+    folder = tmp_path / "s"
+    shutil.copytree(solved_folder, folder)
+    with (folder / "captures" / "p02.csv").open("a") as file:
+        file.write("\n0.0,400.0\n")
+    assert "the hashes of the inputs differ" in why(folder, stored)
+    (folder / "captures" / "p02.csv").unlink()
+    assert "cannot be solved any more" in why(folder, stored)
+
+
+def test_the_same_numbers_by_other_software_are_equal(solved_folder, stored):
+    other = {"tcp": {**stored["tcp"], "software": "scancell 0.0.1"}}
+    assert replay(*load_session(solved_folder), other).equal
+
+
+def test_a_stage_of_another_version_is_said_not_to_be_solvable(solved_folder):
+    stored = {"merge": {"stage": "merge", "software": "scancell 9", "method": "m", "inputs_sha256": "0"}}
+    assert "cannot be solved any more" in why(solved_folder, stored)
+
+
+def test_the_command(solved_folder, stored, tmp_path, capsys):
+    folder = tmp_path / "s"
+    shutil.copytree(solved_folder, folder)
+    wrong = altered(stored, "sphere_center_in_base_mm.0", 1 + 1e-6)
+    (folder / "results" / "tcp.json").write_bytes(to_json_bytes(wrong))
+    assert main(["archive", "pack", str(folder), "--out", str(tmp_path / "a.zip"), "--no-scene"]) == 0
+    capsys.readouterr()
+    assert main(["archive", "replay", str(tmp_path / "a.zip"), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["equal"] is False
+    assert [d["path"] for d in found["stages"][0]["differences"]] == ["sphere_center_in_base_mm[0]"]
+    assert main(["archive", "replay", str(tmp_path / "a.zip")]) == 1
+    out = capsys.readouterr().out
+    assert "tcp: DIFFERS in 1 values" in out
+    assert "altered" in out
