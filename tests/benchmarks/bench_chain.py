@@ -1,0 +1,102 @@
+"""Tool and turntable from all captures of the simulated cell: against the bound, the truth and the paper's way."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from harness import Row, interleaved_medians_s
+
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import ChainResult
+from calib_core.session.pipeline import solve_stage
+from calib_core.simulation import SimulatedSession, chain_bound, simulate
+
+_FREE = [0, 1, 3, 4, 5]  # T's rotation about its own z follows from the tilts
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One seed: errors of the chain and of the paper's axis, the bounds, and the normalised squared errors."""
+
+    axis_rad: float
+    paper_axis_rad: float
+    axis_bound: float
+    tool: FloatArray
+    tool_bound: FloatArray
+    tool_nees: float
+    table_nees: float
+
+
+def angle_rad(direction: object, truth: object) -> float:
+    return float(np.linalg.norm(np.cross(np.asarray(direction, dtype=float), np.asarray(truth, dtype=float))))
+
+
+def solve(simulated: SimulatedSession) -> ChainResult:
+    result = solve_stage(simulated.session, "chain", simulated.files.__getitem__)
+    assert isinstance(result, ChainResult)
+    return result
+
+
+def one(seed: int) -> Run:
+    simulated = simulate("turntable", seed)
+    truth, bound, result = simulated.truth, chain_bound(simulated), solve(simulated)
+    tool = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser").difference(
+        RigidTransform.from_rounded(truth["tool0_from_laser"], "tool0", "laser")
+    )
+    table = RigidTransform.from_rounded(result.base_from_turntable, "base", "turntable").difference(
+        RigidTransform.from_rounded(truth["base_from_turntable"], "base", "turntable")
+    )[_FREE]
+    covariance = np.array(result.turntable_covariance)[np.ix_(_FREE, _FREE)]
+    true_axis = truth["axis_direction_in_base"]
+    return Run(
+        axis_rad=angle_rad(result.axis_direction_in_base, true_axis),
+        paper_axis_rad=angle_rad(result.circles_axis_direction_in_base, true_axis),
+        axis_bound=float(np.trace(bound.axis_direction)),
+        tool=tool,
+        tool_bound=bound.tool,
+        tool_nees=float(tool @ np.linalg.solve(np.array(result.covariance), tool)),
+        table_nees=float(table @ np.linalg.solve(covariance, table)),
+    )
+
+
+def rms(values: object) -> float:
+    return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=float)))))
+
+
+def ratio_row(what: str, error: float, bound: float, unit: str) -> Row:
+    measured = f"{error / bound:.3f} × ({error:.4f} of {bound:.4f} {unit})"
+    return Row(what, "≤ 1.1 × bound", measured, error <= 1.1 * bound)
+
+
+def nees_row(what: str, values: list[float], freedom: int) -> Row:
+    half = 1.96 * np.sqrt(2 * freedom / len(values))
+    mean = float(np.mean(values))
+    target = f"{freedom - half:.2f} to {freedom + half:.2f}"
+    return Row(what, target, f"{mean:.2f}", abs(mean - freedom) <= half)
+
+
+def run(full: bool) -> list[Row]:
+    """Return the rows of this benchmark; `full` takes the 100 seeds of the target."""
+    seeds = 100 if full else 30
+    runs = [one(seed) for seed in range(seeds)]
+    axis, papers = rms([r.axis_rad for r in runs]), rms([r.paper_axis_rad for r in runs])
+    turn, shift = rms([np.linalg.norm(r.tool[:3]) for r in runs]), rms([np.linalg.norm(r.tool[3:]) for r in runs])
+    axis_bound = np.sqrt(np.mean([r.axis_bound for r in runs]))
+    turn_bound = np.sqrt(np.mean([np.trace(r.tool_bound[:3, :3]) for r in runs]))
+    shift_bound = np.sqrt(np.mean([np.trace(r.tool_bound[3:, 3:]) for r in runs]))
+    rows = [
+        ratio_row(f"axis direction, {seeds} seeds", np.rad2deg(axis), np.rad2deg(axis_bound), "°"),
+        ratio_row(f"TCP rotation, {seeds} seeds", np.rad2deg(turn), np.rad2deg(turn_bound), "°"),
+        ratio_row(f"TCP translation, {seeds} seeds", shift, shift_bound, "mm"),
+        nees_row("mean NEES of the TCP, 6 parameters", [r.tool_nees for r in runs], 6),
+        nees_row("mean NEES of the table, 5 parameters", [r.table_nees for r in runs], 5),
+        Row(
+            "axis against the paper's way, same captures",
+            "≥ 2.2 × better",
+            f"{papers / axis:.2f} × ({np.rad2deg(papers):.4f}°)",
+            papers >= 2.2 * axis,
+        ),
+    ]
+    simulated = simulate("turntable", 0)
+    duration = interleaved_medians_s({"chain": lambda: solve(simulated)}, rounds=5)["chain"]
+    rows.append(Row("30 profiles: fits, tcp, turntable and chain", "", f"{1e3 * duration:.0f} ms"))
+    return rows
