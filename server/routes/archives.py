@@ -21,16 +21,26 @@ from server.strict_json import StrictRoute
 router = APIRouter(tags=["archives"], route_class=StrictRoute)
 
 _CHUNK_BYTES = 1 << 20
-_ZIP: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
-_FORM: dict[str, Any] = {
-    "schema": {
-        "type": "object",
-        "properties": {"file": {"type": "string", "format": "binary"}},
-        "required": ["file"],
+_BYTES: dict[str, Any] = {"type": "string", "format": "binary"}
+_ZIP: dict[str, Any] = {"schema": _BYTES}
+_FORM: dict[str, Any] = {"type": "object", "properties": {"file": _BYTES}, "required": ["file"]}
+_EXAMPLES: dict[str, Any] = {
+    "archive": {
+        "summary": "The file that `scancell archive pack` wrote: curl --data-binary @cell-4.zip",
+        "value": "PK",
     }
 }
+_FORM_EXAMPLES: dict[str, Any] = {
+    "form": {"summary": "The same as a form: curl -F file=@cell-4.zip", "value": {"file": "PK"}}
+}
 _BODY: dict[str, Any] = {
-    "requestBody": {"required": True, "content": {"application/zip": _ZIP, "multipart/form-data": _FORM}}
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/zip": {"schema": _BYTES, "examples": _EXAMPLES},
+            "multipart/form-data": {"schema": _FORM, "examples": _FORM_EXAMPLES},
+        },
+    }
 }
 
 
