@@ -90,7 +90,7 @@ def _doubts_about_noise(solution: TcpSolution) -> list[str]:
     if solution.excess > 1:
         found.append(
             f"The captures scatter {np.sqrt(solution.excess):.1f} times more than the given sigmas explain; the "
-            "stated uncertainty is enlarged by that. Leave the robot's sigmas out to have them estimated."
+            "stated uncertainty is enlarged accordingly. Leave the robot's sigmas out to have them estimated."
         )
     measured, given = solution.measured_point_sigma_mm, solution.options.point_sigma_mm
     if measured and given and not 0.5 < measured / given < 2:
