@@ -1,0 +1,91 @@
+"""Both real cells through the pipeline: nothing is told but the sphere's diameter and the convention."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib_core.frames import RigidTransform
+from calib_core.records import TcpResult, parse_session
+from calib_core.robot_pose import to_pose
+from calib_core.session.pipeline import solve_stage
+
+# Scatter of the centres, and the independent solvers' tool as x y z W P R (mm, degrees).
+CELLS = {
+    "tcp-sphere-80mm": (0.60, (-149.6, 709.5, 487.2, 179.5, 0.45, -91.8)),
+    "tcp-sphere-25mm": (0.84, (79.0, -11.6, 263.4, -178.1, -0.16, 131.3)),
+}
+CELL = pytest.mark.parametrize("name", CELLS)
+
+
+@cache
+def solved(folder: Path, tell_z_axis: bool = True) -> TcpResult:
+    data = json.loads((folder / "session.json").read_text(encoding="utf-8"))
+    if not tell_z_axis:
+        del data["cell"]["scanner"]["z_axis"]
+    result = solve_stage(parse_session(data), "tcp", lambda name: (folder / name).read_bytes())
+    assert isinstance(result, TcpResult)
+    return result
+
+
+@CELL
+def test_scatter_and_tool_are_those_of_the_reference(data_folder: Path, name: str) -> None:
+    scatter_mm, reference = CELLS[name]
+    result = solved(data_folder / name)
+    assert result.center_scatter_rms_mm <= scatter_mm
+    assert [row.reason for row in result.residuals if not row.used] == []
+    tool = RigidTransform(np.array(result.tool0_from_laser), "tool0", "laser")
+    numbers = np.array(to_pose("fanuc", RigidTransform(tool.matrix, "base", "tool0")))
+    np.testing.assert_allclose(numbers[:3], reference[:3], atol=2)
+    np.testing.assert_allclose((numbers[3:] - reference[3:] + 180) % 360 - 180, 0, atol=2)
+    assert result.verdict in ("pass", "warn")
+    assert result.undetermined == []
+
+
+def test_the_spheres_are_on_the_sides_where_they_fit(data_folder: Path) -> None:
+    sides = {name: {row.side for row in solved(data_folder / name).residuals} for name in CELLS}
+    assert len(sides["tcp-sphere-80mm"]) == 1
+    assert len(sides["tcp-sphere-25mm"]) == 1
+    assert sides["tcp-sphere-80mm"] != sides["tcp-sphere-25mm"]
+
+
+@CELL
+def test_the_sense_of_z_need_not_be_told(data_folder: Path, name: str) -> None:
+    told, found = solved(data_folder / name), solved(data_folder / name, tell_z_axis=False)
+    np.testing.assert_allclose(found.tool0_from_laser, told.tool0_from_laser, atol=1e-6)
+    np.testing.assert_allclose(found.covariance, told.covariance, rtol=1e-6)
+
+
+@CELL
+def test_the_robots_scatter_is_that_of_such_arms(data_folder: Path, name: str) -> None:
+    components = solved(data_folder / name).variance_components
+    assert 0.1 < components.position_sigma_mm < 1.0  # about 0.5 mm by a coarse grid
+    assert components.orientation_sigma_rad < 5e-4
+    assert components.estimated == ["point_sigma_mm", "position_sigma_mm", "orientation_sigma_rad"]
+
+
+def test_leave_one_out_is_of_the_references_size(data_folder: Path) -> None:
+    """Sensible sigmas cost some of it against plain least squares on the points: never a multiple."""
+    result = solved(data_folder / "tcp-sphere-80mm")
+    worst = max(result.residuals, key=lambda row: row.leave_one_out_rms_mm or 0.0)
+    assert result.leave_one_out_surface_rms_mm is not None
+    assert result.surface_rms_mm < result.leave_one_out_surface_rms_mm < 3 * result.surface_rms_mm
+    assert (worst.leave_one_out_rms_mm or 0.0) < 1.5
+
+
+def test_a_great_circle_does_not_hurt(data_folder: Path) -> None:
+    """Without the first capture, which is almost one, the answer is the same within its uncertainty."""
+    folder = data_folder / "tcp-sphere-80mm"
+    data = json.loads((folder / "session.json").read_text(encoding="utf-8"))
+    data["captures"][0]["excluded"] = True
+    without = solve_stage(parse_session(data), "tcp", lambda name: (folder / name).read_bytes())
+    assert isinstance(without, TcpResult)
+    whole = solved(folder)
+    here = RigidTransform(np.array(whole.tool0_from_laser), "tool0", "laser")
+    there = RigidTransform(np.array(without.tool0_from_laser), "tool0", "laser")
+    sigmas = np.sqrt(np.diag(np.array(without.covariance)))
+    assert np.abs(here.difference(there) / sigmas).max() < 1.5
+    # The sigmas are estimated anew without it, which moves the variances by a quarter or so.
+    assert (np.diag(np.array(whole.covariance)) <= 1.5 * np.diag(np.array(without.covariance))).all()
