@@ -10,6 +10,8 @@ from calib_core.simulation.profile_cell import Shot, World
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.table_cell import TableTruth
 
+_SINGULAR = 1e-12
+
 
 @dataclass(frozen=True, eq=False)
 class ChainBound:
@@ -54,7 +56,7 @@ def chain_bound(simulated: SimulatedSession, *, encoder_scale: bool = False) -> 
         information[13, 13] = max(information[13, 13], 1.0) * 1e12  # known
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     scaled = information * scale[:, None] * scale
-    if np.linalg.eigvalsh(scaled)[0] < 1e-14:
+    if np.linalg.eigvalsh(scaled)[0] < _SINGULAR:
         raise InputError("captures that determine tool and axis", "others", "Take another scenario.")
     covariance = np.linalg.inv(scaled) * scale[:, None] * scale
     rotation = table.base_from_turntable[:3, :3]
