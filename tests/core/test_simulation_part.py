@@ -1,0 +1,115 @@
+"""The simulated part and its scans: truth is the mesh, and what the scanner adds to it is as stated."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from calib_core.fusion.clean import KEPT, clean_scan
+from calib_core.fusion.merge import VoxelGrid
+from calib_core.fusion.scan import Scan
+from calib_core.simulation.part import BALL_RADIUS_MM, HEIGHT_MM, HOLES, build_part, top_mm
+from calib_core.simulation.part_scan import PartScanner, PartScanOptions, in_turntable, view_poses
+from calib_core.sphere.cloud import fit_sphere
+
+PART = build_part()
+MESH = trimesh.Trimesh(PART.points_mm, PART.triangles, process=False)
+OPTIONS = PartScanOptions(pitch_mm=0.5, stray_fraction=0.01)
+
+
+@pytest.fixture(scope="module")
+def scans():
+    scanner = PartScanner(PART, OPTIONS)
+    rng = np.random.default_rng(0)
+    return [scanner.scan(pose, rng) for pose in view_poses(12)]
+
+
+def distances(points: np.ndarray) -> np.ndarray:
+    import open3d as o3d
+
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor(PART.points_mm.astype(np.float32)), o3d.core.Tensor(PART.triangles.astype(np.uint32))
+    )
+    return scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy()
+
+
+def test_the_block_is_closed_but_for_its_underside_and_faces_outward():
+    _, label = connected_components(coo_array((np.ones(len(MESH.edges)), MESH.edges.T), (len(MESH.vertices),) * 2))
+    corner = np.argmin(MESH.vertices[:, 0])
+    block = trimesh.Trimesh(MESH.vertices, MESH.faces[label[MESH.faces[:, 0]] == label[corner]], process=False)
+    edges, counts = np.unique(np.sort(block.edges, axis=1), axis=0, return_counts=True)
+    open_edges = edges[counts == 1]
+    assert counts.max() == 2
+    ends = block.vertices[open_edges]
+    under = (ends[..., 2] == 0).all(axis=1)
+    # where the step meets the long sides, its upright edge is one on one side and two on the other
+    beside_step = ((ends[..., 0] == 24) & (np.abs(ends[..., 1]) == 32)).all(axis=1)
+    assert (under | beside_step).all()
+    x, y = np.meshgrid(np.linspace(-47.5, 47.5, 400), np.linspace(-31.5, 31.5, 400))
+    volume = float((top_mm(x, y) + 6.0 * (x > 24)).mean()) * 96 * 64
+    volume -= sum(np.pi * radius**2 * HEIGHT_MM for _, _, radius in HOLES)
+    # z·n_z summed over the open surface is its volume above z = 0
+    areas, centers = block.area_faces, block.triangles_center
+    assert float((areas * block.face_normals[:, 2] * centers[:, 2]).sum()) == pytest.approx(volume, rel=0.01)
+
+
+def test_the_ball_is_round():
+    ball = PART.points_mm[PART.points_mm[:, 2] > 45]
+    radii = np.linalg.norm(ball - PART.ball_center_mm, axis=1)
+    assert np.abs(radii[ball[:, 2] > 47] - BALL_RADIUS_MM).max() < 1e-6
+
+
+def test_true_points_lie_on_the_mesh_and_measured_ones_off_it_by_the_noise(scans):
+    for scan in scans[:3]:
+        good = np.isfinite(scan.points_in_laser_mm[..., 2]) & ~scan.strays & ~scan.mixed
+        assert distances(scan.true_points_mm[good]).max() < 1e-3
+        error = distances(in_turntable(scan)[good])
+        # the distance to the surface has the noise stated; at edges the nearest surface may be another
+        assert np.sqrt(np.mean(error[error < 0.1] ** 2)) == pytest.approx(OPTIONS.point_sigma_mm, rel=0.1)
+        assert np.abs(scan.points_in_laser_mm[..., 1][good]).max() == 0
+
+
+def test_what_the_camera_cannot_see_is_missing(scans):
+    high, low = (int(np.isfinite(scan.points_in_laser_mm[..., 2]).sum()) for scan in (scans[2], scans[0]))
+    assert high > 3000
+    with_camera = PartScanner(PART, OPTIONS)
+    beside = PartScanner(PART, PartScanOptions(pitch_mm=0.5, stray_fraction=0.01, baseline_mm=0.001))
+    pose = view_poses(12)[0]
+    occluded, all_seen = (
+        int(np.isfinite(s.scan(pose, np.random.default_rng(1)).points_in_laser_mm[..., 2]).sum())
+        for s in (with_camera, beside)
+    )
+    assert occluded < 0.97 * all_seen
+    assert low > 1000
+
+
+def test_the_same_seed_gives_the_same_scan():
+    scanner = PartScanner(PART, PartScanOptions(pitch_mm=3.0))
+    one, two = (scanner.scan(view_poses(3)[1], np.random.default_rng(5)).points_in_laser_mm for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_the_merged_part_lies_on_the_truth(scans):
+    """Cleaning takes strays and mixed points away; what is left is the part, its ball of the right size."""
+    grid = VoxelGrid(1.0, normals=True)
+    dropped = wrong = lost = good = 0
+    for number, scan in enumerate(scans):
+        points = scan.points_in_laser_mm.astype(np.float32)
+        clean = clean_scan(Scan(f"v{number}", points, scan.turntable_from_laser, OPTIONS.point_sigma_mm))
+        grid.add(clean.points_in_turntable_mm, None, clean.weights, clean.normals)
+        there = np.isfinite(points[..., 2])
+        off = there & (scan.strays | scan.mixed)
+        off[there] &= distances(in_turntable(scan)[there]) > 0.5
+        kept = clean.verdicts == KEPT
+        dropped, wrong = dropped + int((off & ~kept).sum()), wrong + int(off.sum())
+        surface = there & ~(scan.strays | scan.mixed)
+        lost, good = lost + int((surface & ~kept).sum()), good + int(surface.sum())
+    assert dropped > 0.97 * wrong
+    assert lost < 0.15 * good  # points beside edges, where half the neighbours are missing
+    cloud = grid.cloud()
+    assert np.quantile(distances(cloud.points_mm), 0.99) < 0.25
+    ball = cloud.points_mm[np.abs(np.linalg.norm(cloud.points_mm - PART.ball_center_mm, axis=1) - 10) < 0.5]
+    fit = fit_sphere(ball[ball[:, 2] > 48].astype(float))
+    assert abs(2 * fit.radius_mm - 2 * BALL_RADIUS_MM) < 0.05
