@@ -3,13 +3,22 @@
 import numpy as np
 from numba import njit
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.chain import invert_positive_3
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def center_normal_equations(
-    rotations, translations, weights, measured, tool_rotation, tool_translation, center, hessian, gradient
-):
+    rotations: FloatArray,
+    translations: FloatArray,
+    weights: FloatArray,
+    measured: FloatArray,
+    tool_rotation: FloatArray,
+    tool_translation: FloatArray,
+    center: FloatArray,
+    hessian: FloatArray,
+    gradient: FloatArray,
+) -> float:
     """Write the normal equations of all captures' centres; return half the sum of weighted squares.
 
     Residuals are R_sᵀ (R_0ᵀ (c − T_0) − T_s) − X in L; the unknowns are the rotation of tool0_from_laser (on the
@@ -72,7 +81,13 @@ def center_normal_equations(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def center_weights(information, arms, position_variance, orientation_variance, weights):
+def center_weights(
+    information: FloatArray,
+    arms: FloatArray,
+    position_variance: float,
+    orientation_variance: float,
+    weights: FloatArray,
+) -> None:
     """Write each centre's weight (A⁻¹ + S)⁻¹, with S its covariance by the pose's random error.
 
     Parameters

@@ -2,10 +2,24 @@
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from calib_core.frames import FloatArray
+
+IntArray = NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sphere_information(points, first, last, weight, center, radius, gradient, information):
+def sphere_information(
+    points: FloatArray,
+    first: int,
+    last: int,
+    weight: float,
+    center: FloatArray,
+    radius: float,
+    gradient: FloatArray,
+    information: FloatArray,
+) -> float:
     """Return half the weighted squared distances |p − q| − R of some points; write gradient and information.
 
     Parameters
@@ -56,9 +70,20 @@ def sphere_information(points, first, last, weight, center, radius, gradient, in
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def settle_centers(
-    points, offsets, weights, anchors, anchor_information, anchor_gradient, anchor_radius, radius,
-    predicted, precision, centers, gradient, information,
-):  # fmt: skip
+    points: FloatArray,
+    offsets: IntArray,
+    weights: FloatArray,
+    anchors: FloatArray,
+    anchor_information: FloatArray,
+    anchor_gradient: FloatArray,
+    anchor_radius: float,
+    radius: float,
+    predicted: FloatArray,
+    precision: FloatArray,
+    centers: FloatArray,
+    gradient: FloatArray,
+    information: FloatArray,
+) -> float:
     """Move each capture's own sphere centre to where its points and its pose's error together want it.
 
     Minimises, capture by capture, half the weighted squared distances (or the anchor's quadratic) plus
@@ -131,9 +156,21 @@ def settle_centers(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def own_cost(
-    points, first, last, weight, anchor, anchor_information, anchor_gradient, radius_change, radius,
-    predicted, precision, center, gradient, information,
-):  # fmt: skip
+    points: FloatArray,
+    first: int,
+    last: int,
+    weight: float,
+    anchor: FloatArray,
+    anchor_information: FloatArray,
+    anchor_gradient: FloatArray,
+    radius_change: float,
+    radius: float,
+    predicted: FloatArray,
+    precision: FloatArray,
+    center: FloatArray,
+    gradient: FloatArray,
+    information: FloatArray,
+) -> float:
     """Return one capture's cost at a centre, its pose's error included; write the own part's derivatives."""
     cost = 0.0
     gradient[:] = 0.0
@@ -156,7 +193,15 @@ def own_cost(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def predict_centers(rotations, translations, tool_rotation, tool_translation, centers, predicted, jacobian):
+def predict_centers(
+    rotations: FloatArray,
+    translations: FloatArray,
+    tool_rotation: FloatArray,
+    tool_translation: FloatArray,
+    centers: FloatArray,
+    predicted: FloatArray,
+    jacobian: FloatArray,
+) -> None:
     """Write where each capture should see its sphere's centre in L, and the derivatives.
 
     q = R_sᵀ (R_0ᵀ (c − T_0) − T_s).  Columns of the derivative: rotation of tool0_from_laser (on the right),
@@ -196,7 +241,7 @@ def predict_centers(rotations, translations, tool_rotation, tool_translation, ce
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pose_error_gain(information, spread, gain, share):
+def pose_error_gain(information: FloatArray, spread: FloatArray, gain: FloatArray, share: FloatArray) -> float:
     """Write G = S (I + A S)⁻¹ and N = (I + S A)⁻¹ for each capture's 3×3 blocks; return Σ log det(I + A S).
 
     A is what a capture knows of the sphere's centre in L and S the covariance of that centre by the pose's own
@@ -242,7 +287,16 @@ def pose_error_gain(information, spread, gain, share):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def marginal_normal_equations(information, vector, gain, share, offset, jacobian, hessian, gradient):
+def marginal_normal_equations(
+    information: FloatArray,
+    vector: FloatArray,
+    gain: FloatArray,
+    share: FloatArray,
+    offset: FloatArray,
+    jacobian: FloatArray,
+    hessian: FloatArray,
+    gradient: FloatArray,
+) -> None:
     """Write the normal equations of all captures with their pose errors integrated out.
 
     With Λ = A N and η = Nᵀ h a capture's log-likelihood in the predicted centre's change e is −½ eᵀΛe + ηᵀe;
@@ -303,7 +357,9 @@ def marginal_normal_equations(information, vector, gain, share, offset, jacobian
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def without_pose_error(a, h, g, n, reduced, rest):
+def without_pose_error(
+    a: FloatArray, h: FloatArray, g: FloatArray, n: FloatArray, reduced: FloatArray, rest: FloatArray
+) -> None:
     """Write Λ (m, m) and η (m,) of one capture: see `marginal_normal_equations`."""
     m = len(h)
     for i in range(m):
@@ -325,7 +381,7 @@ def without_pose_error(a, h, g, n, reduced, rest):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def cholesky_3(a, low):
+def cholesky_3(a: FloatArray, low: FloatArray) -> None:
     """Write the lower Cholesky factor of a positive definite 3×3 matrix."""
     low[0, 0] = np.sqrt(a[0, 0])
     low[1, 0] = a[1, 0] / low[0, 0]
@@ -336,7 +392,7 @@ def cholesky_3(a, low):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def invert_lower_3(low, inverse):
+def invert_lower_3(low: FloatArray, inverse: FloatArray) -> None:
     """Write the inverse of a lower triangular 3×3 matrix."""
     inverse[0, 0] = 1 / low[0, 0]
     inverse[1, 1] = 1 / low[1, 1]
@@ -347,7 +403,7 @@ def invert_lower_3(low, inverse):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def invert_positive_3(a, inverse):
+def invert_positive_3(a: FloatArray, inverse: FloatArray) -> float:
     """Write the inverse of a positive definite 3×3 matrix by its Cholesky factor; return log det."""
     low = np.zeros((3, 3))
     low_inverse = np.zeros((3, 3))
