@@ -64,6 +64,7 @@ export interface Cell {
   turntable?: Turntable;
   board?: Board | null;
   known?: Known;
+  merge?: MergeSettings;
 }
 
 export interface Guide {
@@ -155,6 +156,12 @@ export interface Measured {
   extent_deg?: number | null;
   preview?: number[][];
   preview_on_sphere?: boolean[];
+}
+
+export interface MergeSettings {
+  voxel_mm?: number;
+  mesh?: "poisson" | "grid" | "none";
+  registration?: boolean;
 }
 
 export interface NewSession {
