@@ -109,7 +109,7 @@ def find_start(centers: Centers) -> Start:
     candidates = _candidates(centers.chosen(some))
     starts = sorted(_settled(centers, candidates), key=_badness)
     best = starts[0]
-    rivals = [s for s in starts[1:] if _disagreement(s.sides, best.sides) > 0]
+    rivals = [s for s in starts[1:] if _is_rival(s, best)]
     rival = rivals[0].scatter_mm if rivals else None
     return Start(best.rotation, best.translation, best.center, best.sides, best.misfit_mm, best.scatter_mm, rival)
 
@@ -120,8 +120,10 @@ def _badness(start: Start) -> float:
     return float(np.sum(np.log1p((start.misfit_mm / (3 * scale)) ** 2)) + len(start.misfit_mm) * np.log(scale))
 
 
-def _disagreement(sides: np.ndarray, others: np.ndarray) -> int:
-    return int(np.sum(sides != others))
+def _is_rival(start: Start, best: Start) -> bool:
+    """Return whether a guess has other sides that fit it: one whose other sides are its outliers is no rival."""
+    differ = start.sides != best.sides
+    return bool(differ.any()) and float(np.median(start.misfit_mm[differ])) < 3 * start.scatter_mm
 
 
 def _random_rotations(count: int) -> FloatArray:

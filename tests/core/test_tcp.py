@@ -173,6 +173,12 @@ def test_sigmas_given_far_too_small_enlarge_the_uncertainty_and_are_said(seed: i
     assert solution.used.sum() >= 12
 
 
+@pytest.mark.parametrize("seed", [0, 33, 34])  # where one profile on its other side left the median as it was
+def test_clear_sides_are_not_doubted(seed: int) -> None:
+    verdict, warnings = tcp_verdict(cell("tcp", seed).solve(GIVEN))
+    assert (verdict, warnings) == ("pass", [])
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_right_scale_is_not_doubted(seed: int) -> None:
     assert cell("tcp", seed).solve(GIVEN).scale_errors == []
