@@ -15,6 +15,15 @@ REJECTED: Rgb = (230, 159, 0)
 LIGHT: Rgb = (0, 158, 115)
 SPHERE: Rgb = (150, 155, 165)
 
+MOUNTS: tuple[Rgb, ...] = ((204, 121, 167), (60, 160, 215), (200, 190, 60), (120, 90, 200))
+BOARD: Rgb = (60, 160, 215)
+# Eight tones that neighbours in a row tell apart, and viridis for heights.
+SCANS: tuple[Rgb, ...] = (
+    (86, 128, 180), (222, 143, 68), (86, 166, 120), (196, 92, 100),
+    (140, 112, 186), (176, 160, 80), (70, 170, 180), (200, 120, 170),
+)  # fmt: skip
+VIRIDIS: tuple[Rgb, ...] = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
+
 # Blue – grey – red at even steps from −limit to +limit; grey stands out from a white and from a black ground.
 DIVERGING: tuple[Rgb, ...] = ((20, 70, 190), (95, 145, 225), (172, 172, 172), (232, 125, 95), (190, 20, 35))
 
@@ -36,9 +45,18 @@ def residual_limit_mm(residuals_mm: Sequence[FloatArray]) -> float:
 
 def diverging_colors(residuals_mm: FloatArray, limit_mm: float) -> NDArray[np.uint8]:
     """Return the colours (N, 3) of residuals (N,); beyond the limit the end colours stand."""
-    at = np.linspace(-limit_mm, limit_mm, len(DIVERGING))
-    stops = np.array(DIVERGING, dtype=float)
-    channels = [np.interp(residuals_mm, at, stops[:, channel]) for channel in range(3)]
+    return _between(residuals_mm, -limit_mm, limit_mm, DIVERGING)
+
+
+def height_colors(heights_mm: FloatArray, low_mm: float, high_mm: float) -> NDArray[np.uint8]:
+    """Return the viridis colours (N, 3) of heights (N,) from `low_mm` (dark) to `high_mm` (light)."""
+    return _between(heights_mm, low_mm, max(high_mm, low_mm + 1e-6), VIRIDIS)
+
+
+def _between(values: FloatArray, low: float, high: float, colors: Sequence[Rgb]) -> NDArray[np.uint8]:
+    at = np.linspace(low, high, len(colors))
+    stops = np.array(colors, dtype=float)
+    channels = [np.interp(values, at, stops[:, channel]) for channel in range(3)]
     return np.stack(channels, axis=1).round().astype(np.uint8)
 
 

@@ -1,15 +1,18 @@
 """What a scene is drawn from: the session and its results in, everything placed in the robot's base out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, Measured, Result, Session, TcpResult
+from calib_core.records import Capture, CaptureResidual, ChainResult, Measured, Result, Session, TcpResult
 from calib_core.robot_pose import parse_pose
+from server.scenes.merged import MergedScans, scanner_on_flange
+from server.scenes.optics import OpticsFacts, optics_facts
+from server.scenes.table import TableFacts, expected_center_mm, table_facts
 
 LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]
@@ -31,17 +34,23 @@ class SceneInput:
     results : mapping of stage name to Result
     load_points : callable
         Gives the points (N, 3) on the sphere of one capture, in L, mm; none when there are none.
+    load_scans : callable
+        Gives the merged scans, None where nothing was merged.
     """
 
     session: Session
     load_points: LoadPoints
     measured: Sequence[Measured] = ()
     results: Mapping[str, Result] = field(default_factory=dict[str, Result])
+    load_scans: Callable[[], MergedScans | None] = lambda: None
 
 
 @dataclass(frozen=True, eq=False)
 class CaptureFacts:
-    """One capture in its place: where the flange stood, what it saw (N, 3) in L, and whether it counts."""
+    """One capture in its place: where the flange stood, what it saw (N, 3) in L, and whether it counts.
+
+    `sphere_center_in_base_mm` is where the solution expects the sphere of this capture, None before it is known.
+    """
 
     id: str
     kind: str
@@ -49,7 +58,9 @@ class CaptureFacts:
     state: State
     reason: str
     points_in_laser_mm: FloatArray
-    sphere_is_still: bool
+    sphere_center_in_base_mm: FloatArray | None
+    table_deg: float | None = None
+    mount: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +71,9 @@ class SceneFacts:
     tool0_from_laser: RigidTransform | None
     sphere_center_in_base_mm: FloatArray | None
     sphere_radius_mm: float | None
+    table: TableFacts | None = None
+    optics: OpticsFacts | None = None
+    merged: MergedScans | None = None
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -72,10 +86,23 @@ class SceneFacts:
 
     def residuals_mm(self, capture: CaptureFacts) -> FloatArray | None:
         """Return the signed distances (N,) of the points to the solved sphere, positive outside, once known."""
-        if self.sphere_center_in_base_mm is None or self.sphere_radius_mm is None or not capture.sphere_is_still:
+        if capture.sphere_center_in_base_mm is None or self.sphere_radius_mm is None:
             return None
-        offsets = self.points_in_base_mm(capture) - self.sphere_center_in_base_mm
+        offsets = self.points_in_base_mm(capture) - capture.sphere_center_in_base_mm
         return np.linalg.norm(offsets, axis=1) - self.sphere_radius_mm
+
+
+@dataclass(frozen=True, eq=False)
+class _Placing:
+    """What every capture is placed by; `most` is how many of its points are kept."""
+
+    pose_convention: str
+    still_center_mm: FloatArray | None
+    table: TableFacts | None
+    rows: Mapping[str, CaptureResidual]
+    measured: Mapping[str, Measured]
+    load: LoadPoints
+    most: int
 
 
 def scene_facts(scene: SceneInput) -> SceneFacts:
@@ -84,40 +111,58 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     Captures without a usable pose of their own (a sweep's, or none at all) are left out.  Of all points of all
     captures at most `MAX_POINTS` are kept, evenly thinned.
     """
-    tcp = scene.results.get("tcp")
-    tcp = tcp if isinstance(tcp, TcpResult) else None
-    matrix = tcp.tool0_from_laser if tcp else scene.session.cell.known.tool0_from_laser
-    tool0_from_laser = RigidTransform.from_rounded(matrix, "tool0", "laser") if matrix else None
-    posed = [capture for capture in scene.session.captures if capture.pose is not None]
-    measured = {row.capture: row for row in scene.measured}
-    most = MAX_POINTS // max(len(posed), 1)
-    load = scene.load_points if tool0_from_laser else _no_points
-    drawn = (_capture_facts(c, scene, tcp, measured.get(c.id), load, most) for c in posed)
+    results, session = scene.results, scene.session
+    tool0_from_laser = scanner_on_flange(session, results)
+    still = next((r for n in ("chain", "tcp") if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
+    center = np.array(still.sphere_center_in_base_mm) if still else None
+    posed = _shown_captures(session)
+    placing = _Placing(
+        session.cell.pose_convention,
+        center,
+        table_facts(session, results),
+        _rows(results),
+        {row.capture: row for row in scene.measured},
+        scene.load_points if tool0_from_laser else _no_points,
+        MAX_POINTS // max(len(posed), 1),
+    )
+    drawn = (_capture_facts(capture, placing) for capture in posed)
     captures = tuple(capture for capture in drawn if capture is not None)
-    center = np.array(tcp.sphere_center_in_base_mm) if tcp else None
-    facts = SceneFacts(captures, tool0_from_laser, center, None)
-    return SceneFacts(captures, tool0_from_laser, center, _radius_mm(scene.session, facts))
+    facts = SceneFacts(
+        captures, tool0_from_laser, center, None, placing.table, optics_facts(session, results), scene.load_scans()
+    )
+    return replace(facts, sphere_radius_mm=_radius_mm(session, facts))
+
+
+def _shown_captures(session: Session) -> list[Capture]:
+    """Return the captures that have a place of their own; of profiles that make one scan the first alone."""
+    from calib_core.session.scans import scan_groups
+
+    scans = scan_groups([capture for capture in session.captures if capture.step == "scan"])
+    first = {group.captures[0].id for group in scans}
+    return [c for c in session.captures if c.pose is not None and (c.step != "scan" or c.id in first)]
+
+
+def _rows(results: Mapping[str, Result]) -> dict[str, CaptureResidual]:
+    """Return what the results say of each capture, the whole chain before the stages."""
+    rows: dict[str, CaptureResidual] = {}
+    for stage in ("camera", "laser-plane", "tcp", "turntable", "merge", "chain"):
+        rows |= {row.capture: row for row in getattr(results.get(stage), "residuals", [])}
+    return rows
 
 
 def _no_points(_: Capture) -> FloatArray:
     return np.zeros((0, 3))
 
 
-def _capture_facts(
-    capture: Capture,
-    scene: SceneInput,
-    tcp: TcpResult | None,
-    measured: Measured | None,
-    load: LoadPoints,
-    most: int,
-) -> CaptureFacts | None:
+def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
     try:
-        pose = parse_pose(scene.session.cell.pose_convention, capture.pose or [], capture.id)
+        pose = parse_pose(placing.pose_convention, capture.pose or [], capture.id)
     except InputError:
         return None  # the page says what is wrong with it; here it has no place
-    state, reason = _state(capture, tcp, measured)
-    points = load(capture)
-    stride = -(-len(points) // max(most, 1))
+    state, reason = _state(capture, placing)
+    points = placing.load(capture)
+    stride = -(-len(points) // max(placing.most, 1))
+    center = expected_center_mm(placing.table, capture) if capture.step == "turntable" else None
     return CaptureFacts(
         id=capture.id,
         kind=capture.kind,
@@ -125,17 +170,20 @@ def _capture_facts(
         state=state,
         reason=reason,
         points_in_laser_mm=points[:: max(stride, 1)],
-        sphere_is_still=capture.step in _STILL_SPHERE,
+        sphere_center_in_base_mm=placing.still_center_mm if capture.step in _STILL_SPHERE else center,
+        table_deg=capture.table_deg,
+        mount=capture.mount or "",
     )
 
 
-def _state(capture: Capture, tcp: TcpResult | None, measured: Measured | None) -> tuple[State, str]:
+def _state(capture: Capture, placing: _Placing) -> tuple[State, str]:
     """Return whether a capture counts, and if not, why."""
     if capture.excluded:
         return "rejected", "left out by hand"
+    measured = placing.measured.get(capture.id)
     if measured is not None and measured.verdict == "fail":
         return "rejected", measured.reason or "nothing usable in it"
-    row = next((r for r in tcp.residuals if r.capture == capture.id), None) if tcp else None
+    row = placing.rows.get(capture.id)
     if row is None:
         return "waiting", ""
     return ("used", "") if row.used else ("rejected", row.reason or "rejected by the solver")
@@ -145,10 +193,10 @@ def _radius_mm(session: Session, facts: SceneFacts) -> float | None:
     """Return the sphere's radius: the cell's, or what the points of the used captures say."""
     if session.cell.sphere_diameter_mm is not None:
         return session.cell.sphere_diameter_mm / 2
-    if facts.sphere_center_in_base_mm is None:
-        return None
-    clouds = [facts.points_in_base_mm(c) for c in facts.captures if c.state == "used" and c.sphere_is_still]
-    points = np.concatenate([np.zeros((0, 3)), *clouds])
-    if not len(points):
-        return None
-    return float(np.median(np.linalg.norm(points - facts.sphere_center_in_base_mm, axis=1)))
+    offsets = [
+        np.linalg.norm(facts.points_in_base_mm(c) - c.sphere_center_in_base_mm, axis=1)
+        for c in facts.captures
+        if c.state == "used" and c.sphere_center_in_base_mm is not None
+    ]
+    distances = np.concatenate([np.zeros(0), *offsets])
+    return float(np.median(distances)) if len(distances) else None

@@ -1,35 +1,23 @@
 """The layers of a scene, each a function from facts to nodes; a new layer is a new entry in `LAYERS`."""
 
-import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
-from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors, residual_limit_mm
+from server.scenes.cloud_layers import merged_cloud
+from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
 from server.scenes.facts import SceneFacts
+from server.scenes.look import Look
 from server.scenes.nodes import Node
+from server.scenes.optics_layers import boards, camera, plane_in_camera
+from server.scenes.signs import cross, short
+from server.scenes.table_layers import sphere_places, table_axis, table_circles, table_turned
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
-_LONGEST_REASON = 64
 _FAN_RAYS = 24
-
-
-@dataclass(frozen=True)
-class Look:
-    """What a drawing depends on beside the facts: the scale of residuals and the capture that was picked."""
-
-    limit_mm: float
-    picked: str | None = None
-
-
-def look_at(facts: SceneFacts, picked: str | None = None) -> Look:
-    """Return the look of a scene: its scale comes from the captures that the result used."""
-    used = [facts.residuals_mm(c) for c in facts.captures if c.state == "used"]
-    return Look(residual_limit_mm([r for r in used if r is not None and r.size]), picked)
 
 
 def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
@@ -60,7 +48,7 @@ def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
 
 def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw flange and laser frames at every capture and what joins them; rejected ones are crossed out."""
-    for capture in facts.captures:
+    for capture in look.shown(facts):
         color = _STATE_COLOR[capture.state]
         grow = 1.6 if capture.id == look.picked else 1.0
         flange = capture.base_from_tool0
@@ -71,12 +59,14 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
             joint = np.array([[flange.translation_mm, laser.translation_mm]])
             yield nodes.lines(f"/frames/{capture.id}/tool", joint, color, 3.0 if grow > 1 else 1.2)
         if capture.state == "rejected":
-            yield nodes.lines(f"/frames/{capture.id}/cross", _cross(flange, 26.0 * grow), REJECTED, 4.0)
+            yield nodes.lines(
+                f"/frames/{capture.id}/cross", cross(flange.translation_mm, 26.0 * grow), REJECTED, 4.0
+            )
 
 
 def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the plane of light of every profile, up to the sphere, which stops it."""
-    for capture in facts.captures:
+    for capture in look.shown(facts):
         laser = facts.base_from_laser(capture)
         if laser is None or capture.kind != "profile" or len(capture.points_in_laser_mm) < 2:
             continue
@@ -99,7 +89,8 @@ def residual_points(facts: SceneFacts, look: Look) -> Iterator[Node]:
             colors = np.tile(np.array(one, dtype=np.uint8), (len(cloud), 1))
         else:
             colors = diverging_colors(residuals, look.limit_mm)
-        origin = cloud.mean(axis=0) if facts.sphere_center_in_base_mm is None else facts.sphere_center_in_base_mm
+        center = capture.sphere_center_in_base_mm
+        origin = cloud.mean(axis=0) if center is None else center
         grow = 1.8 if capture.id == look.picked else 1.0
         yield nodes.points(f"/points/{capture.id}", cloud, origin, colors, size * grow)
 
@@ -114,10 +105,10 @@ def sphere(facts: SceneFacts, _look: Look) -> Iterator[Node]:
 
 def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Name every capture, and say why a rejected one is."""
-    for capture in facts.captures:
-        text = capture.id
+    for capture in look.shown(facts):
+        text = capture.id if capture.table_deg is None else f"{capture.id} · {capture.table_deg:g}°"
         if capture.state == "rejected":
-            text = f"✕ {capture.id} · {_short(capture.reason)}"
+            text = f"✕ {text} · {short(capture.reason)}"
         size = 1.3 if capture.id == look.picked else 0.95
         above = capture.base_from_tool0.translation_mm + np.array([0.0, 0.0, 14.0])
         yield nodes.label(f"/labels/{capture.id}", above, text, size)
@@ -131,6 +122,14 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "light": ("Plane of light", light),
     "points": ("Points by residual", residual_points),
     "sphere": ("Sphere", sphere),
+    "table": ("Turntable: axis and frame", table_axis),
+    "circles": ("Turntable: circles", table_circles),
+    "places": ("Turntable: sphere at each angle", sphere_places),
+    "turned": ("Turntable as it stood", table_turned),
+    "camera": ("Camera", camera),
+    "boards": ("Boards", boards),
+    "plane": ("Plane of light of the camera", plane_in_camera),
+    "scans": ("Scans", merged_cloud),
     "labels": ("Labels", labels),
 }
 """Root node of each layer, its name for people, and what draws it."""
@@ -163,15 +162,3 @@ def _fan(points_in_laser_mm: FloatArray) -> tuple[FloatArray, NDArray[np.uint32]
     upper = np.stack([ray, _FAN_RAYS + ray + 1, ray + 1], axis=1)
     faces = lower if near > width else np.concatenate([lower, upper])
     return np.concatenate([source, arc]), faces.astype(np.uint32)
-
-
-def _cross(flange: RigidTransform, size_mm: float) -> FloatArray:
-    """Return a cross in space (4, 2, 3): the diagonals of a cube, a cross from wherever one looks."""
-    corners = np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], dtype=float) * size_mm / np.sqrt(3)
-    return flange.translation_mm + np.stack([corners, -corners], axis=1)
-
-
-def _short(reason: str) -> str:
-    """Return the first clause of a reason without what stands in brackets, short enough for a label."""
-    clause = re.split(r"[.,;:](?:\s|$)", re.sub(r"\s*\([^)]*\)", "", reason), maxsplit=1)[0]
-    return clause if len(clause) <= _LONGEST_REASON else clause[: _LONGEST_REASON - 1].rstrip() + "…"

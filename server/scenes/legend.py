@@ -1,31 +1,110 @@
 """The legend: what the colours mean, with units, as HTML for the live scene and for the offline file."""
 
+from collections.abc import Sequence
 from html import escape
 
-from server.scenes.colors import DIVERGING, LIGHT, REJECTED, USED, WAITING, Rgb, css, length_text
+from server.scenes.cloud_layers import height_range_mm
+from server.scenes.colors import (
+    BOARD,
+    DIVERGING,
+    LIGHT,
+    REJECTED,
+    SCANS,
+    USED,
+    VIRIDIS,
+    WAITING,
+    Rgb,
+    css,
+    length_text,
+)
 from server.scenes.facts import SceneFacts
-from server.scenes.layers import Look
+from server.scenes.look import Look
+from server.scenes.merged import MergedScans
+from server.scenes.optics import OpticsFacts
+from server.scenes.table import TableFacts
+from server.scenes.table_layers import AXIS, mount_color
 
 
 def legend_html(facts: SceneFacts, look: Look) -> str:
     """Return the legend of a scene; without a result it says what is still to come."""
+    parts = _of_captures(facts, look)
+    if facts.table is not None:
+        parts += _of_table(facts.table)
+    if facts.optics is not None:
+        parts += _of_optics(facts.optics)
+    if facts.merged is not None:
+        parts += _of_scans(facts.merged, look)
+    if look.alone:
+        parts.append(f"<p>The cell as it stood at capture {escape(look.picked or '')}.</p>")
+    return "".join(parts)
+
+
+def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
     count = {state: sum(c.state == state for c in facts.captures) for state in ("used", "rejected", "waiting")}
     parts: list[str] = []
-    if facts.sphere_center_in_base_mm is not None:
+    if any(facts.residuals_mm(capture) is not None for capture in facts.captures):
         parts.append(_scale(look.limit_mm))
         parts.append(_key(USED, "●", f"{count['used']} used"))
         if count["waiting"]:
             parts.append(_key(WAITING, "●", f"{count['waiting']} not in the result"))
-    elif facts.captures:
+    elif facts.captures and facts.tool0_from_laser is None:
         parts.append("<p>Only the flange is known so far. Scanner and sphere appear with the first result.</p>")
         parts.append(_key(WAITING, "●", _plural(count["waiting"], "capture")))
-    else:
+    elif facts.captures:
+        parts.append(_key(USED, "●", f"{count['used']} used"))
+    elif facts.optics is None and facts.table is None:
         parts.append("<p>No captures yet. They appear here as they come in.</p>")
     if count["rejected"]:
         parts.append(_key(REJECTED, "✕", f"{count['rejected']} rejected"))
     if facts.tool0_from_laser is not None:
         parts.append(_key(LIGHT, "◣", "plane of light"))
-    return "".join(parts)
+    return parts
+
+
+def _of_table(table: TableFacts) -> list[str]:
+    parts = ["<h2>Turntable</h2>", _key(AXIS, "↑", "axis, T at 0°")]
+    mounts = table.mounts or {}
+    parts += [_key(mount_color(table, mount), "●", f"sphere {mount or 'on the table'}") for mount in mounts]
+    if table.circles:
+        parts.append(_key(WAITING, "○", "circles of the paper's method"))
+    return parts
+
+
+def _of_optics(optics: OpticsFacts) -> list[str]:
+    parts = ["<h2>Camera</h2>"]
+    plain = sum(board.used and not board.with_stripe for board in optics.boards)
+    striped = sum(board.used and board.with_stripe for board in optics.boards)
+    rejected = len(optics.boards) - plain - striped
+    for color, sign, number, what in (
+        (BOARD, "▰", plain, "board"),
+        (LIGHT, "▰", striped, "board with the stripe"),
+        (REJECTED, "✕", rejected, "board rejected"),
+    ):
+        if number:
+            first, _, rest = what.partition(" ")
+            parts.append(_key(color, sign, f"{_plural(number, first)} {rest}".strip()))
+    if optics.camera_from_laser is not None:
+        parts.append(_key(LIGHT, "◣", "plane of light"))
+    parts.append("<p>Drawn beside the base: where the camera stood in the cell is not known.</p>")
+    return [*parts, *(f"<p>{escape(sentence)}</p>" for sentence in optics.missing)]
+
+
+def _of_scans(merged: MergedScans, look: Look) -> list[str]:
+    parts = ["<h2>Scans</h2>"]
+    if look.cloud_colors == "by height":
+        low, high = height_range_mm(merged)
+        parts.append(_bar(VIRIDIS))
+        frame = "T" if merged.frame == "turntable" else "base"
+        parts.append(f'<div class="ticks"><span>z {low:.1f} mm</span><span>{high:.1f} mm in {frame}</span></div>')
+    else:
+        parts += [
+            _key(SCANS[number % len(SCANS)], "●", name) for number, name in enumerate(merged.names[: len(SCANS)])
+        ]
+        if len(merged.names) > len(SCANS):
+            parts.append(f"<p>and {len(merged.names) - len(SCANS)} more, the same colours again</p>")
+    shown, measured = len(merged.points_mm), merged.measured
+    part = f"{shown:,} of {measured:,} points" if shown < measured else f"{measured:,} points"
+    return [*parts, f"<p>{part}, as they were measured: not cleaned, not registered.</p>"]
 
 
 def rejected_html(facts: SceneFacts) -> str:
@@ -37,14 +116,17 @@ def rejected_html(facts: SceneFacts) -> str:
 
 
 def _scale(limit_mm: float) -> str:
-    stops = ", ".join(css(color) for color in DIVERGING)
     limit = length_text(limit_mm)
     return (
-        "<h2>Distance to the sphere</h2>"
-        f'<div class="bar" style="background:linear-gradient(to right, {stops})"></div>'
+        f"<h2>Distance to the sphere</h2>{_bar(DIVERGING)}"
         f'<div class="ticks"><span>≤ −{limit}</span><span>0</span><span>≥ +{limit}</span></div>'
         '<div class="ticks"><span>inside</span><span>outside</span></div>'
     )
+
+
+def _bar(colors: Sequence[Rgb]) -> str:
+    stops = ", ".join(css(color) for color in colors)
+    return f'<div class="bar" style="background:linear-gradient(to right, {stops})"></div>'
 
 
 def _key(color: Rgb, sign: str, text: str) -> str:

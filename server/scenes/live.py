@@ -3,16 +3,20 @@
 import contextlib
 import secrets
 import threading
-from collections.abc import Generator
-from typing import TYPE_CHECKING, NoReturn
+from collections.abc import Generator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from calib_core.frames import FloatArray
 from calib_core.records import Capture
 from server.scenes.facts import SceneFacts, SceneInput, scene_facts
-from server.scenes.layers import draw, look_at
+from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
-from server.scenes.panel import Panel, take
-from server.scenes.views import FIELD_OF_VIEW_RAD, View, view
+from server.scenes.look import CloudColors, Look, look_at
+from server.scenes.merged import MergedScans
+from server.scenes.nodes import Node
+from server.scenes.panel import Panel, PanelActions, take
+from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view
 
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
@@ -39,22 +43,24 @@ class LiveScene:
         self.secret = secrets.token_urlsafe(32)
         self.legend = ""
         self._lock = threading.Lock()
-        self._fingerprints: dict[str, str] = {}
-        self._handles: dict[str, object] = {}
+        self._drawn: dict[str, tuple[str, dict[str, tuple[float, ...]]]] = {}
+        self._handles: dict[str, Any] = {}
         self._points = PointCache()
         self._facts: SceneFacts | None = None
         self._scene = scene
         self._picked: str | None = None
+        self._turned_to = 0
+        self._cloud_colors: CloudColors = "by scan"
         self._server = start_viser(self.secret)
         self.port = self._server.get_port()
-        self._panel = Panel(self._server, self._view)
+        self._panel = Panel(self._server, PanelActions(self._view, self.turn_to, self.color_scans))
         self._server.on_client_connect(self._welcome)
         self.update(scene)
 
     @property
     def node_names(self) -> frozenset[str]:
         """The names of the nodes that are drawn now."""
-        return frozenset(self._fingerprints)
+        return frozenset(self._drawn)
 
     def update(self, scene: SceneInput) -> int:
         """Draw a newer state of the session; return how many nodes were sent or taken away."""
@@ -68,29 +74,57 @@ class LiveScene:
             self._picked = capture_id
             return self._redraw()
 
+    def turn_to(self, place: int) -> int:
+        """Show the cell as it stood at a capture, counted from 1, or all at 0; return how many nodes were sent."""
+        with self._lock:
+            self._turned_to = place
+            return self._redraw()
+
+    def color_scans(self, how: CloudColors) -> int:
+        """Colour merged scans by scan or by height; return how many nodes were sent."""
+        with self._lock:
+            self._cloud_colors = how
+            return self._redraw()
+
     def stop(self) -> None:
-        """Close the port, end the thread and forget the scene."""
+        """Close the port, end the threads and forget the scene."""
+        self._panel.stop()
         stop_viser(self._server)
 
     def _redraw(self) -> int:
         before = self._facts
         facts = scene_facts(self._points.on(self._scene))
-        look = look_at(facts, self._picked)
-        nodes = draw(facts, look)
-        fingerprints = {name: node.fingerprint() for name, node in nodes.items()}
-        changed = [name for name, mark in fingerprints.items() if self._fingerprints.get(name) != mark]
-        gone = [name for name in self._fingerprints if name not in nodes]
-        with self._server.atomic():
-            for name in gone:
-                self._handles.pop(name).remove()  # pyright: ignore
-            for name in changed:
-                self._handles[name] = nodes[name].add_to(self._server.scene)
-        self._fingerprints = fingerprints
+        look = self._look(facts)
+        sent = self._send(draw(facts, look))
         self._facts = facts
         self.legend = legend_html(facts, look)
         self._panel.say_rejected(rejected_html(facts))
-        if before is None or _stage_of(before) != _stage_of(facts):
-            self._show(view("Captures", facts))
+        self._panel.show_captures(len(facts.captures), facts.merged is not None)
+        if before is None or stage_of(before) != stage_of(facts):
+            self._show(view(first_view(facts), facts))
+        return sent
+
+    def _look(self, facts: SceneFacts) -> Look:
+        place = min(self._turned_to, len(facts.captures))
+        picked = facts.captures[place - 1].id if place else self._picked
+        return look_at(facts, picked, alone=place > 0, cloud_colors=self._cloud_colors)
+
+    def _send(self, nodes: Mapping[str, Node]) -> int:
+        """Send what differs from what is drawn; a node that only moved is moved, not sent again."""
+        now = {name: (node.looks(), node.place()) for name, node in nodes.items()}
+        gone = [name for name in reversed(self._drawn) if name not in now]
+        changed = [name for name, mark in now.items() if self._drawn.get(name) != mark]
+        with self._server.atomic():
+            for name in gone:
+                self._handles.pop(name).remove()
+            for name in changed:
+                looks, place = now[name]
+                if self._drawn.get(name, ("",))[0] == looks:
+                    for key, value in place.items():
+                        setattr(self._handles[name], key, value)
+                else:
+                    self._handles[name] = nodes[name].add_to(self._server.scene)
+        self._drawn = now
         return len(changed) + len(gone)
 
     def _view(self, name: str) -> View:
@@ -101,7 +135,7 @@ class LiveScene:
         """Set a newcomer further away whose window is narrow; viser's first camera is the same for all."""
         if client.camera.aspect < 1:
             with client.atomic():
-                take(client.camera, self._view("Captures"))
+                take(client.camera, self._view(first_view(self._facts)) if self._facts else self._view("Captures"))
 
     def _show(self, view: View) -> None:
         """Let newcomers start at a view and take those who are there along."""
@@ -114,13 +148,17 @@ class LiveScene:
 
 
 class PointCache:
-    """Keeps every capture's points, since reading and fitting its files again at each change would take long."""
+    """Keeps every capture's points, since reading and fitting its files again at each change would take long.
+
+    Merged scans are kept as long as the results they come from.
+    """
 
     def __init__(self) -> None:
         self._points: dict[str, tuple[Capture, FloatArray]] = {}
+        self._scans: tuple[tuple[str, ...], MergedScans | None] | None = None
 
     def on(self, scene: SceneInput) -> SceneInput:
-        """Return the same input with its loader remembered; captures that are gone are forgotten."""
+        """Return the same input with its loaders remembered; captures that are gone are forgotten."""
         present = {capture.id for capture in scene.session.captures}
         for capture_id in [known for known in self._points if known not in present]:
             del self._points[capture_id]
@@ -132,7 +170,13 @@ class PointCache:
                 self._points[capture.id] = known
             return known[1]
 
-        return SceneInput(scene.session, load, scene.measured, scene.results)
+        def load_scans() -> MergedScans | None:
+            basis = tuple(f"{stage} {result.inputs_sha256}" for stage, result in scene.results.items())
+            if self._scans is None or self._scans[0] != basis:
+                self._scans = (basis, scene.load_scans())
+            return self._scans[1]
+
+        return replace(scene, load_points=load, load_scans=load_scans)
 
 
 def start_viser(secret: str) -> "ViserServer":
@@ -168,9 +212,10 @@ def _refuse_sharing(*_: object, **__: object) -> NoReturn:
     raise PermissionError("A scene is not shared outside; serve the workbench where it should be seen.")
 
 
-def _stage_of(facts: SceneFacts) -> tuple[bool, bool]:
-    """Return what decides where to look from: is anything there, and is the sphere known."""
-    return bool(facts.captures), facts.sphere_center_in_base_mm is not None
+def stage_of(facts: SceneFacts) -> tuple[bool, ...]:
+    """Return what decides where to look from: which of the captures, sphere, table, camera and scans are there."""
+    known = (facts.sphere_center_in_base_mm, facts.table, facts.optics, facts.merged)
+    return bool(facts.captures), *[part is not None for part in known]
 
 
 @contextlib.contextmanager

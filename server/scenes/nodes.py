@@ -15,6 +15,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from server.scenes.colors import Rgb
 
 METRES_PER_MM = 1e-3
+_PLACE = ("position", "wxyz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +28,20 @@ class Node:
 
     def fingerprint(self) -> str:
         """Return a hash that changes when anything about the node's looks or place does."""
+        return f"{self.looks()} {self.place()}"
+
+    def looks(self) -> str:
+        """Return a hash that changes when anything but the node's place does."""
         digest = hashlib.sha256(self.method.encode())
-        for key in sorted(self.arguments):
+        for key in sorted(self.arguments.keys() - set(_PLACE)):
             value = self.arguments[key]
             digest.update(key.encode())
             digest.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
         return digest.hexdigest()
+
+    def place(self) -> dict[str, tuple[float, ...]]:
+        """Return viser's position and quaternion as far as the node has them."""
+        return {key: self.arguments[key] for key in _PLACE if key in self.arguments}
 
     def add_to(self, scene: Any) -> Any:
         """Add the node to viser's scene, in place of one of the same name; return its handle."""
@@ -55,6 +64,11 @@ def axes(name: str, pose: RigidTransform, length_mm: float, origin: Rgb) -> Node
     )
 
 
+def frame(name: str, pose: RigidTransform) -> Node:
+    """Return a place without looks, in whose frame the nodes below it stand."""
+    return Node(name, "add_frame", {**_place(pose), "show_axes": False})
+
+
 def label(name: str, position_mm: ArrayLike, text: str, size: float = 1.0, anchor: str = "bottom-center") -> Node:
     """Return a text that always faces the viewer."""
     position = tuple(float(v) * METRES_PER_MM for v in np.asarray(position_mm, dtype=float))
@@ -74,6 +88,19 @@ def lines(name: str, segments_mm: FloatArray, color: Rgb, width_px: float = 2.0)
             "thickness_units": "screen",
         },
     )
+
+
+def arrow(name: str, ends_mm: FloatArray, color: Rgb, radius_mm: float) -> Node:
+    """Return an arrow from the first to the second of two places (2, 3)."""
+    radius = radius_mm * METRES_PER_MM
+    arguments = {
+        "points": _metres(ends_mm[None]),
+        "colors": color,
+        "shaft_radius": radius,
+        "head_radius": 3.0 * radius,
+        "head_length": 9.0 * radius,
+    }
+    return Node(name, "add_arrows", arguments)
 
 
 def points(
@@ -114,6 +141,17 @@ def surface(
             "receive_shadow": False,
         },
     )
+
+
+def disc(name: str, radius_mm: float, height_mm: float, color: Rgb, opacity: float, corners: int = 72) -> Node:
+    """Return a translucent disc about z at a height, in the frame of the node above it."""
+    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    rim = np.stack([radius_mm * np.cos(angle), radius_mm * np.sin(angle), np.full(corners, height_mm)], axis=1)
+    at = np.arange(corners)
+    faces = np.stack([np.full(corners, corners), at, (at + 1) % corners], axis=1).astype(np.uint32)
+    center = np.array([[0.0, 0.0, height_mm]])
+    here = RigidTransform.identity("turntable", "turntable")
+    return surface(name, here, np.concatenate([rim, center]), faces, color, opacity)
 
 
 def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity: float) -> Node:

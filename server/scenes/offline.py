@@ -3,18 +3,19 @@
 import secrets
 
 from server.scenes.facts import SceneInput, scene_facts
-from server.scenes.layers import LAYERS, draw, look_at
+from server.scenes.layers import LAYERS, draw
 from server.scenes.legend import legend_html
 from server.scenes.live import start_viser, stop_viser
+from server.scenes.look import look_at
 from server.scenes.page import offline_page
-from server.scenes.views import FIELD_OF_VIEW_RAD, view
+from server.scenes.views import FIELD_OF_VIEW_RAD, first_view, view
 
 
 def scene_html(scene: SceneInput) -> str:
     """Return the scene as a self-contained HTML page."""
     facts = scene_facts(scene)
     look = look_at(facts)
-    first = view("Captures", facts)
+    first = view(first_view(facts), facts)
     server = start_viser(secrets.token_urlsafe())
     try:
         server.initial_camera.fov = FIELD_OF_VIEW_RAD

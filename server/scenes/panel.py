@@ -1,13 +1,29 @@
 """The controls inside the scene: layers to switch and views to take; every viewer moves only their own camera."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from server.scenes.layers import LAYERS
+from server.scenes.look import CLOUD_COLORS, CloudColors
+from server.scenes.player import Player
 from server.scenes.views import VIEWS, View
 
 if TYPE_CHECKING:
     from viser import CameraHandle, GuiEvent, ViserServer
+
+
+@dataclass(frozen=True)
+class PanelActions:
+    """What the panel's controls do.
+
+    `view` gives the camera of a view by its name, at the moment it is asked; `turn_to` shows one capture by its
+    place counted from 1, or all at 0; `color_scans` colours the scans.
+    """
+
+    view: Callable[[str], View]
+    turn_to: Callable[[int], object]
+    color_scans: Callable[[CloudColors], object]
 
 
 class Panel:
@@ -16,18 +32,18 @@ class Panel:
     Parameters
     ----------
     server : ViserServer
-    view : callable
-        Gives the camera of a view by its name, at the moment it is asked.
+    actions : PanelActions
     """
 
-    def __init__(self, server: "ViserServer", view: Callable[[str], View]) -> None:
+    def __init__(self, server: "ViserServer", actions: PanelActions) -> None:
         gui = server.gui
         gui.set_panel_label("Layers and views")
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="small")
         with gui.add_folder("Views"):
-            for title, names in (("Show", VIEWS[:3]), ("From", VIEWS[3:])):
+            for title, names in (("Show", VIEWS[:3]), ("Step", VIEWS[3:5]), ("From", VIEWS[5:])):
                 buttons = gui.add_button_group(title, names)
-                buttons.on_click(lambda event: _move(event, view))
+                buttons.on_click(lambda event: _move(event, actions.view))
+        self._add_turning(server, actions)
         with gui.add_folder("Layers"):
             for root, (title, _) in LAYERS.items():
                 node = server.scene.add_frame(f"/{root}", show_axes=False)
@@ -37,11 +53,47 @@ class Panel:
                     node.visible = box.value  # pyright: ignore
 
                 box.on_update(switch)
+        self._colors = gui.add_dropdown("Scans", CLOUD_COLORS, visible=False)
+
+        def color_scans(_: object) -> None:
+            actions.color_scans(self._colors.value)
+
+        self._colors.on_update(color_scans)
         self._rejected_folder = gui.add_folder("Rejected captures", visible=False)
         with self._rejected_folder:
             self._rejected = gui.add_html("")
         gui.main_panel.set_width(250)
         gui.main_panel.minimize()
+
+    def _add_turning(self, server: "ViserServer", actions: PanelActions) -> None:
+        self._turning = server.gui.add_folder("Turn through the captures", visible=False)
+        with self._turning:
+            hint = "The cell as it stood at one capture; 0 shows all of them."
+            self._place = server.gui.add_slider("Capture", 0, 1, 1, 0, hint=hint)
+            play = server.gui.add_checkbox("Play", initial_value=False)
+        self._player = Player(self._next_capture)
+
+        def turn(_: object) -> None:
+            actions.turn_to(int(self._place.value))
+
+        self._place.on_update(turn)
+        play.on_update(lambda _: self._player.play(play.value))
+
+    def _next_capture(self) -> None:
+        self._place.value = int(self._place.value) % int(self._place.max) + 1
+
+    def show_captures(self, count: int, with_scans: bool) -> None:
+        """Let the slider reach so many captures; without any, or without scans, their controls are not shown."""
+        if int(self._place.max) != max(count, 1):
+            self._place.max = max(count, 1)
+        if self._turning.visible != (count > 0):
+            self._turning.visible = count > 0
+        if self._colors.visible != with_scans:
+            self._colors.visible = with_scans
+
+    def stop(self) -> None:
+        """End the animation."""
+        self._player.play(False)
 
     def say_rejected(self, html: str) -> None:
         """Show the rejected captures and their reasons, or nothing where there are none."""

@@ -1,21 +1,42 @@
 """Where scenes get their sessions from: the store, or a session folder that was read."""
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
-from calib_core.records import Capture, Measured, Result, Session, TcpResult
+from calib_core.records import (
+    CameraResult,
+    Capture,
+    ChainResult,
+    LaserPlaneResult,
+    Measured,
+    MergeResult,
+    Result,
+    Session,
+    TcpResult,
+    TurntableResult,
+)
 from calib_core.session.measure import ReadFile, observe_capture
 from server.scenes.facts import SceneInput
+from server.scenes.merged import merged_scans
 
 if TYPE_CHECKING:
     from server.events import Hub
     from server.store.database import Store
     from server.store.models import EventRow
 
+_DRAWN: Final[dict[str, type[Result]]] = {
+    "camera": CameraResult,
+    "laser-plane": LaserPlaneResult,
+    "tcp": TcpResult,
+    "turntable": TurntableResult,
+    "chain": ChainResult,
+    "merge": MergeResult,
+}
 _OF_THE_SPHERE = ("tcp", "turntable", "verify")
 
 
@@ -42,10 +63,9 @@ def scene_input(
         except CalibrationError:
             return np.zeros((0, 3))  # its measurement has said why, and the scene shows that
 
-    solved: dict[str, Result] = {}
-    if "tcp" in results:
-        solved["tcp"] = TcpResult.model_validate(results["tcp"])
-    return SceneInput(session, points_on_sphere, tuple(measured), solved)
+    solved = {stage: _DRAWN[stage].model_validate(data) for stage, data in results.items() if stage in _DRAWN}
+    load_scans = partial(merged_scans, session, solved, read)
+    return SceneInput(session, points_on_sphere, tuple(measured), solved, load_scans)
 
 
 def stored_scene(store: "Store", session_id: str) -> SceneInput | None:

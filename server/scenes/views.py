@@ -7,14 +7,16 @@ import numpy as np
 from calib_core.frames import FloatArray
 from server.scenes.facts import SceneFacts
 from server.scenes.nodes import METRES_PER_MM
+from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts
 
-VIEWS = ("Captures", "Cell", "Sphere", "Top", "Side", "Along laser")
+VIEWS = ("Captures", "Cell", "Sphere", "Table", "Camera", "Top", "Side", "Along laser")
 FIELD_OF_VIEW_RAD = 0.75
 
 _ISOMETRIC = np.array([1.0, -1.2, 0.75])
 _SIDE = np.array([0.0, -1.0, 0.08])
 _TOP = np.array([0.0, -1e-3, 1.0])
 _NEAREST_M = 0.12
+_BENCH = np.array([1.0, 0.45, 0.5])  # the camera looks along −y: from its side
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +28,19 @@ class View:
     up: FloatArray
 
 
+def first_view(facts: SceneFacts) -> str:
+    """Return the name of the view in which a scene opens: what was done last of the calibration."""
+    if facts.merged is not None:
+        return "Table"
+    return "Camera" if facts.optics is not None and not facts.captures else "Captures"
+
+
 def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
     """Return a view by its name.
 
     "Captures" shows sphere, scanner and flanges, "Cell" the robot's base as well, "Sphere" the sphere from near,
-    and "Along laser" looks as the scanner does at the picked capture, or at the first one.
+    "Table" the turntable with what stands on it, "Camera" the camera with its boards and plane of light, and
+    "Along laser" looks as the scanner does at the picked capture, or at the first one.
     """
     if name == "Along laser":
         along = _along_laser(facts, picked)
@@ -38,6 +48,10 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
             return along
     if name == "Sphere" and facts.sphere_center_in_base_mm is not None:
         return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, 1.5 * (facts.sphere_radius_mm or 20.0))
+    if name == "Table" and (table := _table_places_mm(facts)) is not None:
+        return _around(table, _ISOMETRIC)
+    if name == "Camera" and facts.optics is not None:
+        return _around(_bench_places_mm(facts.optics), _BENCH)
     everything = _places_mm(facts)
     if name == "Cell" or not len(everything):
         base = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 250.0]])
@@ -55,7 +69,29 @@ def _places_mm(facts: SceneFacts) -> FloatArray:
             places.append(laser.translation_mm)
     if facts.sphere_center_in_base_mm is not None:
         places.append(facts.sphere_center_in_base_mm)
+    if facts.table is not None:
+        places += [place.center_in_base_mm for place in facts.table.places]
     return np.array(places).reshape(-1, 3)
+
+
+def _table_places_mm(facts: SceneFacts) -> FloatArray | None:
+    """Return the places (N, 3) about the table, or those of the scans where there is none."""
+    merged, table = facts.merged, facts.table
+    if table is None:
+        if merged is None:
+            return None
+        return np.quantile(merged.points_mm, [0.01, 0.99], axis=0)
+    low, high, away = table.reach_mm
+    corners = np.array([[-away, -away, low], [away, away, high]])
+    if merged is not None and merged.frame == "turntable":
+        corners = np.concatenate([corners, np.quantile(merged.points_mm, [0.01, 0.99], axis=0)])
+    return table.base_from_turntable.apply(corners)
+
+
+def _bench_places_mm(optics: OpticsFacts) -> FloatArray:
+    places = [np.zeros((1, 3)), np.array([[0.0, 0.0, optics.depth_mm]])]
+    places += [optics.corners_in_camera_mm(board) for board in optics.boards]
+    return BASE_FROM_CAMERA.apply(np.concatenate(places))
 
 
 def _around(places_mm: FloatArray, direction: FloatArray, radius_mm: float = 0.0) -> View:

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from calib_core.records import Session
 from server.scenes.colors import DIVERGING, REJECTED, USED, diverging_colors, length_text, residual_limit_mm
 from server.scenes.facts import MAX_POINTS, SceneFacts, scene_facts
-from server.scenes.layers import draw, look_at
+from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
+from server.scenes.look import look_at
 from server.scenes.nodes import Node
 from server.scenes.views import FIELD_OF_VIEW_RAD, VIEWS, view
 from tests.server.scene_cell import CENTER_MM, TOOL0_FROM_LASER, make_cell

@@ -1,0 +1,109 @@
+"""The scans of a session in one frame, as thin as a browser bears."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import CalibrationError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import MergeResult, Result, Session
+from calib_core.session.measure import ReadFile
+
+MAX_SCAN_POINTS = 1_000_000
+"""At most this many points of all scans are sent to a browser."""
+
+
+@dataclass(frozen=True, eq=False)
+class MergedScans:
+    """Points of all scans, as they were measured, before cleaning and fusion.
+
+    Attributes
+    ----------
+    points_mm : (N, 3)
+        In the turntable's frame, or in the base where there is no table.
+    scan : (N,) int
+        The number of the scan that each point belongs to.
+    names : tuple of str
+        The scans' names.
+    frame : "turntable" or "base"
+    measured : int
+        How many points the scans have before thinning.
+    """
+
+    points_mm: FloatArray
+    scan: NDArray[np.int64]
+    names: tuple[str, ...]
+    frame: Literal["turntable", "base"]
+    measured: int
+
+
+def merged_scans(
+    session: Session, results: Mapping[str, Result], read: ReadFile, most: int = MAX_SCAN_POINTS
+) -> MergedScans | None:
+    """Return the scans that a merge used, evenly thinned; None without a merge, or where none of them can be read.
+
+    Scans stand where the calibration puts them: nothing is registered here.
+    """
+    merge = results.get("merge")
+    if not isinstance(merge, MergeResult):
+        return None
+    from calib_core.session.scans import Placement, read_scan, scan_groups
+
+    tool = scanner_on_flange(session, results)
+    if tool is None:
+        return None
+    used = {row.capture for row in merge.residuals if row.used}
+    groups = scan_groups([c for c in session.captures if c.step == "scan" and c.id in used])
+    table = _table(session, results) if merge.frame == "turntable" else None
+    placement = Placement(tool, table[0], table[1]) if table else Placement(tool, None)
+    clouds: list[FloatArray] = []
+    names: list[str] = []
+    measured = 0
+    for group in groups:
+        try:
+            scan = read_scan(session, group, placement, read)
+        except CalibrationError:
+            continue  # the merge has said why it was not used
+        points = _placed(scan.points_in_laser_mm, scan.turntable_from_laser)
+        measured += len(points)
+        clouds.append(thinned(points, max(most // len(groups), 1)))
+        names.append(group.name)
+    if not measured:
+        return None
+    numbers = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
+    return MergedScans(np.concatenate(clouds), numbers, tuple(names), merge.frame, measured)
+
+
+def thinned(points: FloatArray, most: int) -> FloatArray:
+    """Return at most so many of the points (N, 3), evenly chosen in their order."""
+    if len(points) <= most:
+        return points
+    return points[np.linspace(0, len(points) - 1, most).astype(np.int64)]
+
+
+def scanner_on_flange(session: Session, results: Mapping[str, Result]) -> RigidTransform | None:
+    """Return tool0_from_laser by the whole chain, else by the tcp stage, else as the user brought it."""
+    for stage in ("chain", "tcp", "turntable"):
+        matrix = getattr(results.get(stage), "tool0_from_laser", None)
+        if matrix is not None:
+            return RigidTransform.from_rounded(matrix, "tool0", "laser")
+    known = session.cell.known.tool0_from_laser
+    return None if known is None else RigidTransform.from_rounded(known, "tool0", "laser")
+
+
+def _table(session: Session, results: Mapping[str, Result]) -> tuple[RigidTransform, int] | None:
+    from server.scenes.table import table_facts
+
+    table = table_facts(session, results)
+    return None if table is None else (table.base_from_turntable, 1 if table.turns > 0 else -1)
+
+
+def _placed(points_in_laser: NDArray[np.float32], ways: FloatArray) -> FloatArray:
+    """Return the points (N, 3) that came back, brought into one frame by a pose each row or one for all."""
+    points = points_in_laser.astype(float)
+    moved = np.einsum("pij,pcj->pci", ways[:, :3, :3], points) if len(ways) > 1 else points @ ways[0, :3, :3].T
+    moved = moved + ways[:, None, :3, 3]
+    return moved[np.isfinite(moved).all(axis=2)]
