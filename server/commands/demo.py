@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.frames import RigidTransform
-from calib_core.records import TcpResult
+from calib_core.records import ChainResult, TcpResult, TurntableResult
 from calib_core.session.pipeline import run
 from calib_core.simulation import simulate
 from server.commands.progress import progress_bar
@@ -17,16 +17,48 @@ _SIGMAS_OF_95 = 1.96
 
 def demo(seed: int) -> int:
     """Simulate, solve, and print each step's result beside the known truth; return 1 where a verdict is `fail`."""
-    simulated = simulate("tcp", seed)
+    simulated = simulate("turntable", seed)
+    count = len(simulated.session.captures)
     print(
-        f"Simulated cell, seed {seed}: {len(simulated.session.captures)} profiles of a sphere, random robot errors"
+        f"Simulated cell, seed {seed}: {count} profiles of a sphere, beside the turntable and on it; random errors"
     )
     with progress_bar() as progress:
         results = run(simulated.session, simulated.files.__getitem__, "all", progress)
     for result in results.values():
         if isinstance(result, TcpResult):
             print("\n".join(_tcp(result, simulated.truth)), flush=True)
+        elif isinstance(result, TurntableResult | ChainResult):
+            print("\n".join(_table(result, simulated.truth)), flush=True)
     return 1 if any(result.verdict == "fail" for result in results.values()) else 0
+
+
+def _table(result: TurntableResult | ChainResult, truth: dict[str, Any]) -> Iterator[str]:
+    what = (
+        "where the table's axis is" if result.stage == "turntable" else "tool and table from all captures together"
+    )
+    yield f"\n{result.stage}: {what} — verdict {result.verdict}"
+    yield f"  {'':22}{'found ± 95 %':>24}{'truth':>12}{'error':>10}"
+    sigmas = np.sqrt(np.diag(np.array(result.axis_point_covariance)))
+    found, true = result.axis_point_in_base_mm, truth["axis_point_in_base_mm"]
+    for axis in range(3):
+        value = with_uncertainty(found[axis], _SIGMAS_OF_95 * float(sigmas[axis]))
+        label = f"axis, point {'xyz'[axis]}, mm"
+        yield f"  {label:22}{value:>24}{true[axis]:12.3f}{found[axis] - true[axis]:10.3f}"
+    sigma_deg = result.axis_direction_sigma_deg
+    error_deg = _angle_deg(result.axis_direction_in_base, truth["axis_direction_in_base"])
+    yield f"  {'axis, direction error':22}{f'{error_deg:.4f}° (expected about {sigma_deg:.4f}°)':>46}"
+    if result.circles_axis_direction_in_base is not None:
+        error_deg = _angle_deg(result.circles_axis_direction_in_base, truth["axis_direction_in_base"])
+        yield f"  {'paper, direction error':22}{f'{error_deg:.4f}°':>46}"
+    if isinstance(result, ChainResult):
+        tool = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
+        off = tool.difference(RigidTransform.from_rounded(truth["tool0_from_laser"], "tool0", "laser"))
+        text = f"{np.rad2deg(np.linalg.norm(off[:3])):.3f}° and {np.linalg.norm(off[3:]):.3f} mm"
+        yield f"  {'tool, error':22}{text:>46}"
+
+
+def _angle_deg(one: list[float], other: list[float]) -> float:
+    return float(np.rad2deg(np.linalg.norm(np.cross(one, other))))
 
 
 def _tcp(result: TcpResult, truth: dict[str, Any]) -> Iterator[str]:

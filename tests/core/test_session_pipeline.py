@@ -198,15 +198,15 @@ def test_export_takes_the_stored_result_only_while_it_is_current(folder, tmp_pat
 def test_demo_ends_after_printing_when_asked(capsys):
     assert main(["demo", "--no-serve", "--seed", "5"]) == 0
     out = capsys.readouterr().out
-    for words in ("truth", "error", "two-step", "verdict pass"):
+    for words in ("truth", "error", "two-step", "verdict pass", "turntable: ", "chain: "):
         assert words in out
 
 
-def test_demo_prints_the_truth_beside_the_result(simulated, capsys):
+def test_demo_prints_the_truth_beside_the_result(capsys):
     assert main(["demo", "--no-serve", "--seed", "5"]) == 0
     line = next(line for line in capsys.readouterr().out.splitlines() if line.strip().startswith("x, mm"))
     found, _, rest = line.split("mm", 1)[1].partition("±")
     _, truth, error = rest.split()
-    true_mm = simulated.truth["tool0_from_laser"][0][3]
+    true_mm = simulate("turntable", 5).truth["tool0_from_laser"][0][3]
     assert float(truth) == pytest.approx(true_mm, abs=6e-4)
     assert float(error) == pytest.approx(float(found) - true_mm, abs=6e-3)
