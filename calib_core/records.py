@@ -291,7 +291,7 @@ class Measured(Record):
 
     A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; those of a cloud or a
     centre are [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the
-    arc seen.
+    arc seen.  A frame's `preview` are pixels of `image_size` (width, height).
     """
 
     capture: str
@@ -310,6 +310,7 @@ class Measured(Record):
     extent_deg: float | None = None
     preview: Rows = Field(default_factory=list)
     preview_on_sphere: list[bool] = Field(default_factory=list)
+    image_size: tuple[int, int] | None = None
 
 
 class Finding(Record):

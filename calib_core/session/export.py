@@ -84,6 +84,8 @@ _TABLE_FIELDS = (
 def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str, Any]:
     """Return the turntable's frame, and tool and turntable of the whole chain, where they are solved.
 
+    `conventions` write base_from_turntable as each controller writes a user frame.
+
     A table belongs together with the tool beside it: that of `turntable` with the tcp stage's, that of `chain`
     with the chain's own.
     """
@@ -93,12 +95,15 @@ def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str,
         if result is not None:
             data = result_data(result) if isinstance(result, Record) else result
             found[stage] = {name: data[name] for name in _TABLE_FIELDS if name in data}
+            frame = RigidTransform.from_rounded(data["base_from_turntable"], "base", "turntable")
+            covariance = np.array(data.get("turntable_covariance") or data["covariance"], dtype=float)
+            found[stage]["conventions"] = {name: _in_convention(name, frame, covariance) for name in CONVENTIONS}
     return found
 
 
-def tool_numbers(convention: str, tool0_from_laser: RigidTransform) -> list[float]:
-    """Return a tool frame as a controller's numbers: a tool is written like any pose."""
-    return to_pose(convention, RigidTransform(tool0_from_laser.matrix, "base", "tool0"))
+def tool_numbers(convention: str, frame: RigidTransform) -> list[float]:
+    """Return a tool or user frame as a controller's numbers: it is written like any pose."""
+    return to_pose(convention, RigidTransform(frame.matrix, "base", "tool0"))
 
 
 def tool_number_sigmas(convention: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> list[float]:

@@ -12,15 +12,16 @@ from calib_core.records import (
     Measured,
     Result,
     Session,
-    Stage,
 )
+from calib_core.session.guide_frames import camera_now, laser_plane_now
 from calib_core.session.guide_tcp import tcp_now
+from calib_core.session.guide_turntable import turntable_now, wants_turntable
+from calib_core.session.pipeline import STAGES, stage_captures
 
 StepName = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan", "merge"]
 STEPS: tuple[StepName, ...] = get_args(StepName)
 _TO_THE_TCP: tuple[StepName, ...] = ("camera", "laser-plane", "tcp")
 _ENDED: tuple[GuideStatus, ...] = ("done", "known", "not-needed")
-_STAGES: tuple[Stage, ...] = get_args(Stage)
 
 
 def guide(
@@ -50,8 +51,8 @@ def guide(
 def _with_stale(session: Session, stage: str, result: Result | Mapping[str, Any]) -> dict[str, Any]:
     data: dict[str, Any] = dict(result.to_json() if isinstance(result, Result) else result)
     rows: list[dict[str, Any]] = data.get("residuals") or []
-    now = {c.id for c in session.captures if c.step == stage and not c.excluded}
-    if rows and stage in ("camera", "laser-plane", "tcp", "turntable", "verify"):
+    if rows and stage in STAGES:
+        now = {c.id for c in stage_captures(session, stage) if not c.excluded}
         data["stale"] = bool(data.get("stale")) or {row["capture"] for row in rows} != now
     return data
 
@@ -69,8 +70,9 @@ def _status(session: Session, step: StepName, data: Mapping[str, dict[str, Any]]
     if step in ("camera", "laser-plane") and not _uses_frames(session):
         return "not-needed"
     result = data.get("merge" if step == "scan" else step)
-    if result is None and step in ("tcp", "turntable"):
-        result = data.get("chain")  # the whole chain answers both
+    chain = data.get("chain")
+    if step in ("tcp", "turntable") and chain is not None and (result is None or not chain.get("stale")):
+        result = chain  # the whole chain answers both
     if result is not None:
         if result.get("stale"):
             return "stale"
@@ -112,9 +114,16 @@ def _now(
 ) -> GuideNow:
     open_steps: list[StepName] = [s for s in _TO_THE_TCP if statuses[s] not in _ENDED]
     step: StepName = open_steps[0] if open_steps else "tcp"
-    if step == "tcp" and statuses["tcp"] != "known":
-        return tcp_now(session, measured, data.get("tcp") or data.get("chain"))
-    if step == "tcp":
+    boards = laser_plane_now(session, measured, data.get("laser-plane"))
+    if step == "camera" and not (statuses["camera"] == "stale" and _is_under_way(session, boards)):
+        return camera_now(session, measured, data.get("camera"))
+    if step in ("camera", "laser-plane"):
+        return boards
+    tcp = data.get("tcp") or data.get("chain")
+    doubtful = tcp is not None and bool(tcp.get("undetermined"))
+    if not open_steps and not doubtful and wants_turntable(session):
+        return turntable_now(session, measured, data)
+    if statuses["tcp"] == "known":
         return GuideNow(
             step="verify",
             stage="verify",
@@ -124,36 +133,12 @@ def _now(
             exit="Ten captures from different sides.",
             drawing="tcp-first",
         )
-    return _camera_now(session, step, solved=statuses[step] == "stale")
+    return tcp_now(session, measured, tcp)
 
 
-def _camera_now(session: Session, step: StepName, *, solved: bool) -> GuideNow:
-    """Return the instruction of the camera's or the laser plane's step."""
-    wanted = {"camera": 15, "laser-plane": 8}[step]
-    count = sum(c.step == step and not c.excluded for c in session.captures)
-    stage: Stage = next(s for s in _STAGES if s == step)
-    enough = count >= wanted
-    if enough:
-        instruction = "Solve again: the captures have changed." if solved else "Solve this step."
-    elif step == "camera":
-        instruction = "Show the board to the camera, tilted and at another distance each time."
-    else:
-        instruction = "Lay the stripe on the board; take the lit board and the stripe without moving it."
-    whys = {
-        "camera": "Views that fill the image and the depth range fix the lens.",
-        "laser-plane": "Stripes at different distances and tilts fix the plane of light.",
-    }
-    return GuideNow(
-        step=step,
-        stage=stage,
-        action="solve" if enough else "capture",
-        instruction=instruction,
-        why=whys[step],
-        exit=f"{wanted} captures that cover the image and the depth range.",
-        drawing="cell",
-        progress=f"{count} of {wanted} captures",
-        still_needed=max(wanted - count, 0),
-    )
+def _is_under_way(session: Session, boards: GuideNow) -> bool:
+    """Whether stripes on boards are being taken: they count for the camera too, which waits for all of them."""
+    return boards.action == "capture" and any(c.step == "laser-plane" and not c.excluded for c in session.captures)
 
 
 def _last(session: Session, measured: Sequence[Measured]) -> GuideLast | None:

@@ -46,7 +46,7 @@ def tcp_now(session: Session, measured: Sequence[Measured], result: Mapping[str,
     if not usable:
         return _first(session.cell)
     if result is not None and not result.get("stale"):
-        return _review(result)
+        return review(result)
     motion = motion_of(usable)
     home = usable[motion.reference]
     shifts, turns = len(motion.shifts_mm), len(motion.turns_rad)
@@ -171,8 +171,11 @@ def _solve(turns: int, *, again: bool) -> GuideNow:
     )
 
 
-def _review(result: Mapping[str, Any]) -> GuideNow:
-    """Return what to do with a result that is up to date."""
+def review(
+    result: Mapping[str, Any],
+    look: str = "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer.",
+) -> GuideNow:
+    """Return what to do with a result that is up to date, as the TCP's step; `look` is said of a good one."""
     rejected = [r["capture"] for r in result.get("residuals", []) if not r.get("used", True)]
     undetermined = [u["description"] for u in result.get("undetermined", [])]
     doubts = [*undetermined, *result.get("warnings", [])]
@@ -188,7 +191,7 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
         instruction = f"Look at the result, and at why {_listed(rejected)} {_was(rejected)} left out."
         why = "A capture that contradicts all others was spoiled: the sphere moved, or the pose is not its own."
     else:
-        instruction = "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer."
+        instruction = look
         why = _sentence(doubts[0]) if doubts else "An answer is as good as its evidence."
     return GuideNow(
         step="tcp",

@@ -53,6 +53,7 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         to_do=doubt[1] if doubt else None,
         points=len(pixels),
         preview=np.round(pixels[chosen], 2).tolist(),
+        image_size=view.image_size,
     )
 
 

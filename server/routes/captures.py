@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse, JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, InputError, TooLargeError
-from calib_core.records import Capture, Session, parse_capture
+from calib_core.records import Capture, Session, Step, parse_capture
 from server.deps import CaptureId, Cursor, IfMatch, Limit, Once, OnceDep, SessionId, SettingsDep, StoreDep
 from server.measuring import check_poses, measure
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
@@ -81,9 +81,10 @@ def add(
 
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
-def take_simulated(session_id: SessionId, once: OnceDep, store: StoreDep) -> Response:
-    """Let the simulated cell take its next capture."""
-    answered = once.answered(store, "next")
+def take_simulated(session_id: SessionId, once: OnceDep, store: StoreDep, step: Step | None = None) -> Response:
+    """Let the simulated cell take its next capture, one of `step` where some are left."""
+    content = f"next {step}" if step else "next"
+    answered = once.answered(store, content)
     if answered is not None:
         return answered
     with store.read() as db:
@@ -93,8 +94,8 @@ def take_simulated(session_id: SessionId, once: OnceDep, store: StoreDep) -> Res
                 "a session of the simulated cell", "one of a real cell", "Upload captures to it.", session_id
             )
         device, taken = dict(row.simulated), capture_ids(db, session_id)
-    capture, contents = next_capture(device["scenario"], device["seed"], taken)
-    return _store(store, once, session_id, capture, contents, content="next")
+    capture, contents = next_capture(device["scenario"], device["seed"], taken, step)
+    return _store(store, once, session_id, capture, contents, content=content)
 
 
 def _store(

@@ -20,8 +20,12 @@ def simulated_session(scenario: str, seed: int) -> SimulatedSession:
     return simulate(scenario, seed)
 
 
-def next_capture(scenario: str, seed: int, taken: Collection[str]) -> tuple[Capture, dict[str, bytes]]:
+def next_capture(
+    scenario: str, seed: int, taken: Collection[str], step: str | None = None
+) -> tuple[Capture, dict[str, bytes]]:
     """Return the simulated cell's next capture, after those whose ids are taken, and its files by name.
+
+    One of `step` comes first, where some are left.
 
     Raises
     ------
@@ -29,9 +33,9 @@ def next_capture(scenario: str, seed: int, taken: Collection[str]) -> tuple[Capt
         If all were taken.
     """
     simulated = simulated_session(scenario, seed)
-    for capture in simulated.session.captures:
-        if capture.id not in taken:
-            return capture, {name: simulated.files[name] for name in capture.files}
+    left = [capture for capture in simulated.session.captures if capture.id not in taken]
+    for capture in [*(c for c in left if c.step == step), *left]:
+        return capture, {name: simulated.files[name] for name in capture.files}
     raise ConflictError(
         "a capture that the simulated cell has not delivered yet",
         f"all of its {len(simulated.session.captures)} captures in this session",

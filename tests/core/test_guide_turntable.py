@@ -1,0 +1,168 @@
+"""The guide of the turntable: angles, heights, table, chain; and that of camera and laser plane."""
+
+from typing import Any
+
+import pytest
+
+from calib_core.records import Guide, Measured, Session
+from calib_core.session.guide import guide
+from calib_core.session.pipeline import stage_captures
+from calib_core.simulation import simulate
+
+
+@pytest.fixture(scope="module")
+def cell() -> Session:
+    return simulate("turntable", 4).session
+
+
+def guided(session: Session, results: dict[str, Any] | None = None, refused: tuple[str, ...] = ()) -> Guide:
+    measured = [
+        Measured(capture=c.id, kind=c.kind, verdict="fail" if c.id in refused else "pass")
+        for c in session.captures
+    ]
+    return guide(session, measured, results or {})
+
+
+def result_of(session: Session, stage: str, **more: Any) -> dict[str, Any]:
+    rows = [{"capture": c.id, "used": True} for c in stage_captures(session, stage) if not c.excluded]
+    base = {"stage": stage, "verdict": "pass", "warnings": [], "undetermined": [], "residuals": rows}
+    return base | {"sphere_center_in_base_mm": [900.0, 120.0, 400.0]} | more
+
+
+def after_tcp(cell: Session, turning: int) -> tuple[Session, dict[str, Any]]:
+    """The session with all TCP captures, solved, and so many of the turntable's."""
+    session = cell.model_copy(update={"captures": cell.captures[: 14 + turning]})
+    return session, {"tcp": result_of(session, "tcp")}
+
+
+def test_every_capture_on_the_table_leaves_fewer_to_take(cell: Session) -> None:
+    seen = [guided(*after_tcp(cell, k)).current for k in range(17)]
+    assert [now.still_needed for now in seen] == list(range(16, -1, -1))
+    assert [now.action for now in seen] == ["capture"] * 16 + ["solve"]
+    assert [now.drawing for now in seen] == [
+        "turntable-first", *["turntable-turn"] * 7, "turntable-height", *["turntable-turn"] * 7, "turntable-solve",
+    ]  # fmt: skip
+    assert all(now.step == "turntable" and now.why and now.exit for now in seen)
+    # What it suggests is what the simulated table does next.
+    for k in (*range(1, 8), *range(9, 16)):
+        assert f"about {cell.captures[14 + k].table_deg:.0f}°" in seen[k].instruction
+    assert "'high'" in str(seen[9].progress)
+
+
+def test_what_does_not_count(cell: Session) -> None:
+    session, results = after_tcp(cell, 8)
+    assert guided(session, results, refused=("t03",)).current.still_needed == 9
+    same = [c.model_copy(update={"table_deg": 45.0}) if c.step == "turntable" else c for c in session.captures]
+    now = guided(session.model_copy(update={"captures": same}), results).current
+    assert (now.still_needed, now.progress) == (15, "1 of 8 angles at height 'low'")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"table_deg": None}, "table's angle of t03"),
+        ({"pose": None}, "robot's pose of t03"),
+        ({"pose": [1.0, 2.0]}, "robot's pose of t03"),
+    ],
+)
+def test_what_is_missing_comes_first(cell: Session, change: dict[str, Any], words: str) -> None:
+    session, results = after_tcp(cell, 5)
+    captures = [c.model_copy(update=change) if c.id == "t03" else c for c in session.captures]
+    assert words in guided(session.model_copy(update={"captures": captures}), results).current.instruction
+
+
+def test_radians_are_named() -> None:
+    session, results = after_tcp(simulate("turntable-radians", 4).session, 16)
+    assert "radians" in guided(session, results).current.why
+
+
+def test_table_then_chain_then_review(cell: Session) -> None:
+    session, results = after_tcp(cell, 16)
+    assert (guided(session, results).current.action, guided(session, results).current.stage) == (
+        "solve",
+        "turntable",
+    )
+    table = results | {"turntable": result_of(session, "turntable")}
+    now = guided(session, table).current
+    assert (now.action, now.stage, now.drawing) == ("solve", "chain", "chain-solve")
+    failed = results | {"turntable": result_of(session, "turntable", verdict="fail", warnings=["The table slips"])}
+    assert (guided(session, failed).current.action, guided(session, failed).current.why) == (
+        "review",
+        "The table slips.",
+    )
+    solved = table | {"chain": result_of(session, "chain")}
+    now = guided(session, solved).current
+    assert (now.action, now.drawing, now.step) == ("review", "turntable-done", "turntable")
+    statuses = {s.step: s.status for s in guided(session, solved).steps}
+    assert (statuses["tcp"], statuses["turntable"]) == ("done", "done")
+    fewer = session.model_copy(update={"captures": session.captures[:-1]})
+    statuses = {s.step: s.status for s in guided(fewer, solved).steps}
+    assert (statuses["tcp"], statuses["turntable"]) == ("done", "stale")
+    assert guided(fewer, solved).current.still_needed == 1
+
+
+def test_a_tool_that_was_given_needs_no_chain(cell: Session) -> None:
+    known = cell.cell.known.model_copy(
+        update={"tool0_from_laser": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
+    )
+    turning = [c for c in cell.captures if c.step == "turntable"]
+    session = cell.model_copy(update={"captures": turning, "cell": cell.cell.model_copy(update={"known": known})})
+    assert guided(session).current.stage == "turntable"
+    assert guided(session, {"turntable": result_of(session, "turntable")}).current.action == "review"
+
+
+def frames(camera: int, plane: int, board: bool = True) -> Session:
+    captures = [
+        {"id": f"{step[0]}{k:02d}", "step": step, "kind": "frame", "files": [f"captures/{step[0]}{k:02d}.png"]}
+        for step, count in (("camera", camera), ("laser-plane", plane))
+        for k in range(count)
+    ]
+    cell: dict[str, Any] = {"pose_convention": "abb", "scanner": {"kind": "frame"}}
+    if board:
+        cell["board"] = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 9.0}
+    return Session.model_validate({"cell": cell, "captures": captures})
+
+
+def seen_at(session: Session, *boxes: tuple[float, float, float]) -> list[Measured]:
+    """Boards of which corners were seen in squares: left, top and width."""
+    return [
+        Measured(
+            capture=c.id, kind="frame", verdict="pass", image_size=(600, 600),
+            preview=[[x + w * i / 3, y + w * j / 3] for i in range(4) for j in range(4)],
+        )
+        for c, (x, y, w) in zip(session.captures, boxes, strict=True)
+    ]  # fmt: skip
+
+
+def test_the_camera_is_led_over_the_image_and_the_distances() -> None:
+    assert "board" in guided(frames(0, 0, board=False)).current.instruction
+    assert "middle" in guided(frames(0, 0)).current.instruction
+    two = frames(2, 0)
+    now = guide(two, seen_at(two, (10, 10, 380), (210, 210, 380)), {}).current
+    assert "upper right" in now.instruction
+    three = frames(3, 0)
+    same_size = seen_at(three, (10, 10, 560), (15, 10, 560), (10, 15, 560))
+    assert "nearer" in guide(three, same_size, {}).current.instruction
+    ten = frames(10, 0)
+    boxes = [(10.0, 10.0, 560.0), *[(100.0, 100.0, 300.0)] * 9]
+    assert guide(ten, seen_at(ten, *boxes), {}).current.action == "solve"
+    assert guide(ten, seen_at(ten, *[(10.0, 10.0, 200.0)] * 10), {}).current.action == "capture"
+
+
+def test_the_plane_waits_for_the_camera_and_the_camera_for_the_stripes() -> None:
+    ten = frames(10, 0)
+    camera = {"camera": result_of(ten, "camera")}
+    now = guided(ten, camera).current
+    assert (now.step, now.drawing, now.still_needed) == ("laser-plane", "board-stripe", 8)
+    # Boards with the stripe count for the camera too: it is solved again only once they are all there.
+    some, all_there = frames(10, 3), frames(10, 8)
+    assert (guided(some, camera).current.step, guided(some, camera).current.still_needed) == ("laser-plane", 5)
+    now = guided(all_there, camera).current
+    assert (now.step, now.action) == ("camera", "solve")
+    again = {"camera": result_of(all_there, "camera")}
+    assert (guided(all_there, again).current.stage, guided(all_there, again).current.action) == (
+        "laser-plane",
+        "solve",
+    )
+    done = again | {"laser-plane": result_of(all_there, "laser-plane")}
+    assert guided(all_there, done).current.step == "tcp"
