@@ -6,7 +6,9 @@ from typing import Final
 
 from markupsafe import Markup, escape
 
-from calib_core.records import TcpResidual
+from calib_core.records import TcpResidual, TurntableResidual
+
+Residual = TcpResidual | TurntableResidual
 
 BAND: Final = 2.795
 """The 95 % quantile of the length of three independent standard normal numbers (χ², 3 degrees of freedom)."""
@@ -16,7 +18,7 @@ _LEAST_TOP: Final = 4.0
 _MOST_LABELS: Final = 40
 
 
-def residual_plot(rows: Sequence[TcpResidual]) -> Markup:
+def residual_plot(rows: Sequence[Residual]) -> Markup:
     """Return an SVG of how far each capture's sphere lies from where the others expect it, in its own sigmas.
 
     A capture beyond the scale, as rejected ones often are, is drawn at its upper edge.
@@ -52,7 +54,7 @@ def _frame(top: float) -> Iterator[str]:
     yield f'<text transform="{place}" text-anchor="middle">standard deviations</text>'
 
 
-def _marks(rows: Sequence[TcpResidual], top: float) -> Iterator[str]:
+def _marks(rows: Sequence[Residual], top: float) -> Iterator[str]:
     every = math.ceil(len(rows) / _MOST_LABELS)
     longest = max(len(row.capture) for row in rows)
     turned = longest * 7 > (_WIDTH - _LEFT) / len(rows) * every
@@ -74,7 +76,7 @@ def _name(capture: str, x: float, turned: bool) -> str:
     return f"<text {place}>{shown}</text>"
 
 
-def _mark(row: TcpResidual, x: float, y: float) -> str:
+def _mark(row: Residual, x: float, y: float) -> str:
     title = f"<title>{escape(row.capture)}: {row.mahalanobis:.2f}</title>"
     if row.used:
         return f'<circle class="used" cx="{x:.1f}" cy="{y:.1f}" r="4">{title}</circle>'

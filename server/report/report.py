@@ -10,13 +10,11 @@ from pydantic import ValidationError
 
 from calib_core import __version__
 from calib_core.frames import RigidTransform
-from calib_core.records import Cell, Session, TcpResult
+from calib_core.records import Cell, ChainResult, Session, TcpResult
 from calib_core.robot_pose import CONVENTIONS
-from calib_core.session.export import tool_number_sigmas, tool_numbers
+from server.report.numbers import COVERAGE, frame_rows, number
 from server.report.plot import residual_plot
-
-COVERAGE: Final = 2.0
-"""The factor k between standard and expanded uncertainty: about 95 %."""
+from server.report.table import table_section
 
 _LEVER_MM: Final = 150.0  # a usual distance from the scanner to what it measures
 _MEANING: Final = {
@@ -67,22 +65,6 @@ def report_html(session: Session, results: Mapping[str, Data], stale: Collection
     )
 
 
-def number(value: float | None, decimals: int = 3, unit: str = "") -> str:
-    """Return a number with fixed decimals and its unit, a dash where there is none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    space = "" if unit in ("", "°") else "\u202f"
-    return f"{value:.{decimals}f}{space}{unit}".replace("-", "−")
-
-
-def with_decimals_of(value: float, uncertainty: float) -> tuple[str, str]:
-    """Return a value and its uncertainty with as many decimals as leave the uncertainty two digits."""
-    if not (math.isfinite(uncertainty) and uncertainty > 0):
-        return number(value, 4), "–"
-    decimals = min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)
-    return number(value, decimals), number(uncertainty, decimals)
-
-
 def _stage(session: Session, name: str, result: Data, stale: bool) -> dict[str, Any]:
     stage: dict[str, Any] = {
         "name": name,
@@ -95,26 +77,28 @@ def _stage(session: Session, name: str, result: Data, stale: bool) -> dict[str, 
         "warnings": result.get("warnings") or [],
         "stale": stale,
         "rows": result.get("residuals") or [],
-        "tcp": None,
         "figures": _plain_figures(result),
     }
-    if name == "tcp":
-        stage["tcp"] = _tcp(session, result)
+    stage["tcp"] = _tcp(session, result)
+    stage["table"] = table_section(session.cell.pose_convention, result)
     return stage
 
 
 def _tcp(session: Session, data: Data) -> dict[str, Any] | None:
     """Return what is said of a tool frame, None of a result that is not one (of another version)."""
+    record = {"tcp": TcpResult, "chain": ChainResult}.get(data["stage"])
     try:
-        result = TcpResult.model_validate(data)
+        result = record.model_validate(data) if record else None
     except ValidationError:
+        return None
+    if not isinstance(result, TcpResult | ChainResult):
         return None
     tool = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
     covariance = np.array(result.covariance, dtype=float)[:6, :6]
     parts = result.variance_components
     return {
         "convention": CONVENTIONS[session.cell.pose_convention],
-        "frame": _frame_rows(session.cell.pose_convention, tool, covariance),
+        "frame": frame_rows(session.cell.pose_convention, tool, covariance),
         "matrix": [[number(v, 6 if k < 3 else 4) for k, v in enumerate(row)] for row in result.tool0_from_laser],
         "says": _says(covariance),
         "sphere": [number(v) for v in result.sphere_center_in_base_mm],
@@ -141,18 +125,6 @@ def _tcp(session: Session, data: Data) -> dict[str, Any] | None:
     }
 
 
-def _frame_rows(name: str, tool: RigidTransform, covariance: Any) -> list[tuple[str, str, str]]:
-    """Return label, value and expanded uncertainty of each number that the controller is given."""
-    convention = CONVENTIONS[name]
-    if convention.form == "matrix":
-        return []
-    sigmas = tool_number_sigmas(name, tool, covariance)
-    rows: list[tuple[str, str, str]] = []
-    for label, value, sigma in zip(convention.numbers.split(), tool_numbers(name, tool), sigmas, strict=True):
-        rows.append((label, *with_decimals_of(value, COVERAGE * sigma)))
-    return rows
-
-
 def _says(covariance: Any) -> str:
     """Return what the covariance means where the scanner measures."""
     angle_rad = math.sqrt(float(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
@@ -170,7 +142,7 @@ def _origin(estimated: list[str], begin: str) -> str:
     return "estimated from the data" if any(name.startswith(begin) for name in estimated) else "given"
 
 
-def _compared(result: TcpResult) -> list[tuple[str, str, str]]:
+def _compared(result: TcpResult | ChainResult) -> list[tuple[str, str, str]]:
     two = result.two_step
     return [
         (
@@ -191,7 +163,7 @@ def _compared(result: TcpResult) -> list[tuple[str, str, str]]:
     ]
 
 
-def _apart(tool: RigidTransform, result: TcpResult) -> str:
+def _apart(tool: RigidTransform, result: TcpResult | ChainResult) -> str:
     if result.two_step.tool0_from_laser is None:
         return ""
     difference = tool.difference(RigidTransform.from_rounded(result.two_step.tool0_from_laser, "tool0", "laser"))
@@ -208,10 +180,10 @@ def _residual_row(row: Data) -> dict[str, Any]:
         "figures": [
             str(row["points"]),
             number(row["surface_rms_mm"]),
-            number(row["leave_one_out_rms_mm"]),
+            number(row.get("leave_one_out_rms_mm")),
             number(row["center_distance_mm"]),
             number(row["mahalanobis"], 2),
-            number(row["zone"], 2),
+            number(row.get("zone"), 2),
         ],
     }
 

@@ -15,8 +15,9 @@ from calib_core.session.export import tool_number_sigmas, tool_numbers
 from calib_core.session.folder import load_session
 from calib_core.session.stored_results import stored_results
 from server.cli import main
+from server.report.numbers import number, with_decimals_of
 from server.report.plot import BAND, residual_plot
-from server.report.report import number, report_html, with_decimals_of
+from server.report.report import report_html
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 

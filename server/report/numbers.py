@@ -1,0 +1,42 @@
+"""Numbers as a report shows them: with unit, uncertainty, and no more digits than that allows."""
+
+import math
+from typing import Final
+
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.robot_pose import CONVENTIONS
+from calib_core.session.export import tool_number_sigmas, tool_numbers
+
+COVERAGE: Final = 2.0
+"""The factor k between standard and expanded uncertainty: about 95 %."""
+
+
+def number(value: float | None, decimals: int = 3, unit: str = "") -> str:
+    """Return a number with fixed decimals and its unit, a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    space = "" if unit in ("", "°") else "\u202f"
+    return f"{value:.{decimals}f}{space}{unit}".replace("-", "−")
+
+
+def with_decimals_of(value: float, uncertainty: float) -> tuple[str, str]:
+    """Return a value and its uncertainty with as many decimals as leave the uncertainty two digits."""
+    if not (math.isfinite(uncertainty) and uncertainty > 0):
+        return number(value, 4), "–"
+    decimals = min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)
+    return number(value, decimals), number(uncertainty, decimals)
+
+
+def frame_rows(name: str, frame: RigidTransform, covariance: FloatArray) -> list[tuple[str, str, str]]:
+    """Return label, value and expanded uncertainty of each number that the controller is given of a frame.
+
+    `covariance` (6, 6) is of rx ry rz tx ty tz, the rotation perturbing on the right.  A matrix has no such rows.
+    """
+    convention = CONVENTIONS[name]
+    if convention.form == "matrix":
+        return []
+    sigmas = tool_number_sigmas(name, frame, covariance)
+    rows: list[tuple[str, str, str]] = []
+    for label, value, sigma in zip(convention.numbers.split(), tool_numbers(name, frame), sigmas, strict=True):
+        rows.append((label, *with_decimals_of(value, COVERAGE * sigma)))
+    return rows
