@@ -16,7 +16,7 @@ def number(value: float | None, decimals: int = 3, unit: str = "") -> str:
     if value is None or not math.isfinite(value):
         return "–"
     space = "" if unit in ("", "°") else "\u202f"
-    return f"{value:.{decimals}f}{space}{unit}".replace("-", "−")
+    return f"{round(value, decimals) + 0.0:.{decimals}f}{space}{unit}".replace("-", "−")  # + 0.0: no minus zero
 
 
 def with_decimals_of(value: float, uncertainty: float) -> tuple[str, str]:

@@ -57,7 +57,7 @@ def _frame(top: float) -> Iterator[str]:
 def _marks(rows: Sequence[Residual], top: float) -> Iterator[str]:
     every = math.ceil(len(rows) / _MOST_LABELS)
     longest = max(len(row.capture) for row in rows)
-    turned = longest * 7 > (_WIDTH - _LEFT) / len(rows) * every
+    turned = longest * 7 + 8 > (_WIDTH - _LEFT) / len(rows) * every
     for index, row in enumerate(rows):
         x = _x(index, len(rows))
         if index % every == 0:

@@ -12,8 +12,10 @@ from calib_core.frames import RigidTransform
 from calib_core.records import Session, TcpResidual
 from calib_core.robot_pose import CONVENTIONS
 from calib_core.session.export import tool_number_sigmas, tool_numbers
-from calib_core.session.folder import load_session
+from calib_core.session.folder import load_session, result_data
+from calib_core.session.pipeline import run
 from calib_core.session.stored_results import stored_results
+from calib_core.simulation import simulate
 from server.cli import main
 from server.report.numbers import number, with_decimals_of
 from server.report.plot import BAND, residual_plot
@@ -177,6 +179,26 @@ def test_other_stages_show_their_figures(solved):
     page = Page(report_html(solved[0], {"camera": result}))
     assert page.row("reprojection rms") == ["reprojection rms", "0.1642\u202fpx"]
     assert page.row("b01") == ["b01", "no: blurred"]
+
+
+def test_turntable_and_chain_are_reported_with_axis_and_mountings():
+    simulated = simulate("turntable", 3)
+    results = {k: result_data(r) for k, r in run(simulated.session, simulated.files.__getitem__).items()}
+    page = Page(report_html(simulated.session, results))
+    for stage in ("turntable", "chain"):
+        axis = ", ".join(number(v, 6) for v in results[stage]["axis_direction_in_base"])
+        assert ["Axis, direction in base", axis] in page.rows
+        sigma = number(2 * results[stage]["axis_direction_sigma_deg"], 4, "°")
+        assert ["Axis, direction known to", f"± {sigma}"] in page.rows
+        assert results[stage]["inputs_sha256"] in page.text
+        for mount in results[stage]["mounts"]:
+            assert any(row[:3] == [mount["mount"], "8", number(mount["radius_mm"], 3, "mm")] for row in page.rows)
+    assert sum(row[:1] == ["t05"] for row in page.rows) == 3  # by the table's stage, and twice by the chain's
+    assert page.tags.isdisjoint({"script", "img"})
+
+
+def test_no_number_is_minus_zero():
+    assert (number(-0.0001, 3), number(0.0, 1), number(-0.0006, 3)) == ("0.000", "0.0", "−0.001")
 
 
 def circle_heights(svg: str) -> dict[str, float]:
