@@ -88,14 +88,15 @@ def solve_chain(
     size = slice(_TABLE, judged.data.unknowns)
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
+    estimated = None in options.sigmas
     some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
     return ChainSolution(
         tcp=still,
         turntable=turning,
         cross_covariance=covariance[:6, size] @ turning.covariance.pose_by_unknowns.T,
-        tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], still.covariance[:6, :6]),
+        tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], still.covariance[:6, :6], estimated),
         turntable_distance=_distance(
-            table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], turning.covariance.pose[some]
+            table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], turning.covariance.pose[some], estimated
         ),
         tcp_difference=tool_shift,
         turntable_difference=table_shift,
@@ -199,12 +200,15 @@ def _table_part(
     )
 
 
-def _distance(shift: FloatArray, alone: FloatArray, together: FloatArray) -> float:
+def _distance(shift: FloatArray, alone: FloatArray, together: FloatArray, estimated: bool) -> float:
     """Return the squared Mahalanobis distance of an answer of some captures from that of all.
 
     The difference of the two has the covariance by which the first is worse: C_some − C_all.  Where more captures
     added little, the difference of two nearly equal matrices is not to be believed: at least 5 % of C_some remain.
+    Where each estimated the sigmas for itself, their matrices do not compare: then the sum of both counts.
     """
+    if estimated:
+        return float(shift @ np.linalg.solve(alone + together, shift))
     scale = np.sqrt(np.diag(alone))
     values, vectors = np.linalg.eigh((alone - together) / np.outer(scale, scale))
     along = vectors.T @ (shift / scale)
