@@ -9,6 +9,7 @@ from calib_core.errors import InputError
 from calib_core.simulation.bound import tcp_bound
 from calib_core.simulation.chain_bound import ChainBound, chain_bound
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
+from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
 from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
@@ -17,6 +18,7 @@ from calib_core.simulation.writing import session_files, session_record
 
 __all__ = [
     "FRAME_SCENARIOS",
+    "PART_SCENARIOS",
     "SCENARIOS",
     "TABLE_SCENARIOS",
     "ChainBound",
@@ -44,10 +46,13 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     if scenario in FRAME_SCENARIOS:
         _require_seed(seed)
         return SimulatedSession(*simulate_frames(FRAME_SCENARIOS[scenario], scenario, seed), None)
+    if scenario in PART_SCENARIOS:
+        _require_seed(seed)
+        return SimulatedSession(*simulate_part(PART_SCENARIOS[scenario], scenario, seed), None)
     if scenario in TABLE_SCENARIOS:
         return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)
     if scenario not in SCENARIOS:
-        names = ", ".join([*SCENARIOS, *TABLE_SCENARIOS, *FRAME_SCENARIOS])
+        names = ", ".join([*SCENARIOS, *TABLE_SCENARIOS, *PART_SCENARIOS, *FRAME_SCENARIOS])
         raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
 

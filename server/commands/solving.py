@@ -2,12 +2,12 @@
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.records import ChainResult, Record, Result, Session, TcpResult, TurntableResult
+from calib_core.records import ChainResult, MergeResult, Record, Result, Session, TcpResult, TurntableResult
 from calib_core.session.archive import is_archive, opened
 from calib_core.session.check import check_session
 from calib_core.session.export import FORMATS
@@ -23,7 +23,9 @@ from calib_core.session.folder import (
 from calib_core.session.measure import ReadFile
 from calib_core.session.pipeline import inputs_sha256
 from calib_core.session.pipeline import run as run_stages
+from calib_core.session.point_writers import write_pieces
 from calib_core.session.stored_results import stored_results
+from server.commands.merge_summary import merge_summary
 from server.commands.progress import progress_bar
 from server.commands.summary import tcp_summary
 from server.commands.table_summary import table_summary
@@ -31,10 +33,16 @@ from server.commands.table_summary import table_summary
 
 def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
     """Solve a session, store its results, print them; return 0 where all are accepted, else 1."""
+    target = None if out is None and is_archive(path) else out or folder_of(path)
+
+    def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
+        if target is not None:
+            write_pieces(target / name, pieces)
+
     with opened(path) as folder:
         session, read = load_session(folder)
         with progress_bar() as progress:
-            results = run_stages(session, read, stage, progress)
+            results = run_stages(session, read, stage, progress, store)
     if as_json:
         data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
         print(json.dumps(data, ensure_ascii=False, allow_nan=False))
@@ -44,10 +52,12 @@ def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
                 print(tcp_summary(session, result))
             elif isinstance(result, TurntableResult | ChainResult):
                 print(f"\n{table_summary(session, result)}")
+            elif isinstance(result, MergeResult):
+                print(f"\n{merge_summary(result)}")
         if not results:
             print("Nothing to solve: cell.known gives every result.")
-    if out is not None or not is_archive(path):
-        _store(results, out or folder_of(path), asked=out is not None)
+    if target is not None:
+        _store(results, target, asked=out is not None)
     else:
         print(f"scancell: {path} stays as it is: --out DIR writes the results to a folder.", file=sys.stderr)
     return 1 if any(result.verdict == "fail" for result in results.values()) else 0

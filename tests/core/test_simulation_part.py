@@ -9,6 +9,11 @@ from scipy.sparse.csgraph import connected_components
 from calib_core.fusion.clean import KEPT, clean_scan
 from calib_core.fusion.merge import VoxelGrid
 from calib_core.fusion.scan import Scan
+from calib_core.session.files import parse_cloud
+from calib_core.session.pipeline import run
+from calib_core.session.point_writers import write_pieces
+from calib_core.session.stage_merge import CLOUD_FILE, MESH_FILE
+from calib_core.simulation import simulate
 from calib_core.simulation.part import BALL_RADIUS_MM, HEIGHT_MM, HOLES, build_part, top_mm
 from calib_core.simulation.part_scan import PartScanner, PartScanOptions, in_turntable, view_poses
 from calib_core.sphere.cloud import fit_sphere
@@ -113,3 +118,29 @@ def test_the_merged_part_lies_on_the_truth(scans):
     ball = cloud.points_mm[np.abs(np.linalg.norm(cloud.points_mm - PART.ball_center_mm, axis=1) - 10) < 0.5]
     fit = fit_sphere(ball[ball[:, 2] > 48].astype(float))
     assert abs(2 * fit.radius_mm - 2 * BALL_RADIUS_MM) < 0.05
+
+
+def test_a_scanned_part_merges_to_its_truth_through_a_session(tmp_path):
+    result, truth, points, mesh = merged_part(tmp_path)
+    assert result.verdict == "pass"
+    assert 0.7 < result.overlap_rms_mm / result.expected_overlap_rms_mm < 1.4
+    assert np.quantile(distances(points), 0.95) < 0.15
+    near = np.abs(np.linalg.norm(points - truth["ball_center_in_turntable_mm"], axis=1) - 10) < 0.4
+    fit = fit_sphere(points[near & (points[:, 2] > 46)])
+    assert abs(2 * fit.radius_mm - truth["ball_diameter_mm"]) < 0.05
+    assert np.linalg.norm(fit.center_mm - truth["ball_center_in_turntable_mm"]) < 0.1
+    assert np.quantile(distances(mesh.vertices), 0.9) < 0.2
+
+
+def merged_part(folder):
+    """The result of the scenario's merge, its truth, and the files that it stored."""
+    simulated = simulate("part", 1)
+    files = simulated.files
+    results = run(
+        simulated.session,
+        files.__getitem__,
+        store=lambda name, pieces: write_pieces(folder / name, pieces),
+    )
+    assert list(results) == ["merge"]
+    points = parse_cloud((folder / CLOUD_FILE).read_bytes(), CLOUD_FILE)
+    return results["merge"], simulated.truth, points, trimesh.load_mesh(folder / MESH_FILE)

@@ -1,0 +1,24 @@
+"""What `scancell run` prints of a merge."""
+
+from calib_core.records import MergeResult
+
+
+def merge_summary(result: MergeResult) -> str:
+    """Return the merge's figures as lines of text."""
+    used = sum(row.used for row in result.residuals)
+    size = " × ".join(f"{high - low:.1f}" for low, high in zip(result.low_mm, result.high_mm, strict=True))
+    lines = [
+        f"merge: {result.verdict}",
+        f"  {used} of {len(result.residuals)} captures, {result.scanned_points:,} points into {result.points:,} "
+        f"voxels of {result.voxel_mm:g} mm, {size} mm in the {result.frame}'s frame",
+    ]
+    if result.overlap_rms_mm is not None and result.expected_overlap_rms_mm is not None:
+        lines.append(
+            f"  scans lie {result.overlap_rms_mm:.4f} mm apart before any registration (RMS; "
+            f"{result.expected_overlap_rms_mm:.4f} mm expected)"
+        )
+    if result.registered_overlap_rms_mm is not None:
+        lines.append(f"  after registration {result.registered_overlap_rms_mm:.4f} mm")
+    if result.triangles:
+        lines.append(f"  mesh of {result.triangles:,} triangles")
+    return "\n".join([*lines, *(f"  ! {warning}" for warning in result.warnings)])
