@@ -183,10 +183,10 @@ def _checked(archive: zipfile.ZipFile, where: str, limits: ArchiveLimits) -> dic
         _refuse_size(f"at most {limits.entries} entries", str(len(entries)), where)
     _require_apart(archive, entries, where)
     for entry in entries:
-        _require_ordinary(entry, where)
         require_safe_name(entry.orig_filename.removesuffix("/"), where)
         if entry.filename != entry.orig_filename:
             raise InputError("plain names", ascii(entry.orig_filename)[:80], _PACK_AGAIN, where)
+        _require_ordinary(entry, where)
         if entry.file_size > max(limits.ratio * entry.compress_size, CHUNK_BYTES):
             got = f"{entry.file_size} from {entry.compress_size} in {entry.filename}: a bomb"
             _refuse_size(f"at most {limits.ratio} bytes unpacked from one packed", got, where)

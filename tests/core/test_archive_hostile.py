@@ -215,6 +215,23 @@ def test_encrypted_and_exotic_entries(packed, tmp_path):
     assert "stored or deflated" in refused(lzma, tmp_path)
 
 
+@pytest.mark.parametrize("name", [b"", b"/", b"\0", b"\0/evil"])
+def test_entries_without_a_name(packed, tmp_path, name):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as file:
+        file.writestr("x" * max(len(name), 1), b"")
+    archive = out.getvalue()
+    if name:
+        archive = archive.replace(b"x" * len(name), name)
+    else:  # lengths of names stand at 26 in the local header and at 28 in the directory's
+        at = archive.index(b"PK\1\2")
+        local = archive[:26] + b"\0\0" + archive[28:30]
+        directory = archive[at : at + 28] + b"\0\0" + archive[at + 30 : at + 46]
+        archive = local + directory + struct.pack("<4s4H2LH", b"PK\5\6", 0, 0, 1, 1, len(directory), len(local), 0)
+    message = refused(archive, tmp_path)
+    assert any(reason in message for reason in ("an empty part", "an absolute path", "control characters"))
+
+
 @pytest.mark.parametrize("cut", [0, 1, 3, 21, 22, 500, -22, -10, -1])
 def test_cut_off(packed, tmp_path, cut):
     message = refused(packed[:cut], tmp_path)
