@@ -18,6 +18,7 @@ from server.scenes.table_layers import sphere_places, table_axis, table_circles,
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 _FAN_RAYS = 24
+_MANY = 20
 
 
 def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
@@ -105,11 +106,12 @@ def sphere(facts: SceneFacts, _look: Look) -> Iterator[Node]:
 
 def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Name every capture, and say why a rejected one is."""
+    crowded = 0.75 if len(facts.captures) > _MANY else 0.95
     for capture in look.shown(facts):
-        text = capture.id if capture.table_deg is None else f"{capture.id} · {capture.table_deg:g}°"
+        text = capture.id
         if capture.state == "rejected":
-            text = f"✕ {text} · {short(capture.reason)}"
-        size = 1.3 if capture.id == look.picked else 0.95
+            text = f"✕ {capture.id} · {short(capture.reason)}"
+        size = 1.3 if capture.id == look.picked else crowded
         above = capture.base_from_tool0.translation_mm + np.array([0.0, 0.0, 14.0])
         yield nodes.label(f"/labels/{capture.id}", above, text, size)
 

@@ -66,7 +66,11 @@ class LiveScene:
         """Draw a newer state of the session; return how many nodes were sent or taken away."""
         with self._lock:
             self._scene = scene
-            return self._redraw()
+            before, self._facts = self._facts, scene_facts(self._points.on(scene))
+            sent = self._redraw()
+            if before is None or stage_of(before) != stage_of(self._facts):
+                self._show(view(first_view(self._facts), self._facts))
+            return sent
 
     def highlight(self, capture_id: str | None) -> int:
         """Light up one capture, or none; return how many nodes were sent."""
@@ -92,17 +96,19 @@ class LiveScene:
         stop_viser(self._server)
 
     def _redraw(self) -> int:
-        before = self._facts
-        facts = scene_facts(self._points.on(self._scene))
+        facts = self._known
         look = self._look(facts)
         sent = self._send(draw(facts, look))
-        self._facts = facts
         self.legend = legend_html(facts, look)
         self._panel.say_rejected(rejected_html(facts))
         self._panel.show_captures(len(facts.captures), facts.merged is not None)
-        if before is None or stage_of(before) != stage_of(facts):
-            self._show(view(first_view(facts), facts))
         return sent
+
+    @property
+    def _known(self) -> SceneFacts:
+        if self._facts is None:
+            self._facts = scene_facts(self._points.on(self._scene))
+        return self._facts
 
     def _look(self, facts: SceneFacts) -> Look:
         place = min(self._turned_to, len(facts.captures))
@@ -128,14 +134,13 @@ class LiveScene:
         return len(changed) + len(gone)
 
     def _view(self, name: str) -> View:
-        facts = self._facts or scene_facts(self._scene)
-        return view(name, facts, self._picked)
+        return view(name, self._known, self._picked)
 
     def _welcome(self, client: "ClientHandle") -> None:
         """Set a newcomer further away whose window is narrow; viser's first camera is the same for all."""
         if client.camera.aspect < 1:
             with client.atomic():
-                take(client.camera, self._view(first_view(self._facts)) if self._facts else self._view("Captures"))
+                take(client.camera, self._view(first_view(self._known)))
 
     def _show(self, view: View) -> None:
         """Let newcomers start at a view and take those who are there along."""

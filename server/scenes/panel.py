@@ -93,7 +93,7 @@ class Panel:
 
     def stop(self) -> None:
         """End the animation."""
-        self._player.play(False)
+        self._player.stop()
 
     def say_rejected(self, html: str) -> None:
         """Show the rejected captures and their reasons, or nothing where there are none."""

@@ -21,6 +21,7 @@ class Player:
         self._step_s = step_s
         self._lock = threading.Lock()
         self._end: threading.Event | None = None
+        self._thread: threading.Thread | None = None
 
     @property
     def playing(self) -> bool:
@@ -37,7 +38,14 @@ class Player:
                 self._end = None
                 return
             self._end = threading.Event()
-            threading.Thread(target=self._run, args=(self._end,), name="scene-player", daemon=True).start()
+            self._thread = threading.Thread(target=self._run, args=(self._end,), name="scene-player", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """End playing, and wait for the step that is on its way."""
+        self.play(False)
+        if self._thread is not None:
+            self._thread.join(10)
 
     def _run(self, end: threading.Event) -> None:
         while not end.wait(self._step_s):

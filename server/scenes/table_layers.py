@@ -59,7 +59,7 @@ def table_circles(facts: SceneFacts, _look: Look) -> Iterator[Node]:
         yield nodes.lines(f"/circles/paper-{number}", _joined(ring), WAITING, 1.0)
 
 
-def sphere_places(facts: SceneFacts, _look: Look) -> Iterator[Node]:
+def sphere_places(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the sphere where each capture saw it on the table, named by the angle; rejected ones crossed."""
     table = facts.table
     if table is None:
@@ -68,7 +68,9 @@ def sphere_places(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     for place in table.places:
         at = place.center_in_base_mm
         color = mount_color(table, place.mount) if place.used else REJECTED
-        yield nodes.ball(f"/places/{place.capture}/sphere", at, 0.985 * radius, color, 0.35)
+        yield nodes.ball(
+            f"/places/{place.capture}/sphere", at, 0.985 * radius, color, 0.12 if look.alone else 0.35
+        )
         if not place.used:
             yield nodes.lines(f"/places/{place.capture}/cross", cross(at, 1.5 * radius), REJECTED, 4.0)
         above = at + table.base_from_turntable.rotate([0.0, 0.0, 1.1 * radius])
@@ -94,7 +96,7 @@ def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     for number, (mount, place) in enumerate((table.mounts or {}).items()):
         if mount in mounted and facts.sphere_radius_mm:
             color = mount_color(table, mount)
-            yield nodes.ball(f"/turned/table/sphere-{number}", place, 0.98 * facts.sphere_radius_mm, color, 0.8)
+            yield nodes.ball(f"/turned/table/sphere-{number}", place, 0.94 * facts.sphere_radius_mm, color, 0.9)
             post = np.array([[place, [place[0], place[1], height]]])
             yield nodes.lines(f"/turned/table/post-{number}", post, WAITING, 4.0)
     yield nodes.label("/turned/angle", table.turned(angle_deg).apply([rim, 0.0, height]), f"{angle_deg:g}°")

@@ -82,7 +82,7 @@ def _table_places_mm(facts: SceneFacts) -> FloatArray | None:
             return None
         return np.quantile(merged.points_mm, [0.01, 0.99], axis=0)
     low, high, away = table.reach_mm
-    corners = np.array([[-away, -away, low], [away, away, high]])
+    corners = np.array([[-away, -away, low - 0.3 * away], [away, away, high + 0.7 * away]])
     if merged is not None and merged.frame == "turntable":
         corners = np.concatenate([corners, np.quantile(merged.points_mm, [0.01, 0.99], axis=0)])
     return table.base_from_turntable.apply(corners)

@@ -381,9 +381,8 @@ def test_playing_goes_on_until_it_is_told_to_end() -> None:
     player.play(True)
     player.play(True)
     wait_until(lambda: len(steps) >= 3)
-    player.play(False)
+    player.stop()
     assert not player.playing
-    time.sleep(0.02)  # a step that was on its way may still end
     count = len(steps)
     time.sleep(0.05)
     assert len(steps) == count
