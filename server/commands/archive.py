@@ -31,7 +31,7 @@ def pack(path: Path, out: Path, with_scene: bool) -> int:
     if not results:
         results = solved_if_possible(session, read)
         extra |= {f"results/{stage}.json": to_json_bytes(result) for stage, result in results.items()}
-    extra[REPORT_FILE] = _report(session, read, results)
+    extra |= _report(session, read, results)
     if with_scene:
         extra |= _scene(session, read, results)
     print(f"{out}: {_facts(archive.pack(folder, out, extra))}")
@@ -63,7 +63,7 @@ def replay(path: Path, as_json: bool) -> int:
     return 0 if found.equal else 1
 
 
-def _report(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> bytes:
+def _report(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Content]:
     from server.report.report import report_html
     from server.report.stale import stale_stages
 
@@ -73,7 +73,11 @@ def _report(session: Session, read: ReadFile, results: Mapping[str, Mapping[str,
             f"scancell: warning: the result of {stage} is older than its captures: `scancell run` solves it anew.",
             file=sys.stderr,
         )
-    return report_html(session, results, stale).encode()
+    try:
+        return {REPORT_FILE: report_html(session, results, stale).encode()}
+    except CalibrationError as error:
+        print(f"scancell: warning: packed without the report: {error}", file=sys.stderr)
+        return {}
 
 
 def _scene(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Content]:

@@ -1,14 +1,22 @@
 """Numbers as a report shows them: with unit, uncertainty, and no more digits than that allows."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
+from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.robot_pose import CONVENTIONS
 from calib_core.session.export import tool_number_sigmas, tool_numbers
 
 COVERAGE: Final = 2.0
 """The factor k between standard and expanded uncertainty: about 95 %."""
+
+
+_LARGEST: Final = 1e9
+_ROUNDING: Final = 1e-15
 
 
 def number(value: float | None, decimals: int = 3, unit: str = "") -> str:
@@ -25,6 +33,16 @@ def with_decimals_of(value: float, uncertainty: float) -> tuple[str, str]:
         return number(value, 4), "–"
     decimals = min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)
     return number(value, decimals), number(uncertainty, decimals)
+
+
+def pose_covariance(rows: Sequence[Sequence[float]], where: str) -> FloatArray:
+    """Return the covariance (6, 6) of a pose out of a stored result; raises InputError where it is none."""
+    square = len(rows) >= 6 and all(len(row) >= 6 for row in rows[:6])
+    covariance = np.array([row[:6] for row in rows[:6]]) if square else np.full((6, 6), np.nan)
+    if not (np.abs(covariance) < _LARGEST).all() or np.linalg.eigvalsh(covariance)[0] < -_ROUNDING * _LARGEST:
+        got = "numbers that are none" if square else "another shape"
+        raise InputError("a covariance of six numbers", got, "Solve the session again.", where)
+    return covariance
 
 
 def frame_rows(name: str, frame: RigidTransform, covariance: FloatArray) -> list[tuple[str, str, str]]:

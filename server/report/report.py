@@ -12,7 +12,7 @@ from calib_core import __version__
 from calib_core.frames import RigidTransform
 from calib_core.records import Cell, ChainResult, Session, TcpResult
 from calib_core.robot_pose import CONVENTIONS
-from server.report.numbers import COVERAGE, frame_rows, number
+from server.report.numbers import COVERAGE, frame_rows, number, pose_covariance
 from server.report.plot import residual_plot
 from server.report.table import table_section
 
@@ -45,6 +45,11 @@ def report_html(session: Session, results: Mapping[str, Data], stale: Collection
         The stages' results by stage, as JSON data.
     stale : collection of str
         The stages whose result is older than the captures.
+
+    Raises
+    ------
+    InputError
+        If a result's frame or covariance is none.
     """
     stages = [_stage(session, name, results[name], name in stale) for name in _STAGES if name in results]
     verdicts = [stage["verdict"] for stage in stages]
@@ -94,7 +99,7 @@ def _tcp(session: Session, data: Data) -> dict[str, Any] | None:
     if not isinstance(result, TcpResult | ChainResult):
         return None
     tool = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
-    covariance = np.array(result.covariance, dtype=float)[:6, :6]
+    covariance = pose_covariance(result.covariance, f"results/{result.stage}.json: covariance")
     parts = result.variance_components
     return {
         "convention": CONVENTIONS[session.cell.pose_convention],
@@ -127,8 +132,8 @@ def _tcp(session: Session, data: Data) -> dict[str, Any] | None:
 
 def _says(covariance: Any) -> str:
     """Return what the covariance means where the scanner measures."""
-    angle_rad = math.sqrt(float(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
-    shift_mm = math.sqrt(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]))
+    angle_rad = math.sqrt(max(float(np.linalg.eigvalsh(covariance[:3, :3])[-1]), 0.0))
+    shift_mm = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
     return (
         f"With about 95 % confidence (k = {COVERAGE:g}) the scanner's origin is known to "
         f"{number(COVERAGE * shift_mm, 2, 'mm')} and its orientation to "

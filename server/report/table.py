@@ -3,12 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from calib_core.frames import RigidTransform
 from calib_core.records import ChainResult, TurntableResidual, TurntableResult
-from server.report.numbers import COVERAGE, frame_rows, number
+from server.report.numbers import COVERAGE, frame_rows, number, pose_covariance
 from server.report.plot import residual_plot
 
 
@@ -25,7 +24,9 @@ def table_section(convention: str, data: Mapping[str, Any]) -> dict[str, Any] | 
     # The numbers of a pose are the same whatever its frames are called.
     frame = RigidTransform.from_rounded(result.base_from_turntable, "tool0", "laser")
     return {
-        "frame": frame_rows(convention, frame, np.array(covariance, dtype=float)[:6, :6]),
+        "frame": frame_rows(
+            convention, frame, pose_covariance(covariance, f"results/{result.stage}.json: covariance")
+        ),
         "facts": _facts(result),
         "mounts": [
             (

@@ -1,6 +1,7 @@
 """Archives and reports: a session out as one file, and an archive in."""
 
 from collections.abc import AsyncGenerator, Iterator
+from contextlib import suppress
 from typing import IO, Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
@@ -12,7 +13,6 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
 from server.deps import OnceDep, SessionId, StoreDep
 from server.schemas import StoredSession
-from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
@@ -80,7 +80,7 @@ def get_archive(
         stored = load_session(db, store.blobs, session_id)
     file = store.blobs.scratch()
     try:
-        pack_stored(stored, file, _pages(store, stored, scene))
+        pack_stored(stored, file, _pages(stored, scene))
         size = file.seek(0, 2)
     except BaseException:
         file.close()
@@ -136,17 +136,18 @@ def _report(stored: SessionOfStore) -> str:
     return report_html(stored.session, stored.results, [name for name, r in results.items() if r["stale"]])
 
 
-def _pages(store: Store, stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:
-    pages = {REPORT_FILE: _report(stored).encode()}
+def _pages(stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:
+    # Measurements and results go out even where they cannot be shown.
+    pages: dict[str, bytes] = {}
+    with suppress(CalibrationError):
+        pages[REPORT_FILE] = _report(stored).encode()
     if with_scene:
         from server.scenes.offline import scene_html
         from server.scenes.stored import scene_input
 
-        try:
+        with suppress(CalibrationError):
             scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results)
             pages[SCENE_FILE] = scene_html(scene).encode()
-        except CalibrationError:
-            pass  # measurements and results go out even where they cannot be drawn
     return pages
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Session, TcpResidual
 from calib_core.robot_pose import CONVENTIONS
@@ -195,6 +196,13 @@ def test_turntable_and_chain_are_reported_with_axis_and_mountings():
             assert any(row[:3] == [mount["mount"], "8", number(mount["radius_mm"], 3, "mm")] for row in page.rows)
     assert sum(row[:1] == ["t05"] for row in page.rows) == 3  # by the table's stage, and twice by the chain's
     assert page.tags.isdisjoint({"script", "img"})
+
+
+@pytest.mark.parametrize("covariance", [[], [[1.0]], [[-1.0] * 6] * 6, [[1e300] * 6] * 6, [[1.0] * 6] * 5 + [[]]])
+def test_a_covariance_that_is_none_is_told(solved, covariance):
+    session, results = solved
+    with pytest.raises(InputError, match=r"results/tcp.json: covariance: need a covariance"):
+        report_html(session, {"tcp": {**results["tcp"], "covariance": covariance}})
 
 
 def test_no_number_is_minus_zero():
