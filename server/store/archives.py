@@ -50,7 +50,7 @@ def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes
     Raises
     ------
     ConflictError
-        If a capture's file bears the name of something else in a session folder.
+        If a capture's file would be another file of the session folder too.
     CalibrationError
         If a name cannot be stored everywhere, or a stored file is damaged.
     """
@@ -62,7 +62,7 @@ def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes
     for name, digest in stored.digests.items():
         if plain_name(name) in payload:
             got = f"a capture's file named {name}"
-            raise ConflictError("files of captures below captures/", got, "Rename the file.", stored.id)
+            raise ConflictError("a name of its own for each file", got, "Rename the file.", stored.id)
         payload[plain_name(name)] = stored.blobs.path(digest)
     pack_files(stored.session, payload, out, stored.id)
 

@@ -173,14 +173,20 @@ def test_an_unsolved_session_has_an_archive_and_a_report(client: httpx.Client) -
     assert_problem(client.get("/sessions/none/report"), 404)
 
 
-def test_a_file_by_a_taken_name_is_told(client: httpx.Client) -> None:
+def test_two_files_that_would_be_one_in_a_folder_are_told(client: httpx.Client) -> None:
     session = make_session(client)
-    record = {"id": "p01", "step": "scan", "kind": "cloud", "files": ["./report.html/../session.json"]}
-    assert_problem(upload(client, session, record, b"1 2 3\n" * 9), 422)
-    record["files"] = ["./report.html"]
-    made = upload(client, session, {**record, "kind": "sweep"}, b"1 2 3\n" * 9)
-    assert made.status_code == 201, made.text
-    assert_problem(client.get(f"/sessions/{session}/archive"), 409, "report.html")
+    for number, name in enumerate(["captures/p.csv", "./captures/p.csv"]):
+        record = {
+            "id": f"p{number}",
+            "step": "tcp",
+            "kind": "profile",
+            "files": [name],
+            "pose": [0, 0, 0, 0, 0, 0],
+        }
+        rows = "".join(f"{x},{200 + number}\n" for x in range(50))
+        made = upload(client, session, record, rows.encode())
+        assert made.status_code == 201, made.text
+    assert_problem(client.get(f"/sessions/{session}/archive"), 409, "captures/p.csv")
 
 
 def test_the_report_is_a_page_that_runs_nothing(client: httpx.Client, solved: str) -> None:
