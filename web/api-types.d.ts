@@ -21,6 +21,62 @@ export interface Board {
   flat?: boolean;
 }
 
+export interface CameraCandidate {
+  model: string;
+  parameters: number;
+  held_out_rms_px: number;
+}
+
+export interface CameraCoverage {
+  counts: number[][];
+  covered: number;
+  near_mm: number;
+  far_mm: number;
+  largest_tilt_rad: number;
+}
+
+export interface CameraResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  corners?: number;
+  rms_px?: number | null;
+  edge_width_px?: number | null;
+  camera_from_board?: number[][] | null;
+  points_px?: number[][];
+  residuals_px?: number[][];
+}
+
+export interface CameraResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "camera";
+  model: "plain" | "rational" | "tilted" | "segmental";
+  image_size: unknown[];
+  camera_matrix: number[][];
+  distortion: Record<string, number>;
+  tilt_rad: number[];
+  segments?: CameraSegment[];
+  reprojection_rms_px: number;
+  corner_sigma_px: number;
+  parameters: string[];
+  covariance: number[][];
+  tilt_correlation?: number | null;
+  board_bend_mm?: number | null;
+  candidates?: CameraCandidate[];
+  coverage: CameraCoverage;
+  residuals: CameraResidual[];
+}
+
+export interface CameraSegment {
+  near_mm: number;
+  far_mm: number;
+  distortion: Record<string, number>;
+}
+
 export interface Capture {
   id: string;
   step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
@@ -65,6 +121,51 @@ export interface Cell {
   board?: Board | null;
   known?: Known;
   merge?: MergeSettings;
+}
+
+export interface ChainResult {
+  base_from_turntable: number[][];
+  axis_direction_in_base: number[];
+  axis_point_in_base_mm: number[];
+  direction: 1 | -1;
+  axis_direction_covariance: number[][];
+  axis_point_covariance: number[][];
+  axis_direction_sigma_deg: number;
+  axis_point_sigma_mm: number;
+  mounts: TableMount[];
+  circles?: TableCircle[];
+  circles_axis_direction_in_base?: number[] | null;
+  angle_sigma_deg: number;
+  encoder_scale: EncoderScaleError;
+  radial_rms_mm: number;
+  axial_rms_mm: number;
+  angle_rms_deg: number;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "chain";
+  tool0_from_laser: number[][];
+  covariance: number[][];
+  turntable_covariance: number[][];
+  cross_covariance: number[][];
+  sphere_center_in_base_mm: number[];
+  sphere_center_covariance: number[][];
+  surface_rms_mm: number;
+  leave_one_out_surface_rms_mm: number | null;
+  center_scatter_rms_mm: number;
+  undetermined?: Undetermined[];
+  two_step: TwoStep;
+  variance_components: VarianceComponents;
+  confidence_95?: Record<string, number>;
+  residuals: (TcpResidual | TurntableResidual)[];
+}
+
+export interface EncoderScaleError {
+  error: number;
+  sigma: number;
+  applied: boolean;
 }
 
 export interface Guide {
@@ -139,6 +240,37 @@ export interface KnownPlane {
   distance_mm: number;
 }
 
+export interface LaserPlaneResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  points?: number;
+  line_rms_mm?: number | null;
+  line_mean_mm?: number | null;
+  stripe_sigma_px?: number | null;
+  board_sigma_px?: number | null;
+  board_distance_mm?: number | null;
+}
+
+export interface LaserPlaneResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "laser-plane";
+  plane_in_camera: PlaneInCamera;
+  camera_from_laser: number[][];
+  plane_rms_mm: number;
+  covariance: number[][];
+  plane_covariance: number[][];
+  joint_parameters?: string[];
+  joint_covariance: number[][];
+  normal_sigma_deg: number;
+  distance_sigma_mm: number;
+  residuals: LaserPlaneResidual[];
+}
+
 export interface Measured {
   capture: string;
   kind: "frame" | "profile" | "cloud" | "sweep" | "center";
@@ -156,6 +288,8 @@ export interface Measured {
   extent_deg?: number | null;
   preview?: number[][];
   preview_on_sphere?: boolean[];
+  image_size?: unknown[] | null;
+  profiles?: number | null;
 }
 
 export interface MergeSettings {
@@ -169,6 +303,11 @@ export interface NewSession {
   name?: string;
   cell?: Cell | null;
   simulated?: SimulatedCell | null;
+}
+
+export interface PlaneInCamera {
+  normal: number[];
+  distance_mm: number;
 }
 
 export interface PoseLine {
@@ -288,6 +427,23 @@ export interface StoredTcpResult {
   stale: boolean;
 }
 
+export interface TableCircle {
+  mount: string;
+  center_in_base_mm: number[];
+  normal_in_base: number[];
+  radius_mm: number;
+  circle_rms_mm: number;
+  plane_rms_mm: number;
+  captures: string[];
+}
+
+export interface TableMount {
+  mount: string;
+  center_in_turntable_mm: number[];
+  radius_mm: number;
+  captures: number;
+}
+
 export interface TcpResidual {
   capture: string;
   used: boolean;
@@ -301,6 +457,8 @@ export interface TcpResidual {
   mahalanobis?: number | null;
   side?: number | null;
   zone?: number | null;
+  profiles?: number | null;
+  profiles_used?: number | null;
 }
 
 export interface TcpResult {
@@ -333,6 +491,56 @@ export interface Turntable {
   direction?: 1 | -1 | null;
   angle_sigma_deg?: number | null;
   encoder?: "exact" | "scale" | null;
+}
+
+export interface TurntableResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  mount?: string | null;
+  table_deg?: number | null;
+  points?: number;
+  surface_rms_mm?: number | null;
+  center_distance_mm?: number | null;
+  radial_mm?: number | null;
+  tangential_mm?: number | null;
+  axial_mm?: number | null;
+  angle_deg?: number | null;
+  center_in_base_mm?: number[] | null;
+  mahalanobis?: number | null;
+  side?: number | null;
+  profiles?: number | null;
+  profiles_used?: number | null;
+}
+
+export interface TurntableResult {
+  base_from_turntable: number[][];
+  axis_direction_in_base: number[];
+  axis_point_in_base_mm: number[];
+  direction: 1 | -1;
+  axis_direction_covariance: number[][];
+  axis_point_covariance: number[][];
+  axis_direction_sigma_deg: number;
+  axis_point_sigma_mm: number;
+  mounts: TableMount[];
+  circles?: TableCircle[];
+  circles_axis_direction_in_base?: number[] | null;
+  angle_sigma_deg: number;
+  encoder_scale: EncoderScaleError;
+  radial_rms_mm: number;
+  axial_rms_mm: number;
+  angle_rms_deg: number;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "turntable";
+  covariance: number[][];
+  tool0_from_laser: number[][];
+  undetermined?: Undetermined[];
+  variance_components: VarianceComponents;
+  residuals: TurntableResidual[];
 }
 
 export interface TwoStep {

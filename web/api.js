@@ -165,8 +165,8 @@ export const api = {
     return new File([await response.blob()], short);
   },
 
-  /** @param {string} id @returns {Promise<CaptureOut>} */
-  captureSimulated: async (id) => (await request(`${session(id)}/sources/simulated/capture`, json("POST"))).json(),
+  /** One of `step` where the simulated cell has some left. @param {string} id @param {string} [step] @returns {Promise<CaptureOut>} */
+  captureSimulated: async (id, step) => (await request(`${session(id)}/sources/simulated/capture${step ? `?step=${encodeURIComponent(step)}` : ""}`, json("POST"))).json(),
 
   /** @param {string} id @param {string} text @returns {Promise<ParsedPose[]>} */
   readPoseLines: async (id, text) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text }))).json()).items,
@@ -185,6 +185,9 @@ export const api = {
 
   /** @param {string} id @param {string} format */
   exportAddress: (id, format) => `${ROOT}${session(id)}/exports/${encodeURIComponent(format)}`,
+
+  /** @param {string} id @param {string} captureId @param {string} name */
+  fileAddress: (id, captureId, name) => `${ROOT}${capture(id, captureId)}/files/${encodeURIComponent(name.split("/").at(-1) ?? name)}`,
 
   /** @param {string} id */
   eventsAddress: (id) => `${ROOT}${session(id)}/events`,

@@ -1,11 +1,11 @@
 // The names that the page uses for what the API gives and takes.
 
 import type {
-  Capture, Cell, Guide, GuideNow, GuideStep, Job, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
-  TcpResidual, TcpResult as TcpRecord,
+  CameraResult as CameraRecord, Capture, Cell, ChainResult as ChainRecord, Guide, GuideNow, GuideStep, Job, LaserPlaneResult as LaserPlaneRecord, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResidual, LaserPlaneResidual, TableCircle, TcpResidual, TcpResult as TcpRecord, TurntableResidual, TurntableResult as TurntableRecord,
 } from "./api-types.js";
 
-export type { Capture, Guide, GuideNow, GuideStep, Job, Measured, SessionSummary, TcpResidual };
+export type { Capture, Guide, GuideNow, GuideStep, Job, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
 export type CaptureOut = StoredCapture;
 export type SessionOut = StoredSession;
 export type SessionBody = NewSession;
@@ -20,11 +20,20 @@ export interface Page<T> {
 }
 
 /** A stored result, and whether captures or cell have changed since. */
-export type TcpResult = TcpRecord & { stale?: boolean };
+type Stored<T> = T & { stale?: boolean };
+export type TcpResult = Stored<TcpRecord>;
+export type TurntableResult = Stored<TurntableRecord>;
+export type ChainResult = Stored<ChainRecord>;
+export type CameraResult = Stored<CameraRecord>;
+export type LaserPlaneResult = Stored<LaserPlaneRecord>;
+/** A result that has a turntable. */
+export type TableResult = TurntableResult | ChainResult;
 /** The tool frame as the controllers write it: the export `json`. */
 export interface ToolFrame {
   pose_convention: PoseConvention;
   conventions: Record<PoseConvention, ToolNumbers>;
+  turntable?: { conventions: Record<PoseConvention, ToolNumbers> };
+  chain?: { conventions: Record<PoseConvention, ToolNumbers>; tool_conventions: Record<PoseConvention, ToolNumbers> };
 }
 
 export interface ToolNumbers {
@@ -36,5 +45,7 @@ export interface ToolNumbers {
   controllers: string;
 }
 
-export type StageResult = TcpResult;
+export type StageResult = TcpResult | TableResult | CameraResult | LaserPlaneResult;
+/** A row of any stage's residuals. */
+export type Residual = Pick<TcpResidual, "capture" | "used" | "reason"> & Partial<TcpResidual & TurntableResidual & CameraResidual & LaserPlaneResidual>;
 export type Results = Record<string, StageResult>;

@@ -181,7 +181,8 @@ export class SessionState extends EventTarget {
    * @param {ReadonlySet<Part>} parts
    */
   async #tool(results, parts) {
-    const same = this.results["tcp"]?.inputs_sha256 === results["tcp"]?.inputs_sha256 && !parts.has("session");
+    const solvedFrom = (/** @type {Results} */ all) => ["tcp", "turntable", "chain"].map((stage) => all[stage]?.inputs_sha256).join();
+    const same = solvedFrom(this.results) === solvedFrom(results) && !parts.has("session");
     return same && this.tool ? this.tool : api.toolFrame(this.id);
   }
 

@@ -98,6 +98,10 @@ def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str,
             frame = RigidTransform.from_rounded(data["base_from_turntable"], "base", "turntable")
             covariance = np.array(data.get("turntable_covariance") or data["covariance"], dtype=float)
             found[stage]["conventions"] = {name: _in_convention(name, frame, covariance) for name in CONVENTIONS}
+            if stage == "chain":
+                tool = RigidTransform.from_rounded(data["tool0_from_laser"], "tool0", "laser")
+                own = np.array(data["covariance"], dtype=float)
+                found[stage]["tool_conventions"] = {name: _in_convention(name, tool, own) for name in CONVENTIONS}
     return found
 
 
@@ -123,7 +127,9 @@ def tool_number_sigmas(convention: str, tool0_from_laser: RigidTransform, covari
             difference[3:] = (difference[3:] + 180) % 360 - 180  # angles jump at ±180°
         columns.append(difference / (2 * step))
     jacobian = np.stack(columns, axis=1)
-    return np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)).tolist()
+    # A table's frame has five degrees of freedom: a variance of zero may come out a rounding error below it.
+    variances = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
+    return np.sqrt(np.maximum(variances, 0.0)).tolist()
 
 
 def _in_convention(name: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> dict[str, Any]:

@@ -10,18 +10,19 @@ from typing import Any
 
 from pydantic.json_schema import models_json_schema
 
-from calib_core.records import Guide, TcpResult
+from calib_core.records import CameraResult, ChainResult, Guide, LaserPlaneResult, TcpResult, TurntableResult
 from server.app import create_app
 
 TARGET = Path(__file__).resolve().parents[2] / "web" / "api-types.d.ts"
 _HEAD = "// Generated from the API's OpenAPI document by tests/web/api_types.py; do not edit.\n"
+_RECORDS = (Guide, TcpResult, TurntableResult, ChainResult, CameraResult, LaserPlaneResult)
 _PLAIN = {"string": "string", "integer": "number", "number": "number", "boolean": "boolean", "null": "null"}
 
 
 def schemas() -> dict[str, Any]:
     """Return every schema by its name: of the OpenAPI document, and of the results and the guide."""
     records = models_json_schema(
-        [(Guide, "serialization"), (TcpResult, "serialization")],
+        [(record, "serialization") for record in _RECORDS],
         ref_template="#/components/schemas/{model}",
     )[1]["$defs"]
     document = create_app().openapi()["components"]["schemas"]

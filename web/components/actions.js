@@ -80,7 +80,7 @@ export class ActionsElement extends StateElement {
     this.#capture.setAttribute("aria-disabled", "true");
     this.state.show("measure");
     await attempt(async () => {
-      const capture = await api.captureSimulated(this.state.id);
+      const capture = await api.captureSimulated(this.state.id, captureStep(this.state.guide?.current.step));
       const { verdict, reason } = capture.measured;
       say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: reason ?? "" }));
       if (this.state.selected) this.state.select(null);
@@ -97,6 +97,11 @@ export class ActionsElement extends StateElement {
       this.state.follows(job);
     });
   }
+}
+
+/** The step that captures are taken for now; merging takes none. @param {string | undefined} step */
+function captureStep(step) {
+  return step === "merge" ? "scan" : step;
 }
 
 /** @param {string} text @param {() => void} action */

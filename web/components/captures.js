@@ -7,9 +7,10 @@ import { icon, mark } from "../icons.js";
 import { maybe, plural, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { profilePlot } from "./profile-plot.js";
+import { tableDialog } from "./table-dialog.js";
 import { attempt, notify } from "./toasts.js";
 
-/** @import {CaptureOut, TcpResidual} from "../model.js" */
+/** @import {CaptureOut, Residual} from "../model.js" */
 
 export class CapturesElement extends StateElement {
   #count = h("h2", { id: "captures-title" });
@@ -38,7 +39,7 @@ export class CapturesElement extends StateElement {
   }
 
   #residuals() {
-    const rows = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : result.residuals ?? []));
+    const rows = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals ?? [])));
     return new Map(rows.map((row) => [row.capture, row]));
   }
 
@@ -46,7 +47,7 @@ export class CapturesElement extends StateElement {
    * Rows are filled again only when what they show has changed, so that the focus stays.
    * @param {Element} row
    * @param {CaptureOut} capture
-   * @param {TcpResidual | undefined} residual
+   * @param {Residual | undefined} residual
    */
   #fill(row, capture, residual) {
     const picked = this.state.selected === capture.id;
@@ -64,22 +65,30 @@ export class CapturesElement extends StateElement {
 
   /**
    * @param {CaptureOut} capture
-   * @param {TcpResidual | undefined} residual
+   * @param {Residual | undefined} residual
    * @param {boolean} picked
    */
   #cells(capture, residual, picked) {
     const { measured } = capture;
-    const rms = residual?.surface_rms_mm ?? measured.rms_mm;
+    const rms = residual?.surface_rms_mm ?? residual?.line_rms_mm ?? measured.rms_mm;
     return [
       h("td", { class: "thumb" }, (measured.preview ?? []).length > 0 && thumbnail(capture)),
       h("td", {}, h("button", { type: "button", class: "plain pick", "aria-pressed": String(picked), onclick: () => this.state.select(capture.id) }, capture.id)),
-      h("td", { class: "pose" }, pose(capture), residual?.used === false && residual.reason && h("span", { class: "why", title: residual.reason }, residual.reason)),
+      h("td", { class: "pose" }, this.#place(capture), pose(capture), residual?.used === false && residual.reason && h("span", { class: "why", title: residual.reason }, residual.reason)),
       h("td", { class: "right number" }, measured.zone === null || measured.zone === undefined ? "–" : fixed(measured.zone, 2)),
-      h("td", { class: "right number" }, rms === null || rms === undefined ? "–" : `±${small(rms)}`),
+      h("td", { class: "right number" }, typeof residual?.rms_px === "number" ? `±${fixed(residual.rms_px, 2)} px` : rms === null || rms === undefined ? "–" : `±${small(rms)}`),
       h("td", { class: "state" }, status(capture, residual)),
       h("td", { class: "use" }, this.#toggle(capture)),
       h("td", { class: "right" }, h("button", { type: "button", class: "plain icon remove", "aria-label": t("captures.remove", { capture: capture.id }), title: t("captures.remove", { capture: capture.id }), onclick: () => this.#remove(capture) }, icon("trash"))),
     ];
+  }
+
+  /** Where the table stood, and the way to correct it. @param {CaptureOut} capture */
+  #place(capture) {
+    if (capture.step !== "turntable" && typeof capture.table_deg !== "number") return null;
+    const angle = typeof capture.table_deg === "number" ? `${fixed(capture.table_deg, Number.isInteger(capture.table_deg) ? 0 : 3)}°` : t("captures.no_angle");
+    const words = capture.mount ? `${angle} · ${capture.mount}` : angle;
+    return h("button", { type: "button", class: "plain table-place number", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: () => tableDialog(this.state.id, capture) }, words);
   }
 
   /** @param {CaptureOut} capture */
@@ -120,15 +129,15 @@ function thumbnail(capture) {
 }
 
 /** @param {CaptureOut} capture */
-function pose({ pose: numbers }) {
-  if (!numbers) return h("span", { class: "soft" }, t("captures.no_pose"));
+function pose({ pose: numbers, step }) {
+  if (!numbers) return step === "camera" || step === "laser-plane" ? null : h("span", { class: "soft" }, t("captures.no_pose"));
   const text = numbers.map((number) => fixed(number, Math.abs(number) < 4 ? 3 : 1)).join("  ");
   return h("span", { class: "number", title: numbers.join(" ") }, text);
 }
 
 /**
  * @param {CaptureOut} capture
- * @param {TcpResidual | undefined} residual
+ * @param {Residual | undefined} residual
  */
 function status(capture, residual) {
   if (capture.excluded) return mark("todo", t("captures.excluded"));

@@ -18,7 +18,11 @@ function load(name) {
 }
 
 export class DrawingElement extends HTMLElement {
-  static names = new Set(["cell", "files", "rest", "tcp-first", "tcp-shift", "tcp-turn", "tcp-solve", "tcp-done"]);
+  static names = new Set([
+    "cell", "files", "rest", "tcp-first", "tcp-shift", "tcp-turn", "tcp-solve", "tcp-done",
+    "turntable-first", "turntable-turn", "turntable-height", "turntable-solve", "turntable-done", "chain-solve",
+    "board-views", "board-stripe", "board-solve",
+  ]);
   #shown = "";
 
   /** @param {string} name */

@@ -5,9 +5,10 @@ import { fixed, integer, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
+import { framePlot } from "./frame-plot.js";
 import { profilePlot, zoneBar } from "./profile-plot.js";
 
-/** @import {CaptureOut} from "../model.js" */
+/** @import {CaptureOut, Residual} from "../model.js" */
 
 export class QualityElement extends StateElement {
   get parts() {
@@ -18,8 +19,8 @@ export class QualityElement extends StateElement {
     const capture = this.state.shown;
     this.hidden = capture === null;
     if (!capture) return;
-    const left = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : result.residuals)).find((row) => row.capture === capture.id && !row.used);
-    this.replaceChildren(heading(capture, this.state.selected === capture.id), body(capture, left?.reason ?? null));
+    const left = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals))).find((row) => row.capture === capture.id && !row.used);
+    this.replaceChildren(heading(capture, this.state.selected === capture.id), body(capture, left?.reason ?? null, this.state.id));
   }
 }
 
@@ -38,12 +39,13 @@ function heading(capture, picked) {
 /**
  * @param {CaptureOut} capture
  * @param {string | null} rejected why the solve left it out
+ * @param {string} sessionId
  */
-function body(capture, rejected) {
+function body(capture, rejected, sessionId) {
   const { measured } = capture;
   return h(
     "div", { class: "quality-body" },
-    (measured.preview ?? []).length > 0 && h("figure", {}, profilePlot(measured, { width: 232, height: 152 })),
+    (measured.preview ?? []).length > 0 && h("figure", {}, measured.image_size ? framePlot(capture, sessionId) : profilePlot(measured, { width: 232, height: 152 })),
     h("div", { class: "quality-words" }, rejected ? said("fail", rejected) : reason(capture), figures(capture)),
   );
 }

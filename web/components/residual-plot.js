@@ -5,7 +5,7 @@ import { h, s } from "../dom.js";
 import { fixed, small } from "../format.js";
 import { t } from "../texts.js";
 
-/** @import {TcpResidual, TcpResult} from "../model.js" */
+/** @import {ChainResult, Residual, TcpResult} from "../model.js" */
 /** @import {SessionState} from "../state.js" */
 
 const WIDTH = 560;
@@ -26,7 +26,7 @@ const LEAST_TOP = 4;
  */
 
 /**
- * @param {TcpResult} result
+ * @param {TcpResult | ChainResult} result
  * @param {SessionState} state
  */
 export function residualPlot(result, state) {
@@ -44,7 +44,7 @@ export function residualPlot(result, state) {
   return h("div", { class: "plot-holder" }, root, legend(rows.some((row) => !row.used)));
 }
 
-/** @param {TcpResidual[]} rows @returns {Scale} */
+/** @param {Residual[]} rows @returns {Scale} */
 function scaleOf(rows) {
   const used = rows.filter((row) => row.used).map((row) => row.mahalanobis ?? 0);
   const top = Math.max(LEAST_TOP, Math.ceil(Math.max(...used, 0) + 0.5));
@@ -77,7 +77,7 @@ function axis({ top, width, y }) {
 }
 
 /**
- * @param {TcpResidual} row
+ * @param {Residual} row
  * @param {number} index
  * @param {number} count
  * @param {Scale} scale
@@ -88,7 +88,7 @@ function labelOf(row, index, count, { x }) {
 }
 
 /**
- * @param {TcpResidual} row
+ * @param {Residual} row
  * @param {number} x
  * @param {Scale} scale
  * @param {SessionState} state

@@ -2,20 +2,46 @@
 
 import { h } from "../dom.js";
 import { steps } from "../steps/index.js";
-import { t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
 
 export class ResultElement extends StateElement {
+  /** @type {string | null} */ #picked = null;
+  #ended = "";
+
   get parts() {
-    return /** @type {const} */ (["results", "selection"]);
+    return /** @type {const} */ (["results", "selection", "job"]);
   }
 
   /** @param {ReadonlySet<import("../state.js").Part>} changed */
   update(changed) {
-    if (!changed.has("results")) return this.#markPicked();
-    const sections = Object.entries(this.state.results).flatMap(([stage, result]) => steps[stage]?.result(result, this.state) ?? []);
-    if (sections.length) this.replaceChildren(...sections.filter((section) => section !== null));
-    else this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
+    const { job } = this.state;
+    if (job?.status === "done" && job.id !== this.#ended) {
+      this.#ended = job.id;
+      this.#picked = job.stage;
+    } else if (!changed.has("results")) return this.#markPicked();
+    this.#show();
+  }
+
+  #show() {
+    const { results } = this.state;
+    const solved = Object.keys(steps).filter((stage) => results[stage]);
+    const stage = solved.find((one) => one === this.#picked) ?? solved.at(-1);
+    const result = stage && results[stage];
+    if (!stage || !result) return this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
+    const sections = (steps[stage]?.result(result, this.state) ?? []).filter((section) => section !== null);
+    this.replaceChildren(...(solved.length > 1 ? [this.#stages(solved, stage)] : []), ...sections);
+  }
+
+  /** @param {string[]} solved @param {string} shown */
+  #stages(solved, shown) {
+    const pick = (/** @type {string} */ stage) => {
+      this.#picked = stage;
+      this.#show();
+      this.querySelector(/** @type {"button"} */ (".stages [aria-pressed=true]"))?.focus();
+    };
+    return h("div", { class: "stages row", role: "group", "aria-label": t("result.stages") }, ...solved.map((stage) =>
+      h("button", { type: "button", "aria-pressed": String(stage === shown), onclick: () => pick(stage) }, maybe(`step.${stage}`, stage))));
   }
 
   #markPicked() {

@@ -45,7 +45,9 @@ export class StartPage extends HTMLElement {
       h("p", { class: "soft" }, t("start.lead")),
       h("div", { class: "way-cards" },
         way("cell", t("way.simulated"), t("way.simulated_words"),
-          h("button", { type: "button", class: "primary", onclick: () => void this.#simulate() }, t("way.simulated_go"))),
+          h("button", { type: "button", class: "primary", onclick: () => void this.#simulate("tcp") }, t("way.simulated_go")),
+          h("button", { type: "button", onclick: () => void this.#simulate("turntable") }, t("way.simulated_turntable")),
+          h("button", { type: "button", onclick: () => void this.#simulate("frames-tcp") }, t("way.simulated_frames"))),
         way("files", t("way.files"), t("way.files_words"),
           h("button", { type: "button", class: "primary", onclick: () => cellDialog() }, t("way.files_go")),
           h("button", { type: "button", onclick: () => this.#folder.click() }, t("way.folder_go"))),
@@ -109,12 +111,15 @@ export class StartPage extends HTMLElement {
     dialog.showModal();
   }
 
-  async #simulate() {
+  /** @param {string} scenario */
+  async #simulate(scenario) {
+    this.#busy.textContent = t("start.simulating");
     const seed = 1 + Math.floor(Math.random() * SEEDS);
     await attempt(async () => {
-      const session = await api.createSession({ name: t("way.simulated_name", { seed }), simulated: { scenario: "tcp", seed } });
+      const session = await api.createSession({ name: t("way.simulated_name", { seed }), simulated: { scenario, seed } });
       go(`/sessions/${session.id}`);
     });
+    this.#busy.textContent = "";
   }
 
   /** @param {Found[]} found */

@@ -1,6 +1,9 @@
 // What a step of the calibration adds to the session page; another step is another file beside tcp.js.
 
+import { camera } from "./camera.js";
+import { laserPlane } from "./laser-plane.js";
 import { tcp } from "./tcp.js";
+import { chain, turntable } from "./turntable.js";
 
 /** @import {StageResult} from "../model.js" */
 /** @import {SessionState} from "../state.js" */
@@ -12,4 +15,4 @@ import { tcp } from "./tcp.js";
  */
 
 /** @type {Record<string, StepPage>} */
-export const steps = { tcp };
+export const steps = { camera, "laser-plane": laserPlane, tcp, turntable, chain };

@@ -1,0 +1,38 @@
+// Where the table stood in one capture: its angle, and the name of the sphere's mounting.
+
+import { api } from "../api.js";
+import { h } from "../dom.js";
+import { t } from "../texts.js";
+import { attempt } from "./toasts.js";
+
+/** @import {CaptureOut} from "../model.js" */
+
+/**
+ * @param {string} sessionId
+ * @param {CaptureOut} capture
+ */
+export function tableDialog(sessionId, capture) {
+  const angle = h("input", { id: "place-angle", inputmode: "decimal", autocomplete: "off", required: true, autofocus: true, value: capture.table_deg ?? "" });
+  const mount = h("input", { id: "place-mount", autocomplete: "off", value: capture.mount ?? "", "aria-describedby": "place-hint" });
+  const dialog = h("dialog", { "aria-labelledby": "place-title" });
+  const save = async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    const value = Number(angle.value.replace("−", "-").replace(",", "."));
+    angle.setCustomValidity(angle.value.trim() && Number.isFinite(value) ? "" : t("place.need_angle"));
+    if (!angle.reportValidity()) return;
+    const change = { table_deg: value, mount: mount.value.trim() || null };
+    if (await attempt(() => api.changeCapture(sessionId, capture.id, change))) dialog.close();
+  };
+  angle.addEventListener("input", () => angle.setCustomValidity(""));
+  dialog.append(h(
+    "form", { class: "body", novalidate: true, onsubmit: save },
+    h("h2", { id: "place-title" }, t("place.title", { capture: capture.id })),
+    h("div", { class: "field" }, h("label", { for: "place-angle" }, t("place.angle")), angle),
+    h("div", { class: "field" }, h("label", { for: "place-mount" }, t("place.mount")), h("span", { class: "hint", id: "place-hint" }, t("place.mount_hint")), mount),
+    h("div", { class: "row end" },
+      h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")),
+      h("button", { type: "submit", class: "primary" }, t("place.save")))));
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+}
