@@ -128,9 +128,9 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "circles": ("Turntable: circles", table_circles),
     "places": ("Turntable: sphere at each angle", sphere_places),
     "turned": ("Turntable as it stood", table_turned),
-    "camera": ("Camera", camera),
-    "boards": ("Boards", boards),
-    "plane": ("Plane of light of the camera", plane_in_camera),
+    "camera": ("Camera: field of view", camera),
+    "boards": ("Camera: boards", boards),
+    "plane": ("Camera: laser plane", plane_in_camera),
     "scans": ("Scans", merged_cloud),
     "labels": ("Labels", labels),
 }
