@@ -4,7 +4,7 @@
 /** @typedef {{ path: string, file: File }} Found */
 
 /** @type {Record<string, Kind>} */
-const KINDS = { ply: "cloud", pcd: "cloud", xyz: "cloud", csv: "profile", txt: "profile", npy: "profile" };
+const KINDS = { ply: "cloud", pcd: "cloud", xyz: "cloud", csv: "profile", txt: "profile", npy: "profile", png: "frame", tif: "frame", tiff: "frame", bmp: "frame", jpg: "frame", jpeg: "frame" };
 
 /** @param {string} name */
 export const baseOf = (name) => name.split("/").at(-1) ?? name;

@@ -11,11 +11,14 @@ import { StateElement } from "./base.js";
 import { attempt, notify } from "./toasts.js";
 
 /** @import {Found} from "../files.js" */
-/** @import {ParsedPose} from "../model.js" */
+/** @import {Capture, ParsedPose} from "../model.js" */
 /** @import {Outcome, Parcel} from "../upload.js" */
 
 const READ_AFTER_MS = 200;
-const ACCEPT = ".csv,.txt,.npy,.ply,.pcd,.xyz,.json";
+const ACCEPT = ".csv,.txt,.npy,.ply,.pcd,.xyz,.json,.png,.tif,.tiff,.bmp,.jpg,.jpeg";
+const STEPS = /** @type {const} */ (["camera", "laser-plane", "tcp", "turntable", "verify", "scan"]);
+/** Steps whose captures are of the board: no robot is needed. @type {readonly string[]} */
+const OF_BOARD = ["camera", "laser-plane"];
 
 export class IntakeElement extends StateElement {
   /** @type {Found[]} */ #files = [];
@@ -25,14 +28,23 @@ export class IntakeElement extends StateElement {
   #picker = h("input", { type: "file", multiple: true, accept: ACCEPT, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
   #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
   #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
+  #step = h("select", { id: "intake-step", onchange: () => this.#draw() }, ...STEPS.map((step) => h("option", { value: step }, t(`step.${step}`))));
+  #angles = h("textarea", { id: "intake-angles", rows: 2, spellcheck: "false", autocomplete: "off", oninput: () => this.#draw() });
+  #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
+  #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
+  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }), this.#text);
+  #turning = h("div", { hidden: true, class: "field" },
+    h("label", { for: "intake-angles" }, t("intake.angles")), this.#angles,
+    h("label", { for: "intake-mount" }, t("place.mount")), h("span", { class: "hint", id: "intake-mount-hint" }, t("place.mount_hint")), this.#mount);
+  #paired = h("div", { hidden: true, class: "row" }, this.#pairs, h("label", { for: "intake-pairs" }, t("intake.pairs")));
   #table = h("div", { class: "match", role: "region", tabindex: 0, "aria-label": t("match.label"), "aria-live": "polite" });
   #add = h("button", { type: "button", class: "primary", onclick: () => void this.#send() }, t("intake.add_none"));
   #panel = h(
     "section", { class: "panel intake-panel", "aria-labelledby": "intake-title", hidden: true },
     h("div", { class: "row spread" }, h("h2", { id: "intake-title" }, t("intake.title")), h("button", { type: "button", class: "plain", onclick: () => this.close() }, t("close"))),
     h("p", { class: "soft" }, t("intake.how")),
-    h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }), this.#text),
-    this.#table,
+    h("div", { class: "field" }, h("label", { for: "intake-step" }, t("intake.step")), this.#step),
+    this.#poseField, this.#turning, this.#paired, this.#table,
     h("div", { class: "row end" }, this.#add),
   );
 
@@ -61,15 +73,17 @@ export class IntakeElement extends StateElement {
 
   /** Open the panel for pose lines. */
   open() {
+    const { step } = this.state.guide?.current ?? {};
+    if (this.#panel.hidden && STEPS.some((one) => one === step)) this.#step.value = step ?? "tcp";
     this.#panel.hidden = false;
     this.#draw();
-    this.#text.focus();
+    (OF_BOARD.includes(this.#step.value) ? this.#step : this.#text).focus();
   }
 
   close() {
     this.#files = [];
     this.#poses = [];
-    this.#text.value = "";
+    this.#text.value = this.#angles.value = "";
     this.#panel.hidden = true;
   }
 
@@ -123,32 +137,63 @@ export class IntakeElement extends StateElement {
     return match(this.#files.map(({ path }) => path), this.#poses.map(({ text }) => text));
   }
 
-  /** What can be sent: a file with a pose that could be read. @returns {Parcel[]} */
-  #parcels() {
+  /** The table's angles in the files' order. */
+  #tableAngles() {
+    return this.#angles.value.split(/[\s;,°]+/).filter(Boolean).map((word) => Number(word.replace("−", "-")));
+  }
+
+  /** Frames of the board: one a capture, or the lit board and then its stripe. @returns {Parcel[]} */
+  #boards() {
     const taken = new Set(this.state.captures.map((capture) => capture.id));
+    const step = /** @type {"camera" | "laser-plane"} */ (this.#step.value);
+    const count = step === "laser-plane" && this.#pairs.checked ? 2 : 1;
+    const groups = Array.from({ length: Math.floor(this.#files.length / count) }, (_, index) => this.#files.slice(index * count, (index + 1) * count));
+    return groups.map((group) => {
+      const id = freeId(taken, stemOf(group[0]?.path ?? ""));
+      taken.add(id);
+      const files = group.map(({ path }, index) => `captures/${id}${index ? "-stripe" : ""}${path.slice(path.lastIndexOf(".")).toLowerCase()}`);
+      return { record: { id, step, kind: "frame", files }, files: group.map(({ file }) => file) };
+    });
+  }
+
+  /** What can be sent: a file with a pose that could be read, and with the table's angle where it turns. @returns {Parcel[]} */
+  #parcels() {
+    if (OF_BOARD.includes(this.#step.value)) return this.#boards();
+    const taken = new Set(this.state.captures.map((capture) => capture.id));
+    const step = /** @type {Capture["step"]} */ (this.#step.value);
+    const angles = this.#tableAngles();
     return this.#rows().flatMap(({ file, line }) => {
       const found = file === null ? undefined : this.#files[file];
       const pose = line === null ? undefined : this.#poses[line];
-      if (!found || !pose?.matrix) return [];
+      const angle = file === null ? undefined : angles[file];
+      const turns = step === "turntable" || (step === "scan" && angle !== undefined);
+      if (!found || !pose?.matrix || (turns && !Number.isFinite(angle))) return [];
       const id = freeId(taken, stemOf(found.path));
       taken.add(id);
       const kind = kindOf(found.path, this.state.session?.cell.scanner?.kind);
       const ending = found.path.slice(found.path.lastIndexOf("."));
-      const record = { id, step: /** @type {const} */ ("tcp"), kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose) };
+      const mount = this.#mount.value.trim();
+      const table = turns ? { table_deg: Number(angle), ...(mount && step === "turntable" ? { mount } : {}) } : {};
+      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose) };
       return [{ record, files: [found.file] }];
     });
   }
 
   #draw() {
-    const rows = this.#rows();
+    const step = this.#step.value;
+    const boards = OF_BOARD.includes(step);
+    this.#turning.hidden = step !== "turntable" && step !== "scan";
+    this.#poseField.hidden = boards;
+    this.#paired.hidden = step !== "laser-plane";
+    const rows = boards ? this.#files.map((_, file) => ({ file, line: null })) : this.#rows();
     const ready = this.#parcels().length;
     this.#add.textContent = ready ? plural(ready, "intake.add_one", "intake.add_many") : t("intake.add_none");
     this.#add.setAttribute("aria-disabled", String(ready === 0));
     if (!rows.length) return this.#table.replaceChildren();
-    const heads = /** @type {const} */ (["file", "line", "flange", "look"]);
+    const heads = boards ? /** @type {const} */ (["file"]) : /** @type {const} */ (["file", "line", "flange", "look"]);
     this.#table.replaceChildren(h("table", {},
       h("thead", {}, h("tr", {}, ...heads.map((head) => h("th", { scope: "col" }, t(`match.${head}`))))),
-      h("tbody", {}, ...rows.map(({ file, line }) => matchRow(file === null ? undefined : this.#files[file], line === null ? undefined : this.#poses[line])))));
+      h("tbody", {}, ...rows.map(({ file, line }) => boards ? h("tr", {}, h("td", {}, this.#files[file ?? 0]?.path ?? "")) : matchRow(file === null ? undefined : this.#files[file], line === null ? undefined : this.#poses[line])))));
   }
 
   /** @param {number} sent @param {number} all */

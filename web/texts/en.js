@@ -219,7 +219,7 @@ export const en = Object.freeze({
   "intake.sent_one": "{count} capture added",
   "intake.sent_many": "{count} captures added",
   "intake.more_problems": "{count} more captures could not be added.",
-  "intake.unknown": "Not measurements: {names}. Profiles are CSV or NPY; clouds PLY, PCD, XYZ or NPY.",
+  "intake.unknown": "Not measurements: {names}. Profiles are CSV or NPY; clouds PLY, PCD, XYZ or NPY; frames PNG, TIFF, BMP or JPEG.",
   "intake.bad_json": "The session.json cannot be read as JSON. Mend it in an editor, then drop the folder again.",
   "intake.drop": "Drop to add",
   "match.label": "Files and the poses put to them",
