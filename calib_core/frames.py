@@ -62,16 +62,17 @@ def rotation_from_vector(vector_rad: ArrayLike) -> FloatArray:
 
 
 def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
-    """Return the rotation vector (3,) of a 3×3 rotation, its length in [0, π] rad."""
+    """Return the rotation vector (…, 3) of rotations (…, 3, 3), its length in [0, π] rad."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(np.asarray(rotation, dtype=float)).as_rotvec())
 
 
 def nearest_rotation(matrix: ArrayLike) -> FloatArray:
-    """Return the rotation nearest to a 3×3 matrix in the Frobenius norm (orthogonal Procrustes)."""
+    """Return the rotations nearest to matrices (…, 3, 3) in the Frobenius norm (orthogonal Procrustes)."""
     u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=float))
-    return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    u[..., 2] *= np.linalg.det(u @ vt)[..., None]
+    return u @ vt
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,7 @@ def _rotation_step(
     R_0 T_s cancels to first order over the pairs and is left to the joint likelihood.
     """
     i, j = np.array(pairs).T
-    mean = np.array([nearest_rotation(rotations[a] + rotations[b]) for a, b in pairs])
+    mean = nearest_rotation(rotations[i] + rotations[j])
     seen = centers[i] - centers[j]
     moved = np.einsum("kji,kj->ki", mean, translations[j] - translations[i])
     return nearest_rotation(moved.T @ seen)
@@ -134,6 +134,6 @@ def _missing_orientations(rotations: FloatArray) -> str | None:
 
 def orientation_span(rotations: FloatArray) -> FloatArray:
     """Return how far orientations spread, (3,), rad, largest first: singular values of their rotation vectors."""
-    vectors = np.array([vector_from_rotation(rotations[0].T @ r) for r in rotations])
+    vectors = vector_from_rotation(rotations[0].T @ rotations)
     values = np.asarray(np.linalg.svd(vectors - vectors.mean(axis=0), compute_uv=False), dtype=float)
     return np.concatenate([values, np.zeros(3)])[:3]
