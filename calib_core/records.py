@@ -215,7 +215,10 @@ class CaptureResidual(Record):
 
 
 class TcpResidual(CaptureResidual):
-    """Figures of one capture of the sphere, in millimetres unless the name says otherwise."""
+    """Figures of one capture of the sphere, in millimetres unless the name says otherwise.
+
+    A sweep is one row: the root mean squares over those of its `profiles` that are used, and their mean offset.
+    """
 
     points: int = 0
     surface_rms_mm: float | None = None
@@ -226,6 +229,8 @@ class TcpResidual(CaptureResidual):
     mahalanobis: float | None = None
     side: int | None = None
     zone: float | None = None
+    profiles: int | None = None
+    profiles_used: int | None = None
 
 
 class Result(Record):
@@ -291,7 +296,8 @@ class Measured(Record):
 
     A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; those of a cloud or a
     centre are [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the
-    arc seen.  A frame's `preview` are pixels of `image_size` (width, height).
+    arc seen.  A frame's `preview` are pixels of `image_size` (width, height).  A sweep's `profiles` are those in
+    which the sphere's arc is found; its figures are of the one with the largest circle, its points of all.
     """
 
     capture: str
@@ -311,6 +317,7 @@ class Measured(Record):
     preview: Rows = Field(default_factory=list)
     preview_on_sphere: list[bool] = Field(default_factory=list)
     image_size: tuple[int, int] | None = None
+    profiles: int | None = None
 
 
 class Finding(Record):
@@ -377,6 +384,8 @@ class TurntableResidual(CaptureResidual):
     center_in_base_mm: list[float] | None = None
     mahalanobis: float | None = None
     side: int | None = None
+    profiles: int | None = None
+    profiles_used: int | None = None
 
 
 class TableCircle(Record):

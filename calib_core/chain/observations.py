@@ -1,9 +1,12 @@
 """What one capture tells the chain about the sphere: the solvers' input, already measured in frame L."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray, RigidTransform
 
@@ -62,6 +65,15 @@ class SphereObservation:
             return self.center_in_laser_mm
         height = np.sqrt(max(sphere.radius_mm**2 - self.circle_radius_mm**2, 0.0))
         return self.center_in_laser_mm + np.array([0.0, side * height, 0.0])
+
+
+def named(captures: Sequence[str], used: NDArray[np.bool_]) -> str:
+    """Return the ids of captures that are not used, each once; of a sweep, how many of its profiles those are."""
+    left_out = [name for name, good in zip(captures, used, strict=True) if not good]
+    total, count = Counter(captures), Counter(left_out)
+    return ", ".join(
+        name if total[name] == 1 else f"{name} ({n} of its {total[name]} profiles)" for name, n in count.items()
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ def _variance_components(solution: TcpSolution) -> VarianceComponents:
 
 
 def _two_step(solution: TcpSolution) -> TwoStep:
-    names = [[solution.captures[k] for k in group] for group in solution.two_step_answer.groups]
+    names = [list(dict.fromkeys(solution.captures[k] for k in group)) for group in solution.two_step_answer.groups]
     paper = solution.two_step
     if paper is None:
         return TwoStep(translations=names, reason=solution.two_step_answer.reason)

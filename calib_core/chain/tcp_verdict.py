@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from calib_core.chain.observations import named
 from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.undetermined import OpenDirection
 from calib_core.records import Verdict
@@ -36,7 +37,8 @@ def _failures(solution: TcpSolution) -> list[str]:
     rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
     if len(rejected) > _MOST_REJECTED * len(solution.captures):
         found.append(
-            f"{len(rejected)} of {len(solution.captures)} captures contradict the others ({', '.join(rejected)}). "
+            f"{len(rejected)} of {len(solution.captures)} captures contradict the others "
+            f"({named(solution.captures, solution.used)}). "
             "Check that the sphere stands firmly and that the poses belong to the captures, then repeat these."
         )
     return found
@@ -50,7 +52,10 @@ def _doubts_about_captures(solution: TcpSolution) -> list[str]:
     found = [solution.moved] if solution.moved else []
     rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
     if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures):
-        found.append(f"Left out because they contradict the others: {', '.join(rejected)}; see their reasons.")
+        found.append(
+            f"Left out because they contradict the others: {named(solution.captures, solution.used)}; "
+            "see their reasons."
+        )
     rival, scatter = solution.rival_scatter_mm, solution.start_scatter_mm
     if rival is not None and rival < _RIVAL_NEAR * scatter:
         found.append(

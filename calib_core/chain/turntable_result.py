@@ -123,7 +123,7 @@ def table_fields(
                 radius_mm=circle.radius_mm,
                 circle_rms_mm=circle.circle_rms_mm,
                 plane_rms_mm=circle.plane_rms_mm,
-                captures=[names[int(k)] for k in circle.captures],
+                captures=list(dict.fromkeys(names[int(k)] for k in circle.captures)),
             )
             for circle in circles.circles
         ],

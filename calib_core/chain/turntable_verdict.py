@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.chain.likelihood import Sigmas
+from calib_core.chain.observations import named
 from calib_core.chain.table_frame import TableCovariance, TableFrame
 from calib_core.chain.table_residuals import TableResiduals
 from calib_core.chain.turntable import EncoderScale, TurntableOptions
@@ -77,7 +78,7 @@ def _failures(j: TableJudgement) -> list[str]:
     rejected = [name for name, used in zip(j.captures, j.used, strict=True) if not used]
     if len(rejected) > _MOST_REJECTED * len(j.captures):
         found.append(
-            f"{len(rejected)} of {len(j.captures)} captures contradict the others ({', '.join(rejected)}). "
+            f"{len(rejected)} of {len(j.captures)} captures contradict the others ({named(j.captures, j.used)}). "
             "Check table angles, mountings and poses, then repeat these."
         )
     scatter = float(np.sqrt(np.mean(j.residuals.distance_mm[j.used] ** 2)))
@@ -93,7 +94,9 @@ def _doubts_about_captures(j: TableJudgement) -> list[str]:
     found = [j.remounted] if j.remounted else []
     rejected = [name for name, used in zip(j.captures, j.used, strict=True) if not used]
     if 0 < len(rejected) <= _MOST_REJECTED * len(j.captures):
-        found.append(f"Left out because they contradict the others: {', '.join(rejected)}; see their reasons.")
+        found.append(
+            f"Left out because they contradict the others: {named(j.captures, j.used)}; see their reasons."
+        )
     if j.excess > 1:
         found.append(
             f"The captures scatter {np.sqrt(j.excess):.1f} times more than the given sigmas explain (wobble, play "

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from calib_core.errors import CalibrationError
+from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Finding, Measured, Session
 from calib_core.session.guide_motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 from calib_core.session.measure import ReadFile, measure_capture, pose_of, sphere_of
@@ -13,6 +14,7 @@ from calib_core.session.poses import (
     duplicates,
     same_place,
 )
+from calib_core.session.sweep import sweep_poses
 
 _LEAST_CAPTURES = 5
 
@@ -70,7 +72,7 @@ def _captures(session: Session, captures: Sequence[Capture], read: ReadFile) -> 
         except CalibrationError as error:
             yield _found(error)
             continue
-        usable += measured.verdict != "fail"
+        usable += measured.profiles or 0 if measured.kind == "sweep" else measured.verdict != "fail"
         yield from _measured(measured)
     if usable < _LEAST_CAPTURES:
         sentence = f"{usable} captures show the sphere, {_LEAST_CAPTURES} are needed at least, 10 to 15 are good."
@@ -103,7 +105,8 @@ def _duplicates(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding
 
 def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
     try:
-        poses = list(base_from_tool0_by_capture(session.cell, captures).values())
+        base_from_tool0_by_capture(session.cell, captures)
+        poses = [pose for capture in captures for pose in _ends(session, capture)]
     except CalibrationError as error:
         if not any(_pose_fails(session, capture) for capture in captures):
             yield _found(error)  # else the captures' own findings say it already
@@ -124,13 +127,21 @@ def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
             "the paper's two steps be computed beside the joint answer."
         )
         yield _warning("captures: pose", sentence)
-    sentence = f"{len(poses)} captures, {len(motion.shifts_mm)} shifts and {len(motion.turns_rad)} tilts."
+    sentence = f"{len(captures)} captures, {len(motion.shifts_mm)} shifts and {len(motion.turns_rad)} tilts."
     yield _note("captures: pose", sentence)
+
+
+def _ends(session: Session, capture: Capture) -> list[RigidTransform]:
+    """Return a capture's pose, or where a sweep begins and ends."""
+    if capture.kind != "sweep":
+        return [pose_of(session.cell, capture)]
+    poses = sweep_poses(session.cell, capture)
+    return [poses[0], poses[-1]]
 
 
 def _pose_fails(session: Session, capture: Capture) -> bool:
     try:
-        pose_of(session.cell, capture)
+        _ends(session, capture)
     except CalibrationError:
         return True
     return False

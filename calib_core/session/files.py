@@ -41,7 +41,7 @@ def require_file_size(size_bytes: int, where: str, limit_bytes: int = MAX_FILE_B
         )
 
 
-def parse_profile(data: bytes, name: str) -> FloatArray:
+def parse_profile(data: bytes, name: str, may_be_blank: bool = False) -> FloatArray:
     """Return the points of a profile file, (N, 2), x and z in L, without the blanks.
 
     Parameters
@@ -51,6 +51,8 @@ def parse_profile(data: bytes, name: str) -> FloatArray:
         an NPY array (N, 2).
     name : str
         The file's name: its ending says what it is, and messages begin with it.
+    may_be_blank : bool
+        Whether a profile of blanks alone is one without points, and not an error.
 
     Raises
     ------
@@ -65,6 +67,8 @@ def parse_profile(data: bytes, name: str) -> FloatArray:
         points = parse_npy(data, name, 2)
     else:
         points = parse_table(data, name, [2, 3], _PROFILE_LINE)[:, :2]
+    if may_be_blank and not np.isfinite(points).all(axis=1).any():
+        return np.empty((0, 2))
     return _finite(points, name, "profile")
 
 

@@ -17,6 +17,7 @@ from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import LaserPlaneResult, Session
 from calib_core.session.frames import calibration_of, plane_of
 from calib_core.session.measure import ReadFile
+from calib_core.session.sweep import of_frames
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ def with_calibration_uncertainty(
     solve : callable
         Gives the solution of other observations.
     """
-    frames = {capture.id for capture in session.captures if capture.kind == "frame"}
+    frames = {capture.id for capture in session.captures if of_frames(capture)}
     if session.cell.known.laser_plane is not None or not any(o.capture in frames for o in observations):
         return solution
     calibration = calibration_of(session, read)

@@ -22,7 +22,7 @@ ReadFile = Callable[[str], bytes]
 CENTER_SIGMA_MM = 0.02
 """Taken for centres that a scanner reports without saying how exact they are."""
 
-_SPHERE_STEPS = ("tcp", "turntable", "verify")
+SPHERE_STEPS = ("tcp", "turntable", "verify")
 _PREVIEW_POINTS = 400
 
 
@@ -53,26 +53,23 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     TooLargeError
         If a file is larger than the limits.
     """
-    if capture.kind == "frame" and capture.step not in _SPHERE_STEPS:
+    if capture.kind == "frame" and capture.step not in SPHERE_STEPS:
         from calib_core.session.measure_frame import measure_frame
 
         return measure_frame(session, capture, read)
     if capture.kind == "sweep":
-        return Measured(
-            capture=capture.id,
-            kind=capture.kind,
-            verdict="warn",
-            reason=f"Captures of kind '{capture.kind}' are kept as they are; this version does not measure them.",
-        )
-    if capture.pose is not None or capture.step in _SPHERE_STEPS:
+        from calib_core.session.sweep_sphere import measure_sweep
+
+        return measure_sweep(session, capture, read)
+    if capture.pose is not None or capture.step in SPHERE_STEPS:
         pose_of(session.cell, capture)
     if capture.kind == "center":
         assert capture.center_mm is not None
         return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
     points = _points(session, capture, read)
-    if capture.step not in _SPHERE_STEPS:
+    if capture.step not in SPHERE_STEPS:
         return Measured(
-            capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=_thinned(points)
+            capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)
         )
     try:
         seen = _see(session.cell, capture, points)
@@ -84,8 +81,8 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
             reason=f"Need {error.need}, got {error.got}.",
             to_do=error.to_do,
             points=len(points),
-            preview=_thinned(points),
-            preview_on_sphere=[False] * len(_thinned(points)),
+            preview=thinned(points),
+            preview_on_sphere=[False] * len(thinned(points)),
         )
     return _measured(session.cell, capture, seen)
 
@@ -115,29 +112,40 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
     with _named(capture):
         seen = _see(session.cell, capture, _points(session, capture, read))
     fit, points = seen.fit, seen.points[seen.on_sphere]
-    scale = (sigma_mm / fit.point_sigma_mm) ** 2 if sigma_mm and fit.point_sigma_mm else 1.0
     if isinstance(fit, ArcFit):
-        x, z = fit.center_mm
-        return SphereObservation(
-            capture=capture.id,
-            base_from_tool0=pose,
-            kind="profile",
-            points_in_laser_mm=np.insert(points, 1, 0.0, axis=1),
-            center_in_laser_mm=np.array([x, 0.0, z]),
-            center_covariance=fit.covariance * scale,
-            circle_radius_mm=fit.radius_mm,
-            point_sigma_mm=fit.point_sigma_mm,
-            side=capture.side,
-        )
+        return arc_observation(session.cell, capture, pose, points, fit)
     return SphereObservation(
         capture=capture.id,
         base_from_tool0=pose,
         kind="cloud",
         points_in_laser_mm=points,
         center_in_laser_mm=fit.center_mm,
-        center_covariance=fit.covariance * scale,
+        center_covariance=fit.covariance * _scale(sigma_mm, fit),
         point_sigma_mm=sigma_mm or fit.point_sigma_mm,
     )
+
+
+def arc_observation(
+    cell: Cell, capture: Capture, pose: RigidTransform, points_mm: FloatArray, fit: ArcFit
+) -> SphereObservation:
+    """Return an arc, its points (N, 2) in L, and the pose it was seen from as the solvers take them."""
+    x, z = fit.center_mm
+    return SphereObservation(
+        capture=capture.id,
+        base_from_tool0=pose,
+        kind="profile",
+        points_in_laser_mm=np.insert(points_mm, 1, 0.0, axis=1),
+        center_in_laser_mm=np.array([x, 0.0, z]),
+        center_covariance=fit.covariance * _scale(cell.scanner.point_sigma_mm, fit),
+        circle_radius_mm=fit.radius_mm,
+        point_sigma_mm=fit.point_sigma_mm,
+        side=capture.side,
+    )
+
+
+def _scale(sigma_mm: float | None, fit: ArcFit | SphereFit) -> float:
+    """Return what a fit's covariance is multiplied with where the points' noise is given."""
+    return (sigma_mm / fit.point_sigma_mm) ** 2 if sigma_mm and fit.point_sigma_mm else 1.0
 
 
 def read_points(capture: Capture, read: ReadFile) -> FloatArray:
@@ -189,7 +197,7 @@ def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
     """Return the sphere's size; raises InputError where it is missing and a capture needs it."""
     diameter_mm = cell.sphere_diameter_mm
     if diameter_mm is None:
-        if any(capture.kind in ("profile", "frame") for capture in captures):
+        if any(capture.kind in ("profile", "frame", "sweep") for capture in captures):
             raise InputError(
                 "the sphere's diameter in cell.sphere_diameter_mm",
                 "none",
@@ -220,7 +228,7 @@ def _measured(cell: Cell, capture: Capture, seen: _Seen) -> Measured:
         advice = advise(fit, seen.points, cell.sphere_diameter_mm)
     else:
         advice = None
-    chosen = _thinning(len(seen.points))
+    chosen = thinning(len(seen.points))
     return Measured(
         capture=capture.id,
         kind=capture.kind,
@@ -236,18 +244,19 @@ def _measured(cell: Cell, capture: Capture, seen: _Seen) -> Measured:
         covariance=fit.covariance.tolist(),
         zone=zone,
         extent_deg=extent_deg,
-        preview=_thinned(seen.points),
+        preview=thinned(seen.points),
         preview_on_sphere=seen.on_sphere[chosen].tolist(),
     )
 
 
-def _thinning(count: int) -> NDArray[np.intp]:
+def thinning(count: int) -> NDArray[np.intp]:
     """Return the indices of at most `_PREVIEW_POINTS` points, evenly spread over the capture."""
     return np.unique(np.linspace(0, count - 1, min(count, _PREVIEW_POINTS)).astype(np.intp))
 
 
-def _thinned(points: FloatArray) -> list[list[float]]:
-    return np.round(points[_thinning(len(points))], 4).tolist()
+def thinned(points: FloatArray) -> list[list[float]]:
+    """Return at most so many of the points (N, 2 or 3) as rows, for drawing."""
+    return np.round(points[thinning(len(points))], 4).tolist()
 
 
 @contextmanager

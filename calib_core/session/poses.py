@@ -10,6 +10,7 @@ from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell
 from calib_core.robot_pose import CONVENTIONS
 from calib_core.session.measure import ReadFile, pose_of
+from calib_core.session.sweep import sweep_poses
 
 _NEARER_THAN_A_ROBOT_CAN_MM = 10.0
 _FARTHER_THAN_A_ROBOT_CAN_M = 50.0
@@ -17,21 +18,38 @@ _TURN_RAD = 2 * np.pi
 
 
 def base_from_tool0_by_capture(cell: Cell, captures: Sequence[Capture]) -> dict[str, RigidTransform]:
-    """Return the captures' poses by their ids.
+    """Return the captures' poses by their ids; of a sweep the middle one, where all have been understood.
 
     Raises
     ------
     InputError
         If a pose is missing or wrong, or all are plainly in another unit than the convention says.
     """
-    poses = {capture.id: pose_of(cell, capture) for capture in captures}
+    poses = {capture.id: _pose(cell, capture) for capture in captures}
     _require_unit(cell, captures)
     return poses
 
 
+def _pose(cell: Cell, capture: Capture) -> RigidTransform:
+    if capture.kind != "sweep":
+        return pose_of(cell, capture)
+    poses = sweep_poses(cell, capture)
+    return poses[len(poses) // 2]
+
+
+def _pose_rows(captures: Sequence[Capture]) -> list[list[float]]:
+    """Return the numbers of all poses that the captures give, those of sweeps and their tracks too."""
+    rows: list[list[float]] = []
+    for capture in captures:
+        rows += [capture.pose] if capture.pose is not None else []
+        rows += capture.poses or []
+        rows += [sample.pose for sample in capture.pose_track or []]
+    return rows
+
+
 def _require_unit(cell: Cell, captures: Sequence[Capture]) -> None:
     convention = CONVENTIONS[cell.pose_convention]
-    rows = [capture.pose for capture in captures if capture.pose is not None]
+    rows = _pose_rows(captures)
     if not rows:
         return
     numbers = np.array(rows, dtype=float)
@@ -64,7 +82,7 @@ def _require_unit(cell: Cell, captures: Sequence[Capture]) -> None:
 def angles_look_like_radians(cell: Cell, captures: Sequence[Capture]) -> bool:
     """Return whether all angles of a convention in degrees are so small that they may be radians."""
     convention = CONVENTIONS[cell.pose_convention]
-    rows = [capture.pose for capture in captures if capture.pose is not None]
+    rows = _pose_rows(captures)
     if len(rows) < 3 or convention.form not in ("ZYX", "XYZ", "ZYZ"):
         return False
     angles = np.array(rows, dtype=float)[:, 3:]
@@ -90,6 +108,10 @@ def duplicates(captures: Sequence[Capture], read: ReadFile) -> dict[str, str]:
 
 
 def same_place(captures: Mapping[str, Capture], one: str, other: str) -> bool:
-    """Return whether two captures were taken at the same pose and table angle."""
-    a, b = captures[one], captures[other]
-    return (a.pose, a.table_deg, a.mount) == (b.pose, b.table_deg, b.mount)
+    """Return whether two captures were taken at the same pose, or poses, and table angle."""
+    return _place(captures[one]) == _place(captures[other])
+
+
+def _place(capture: Capture) -> tuple[object, ...]:
+    track = [(sample.t_s, sample.pose) for sample in capture.pose_track or []]
+    return (capture.pose, capture.poses, capture.timestamps_s, track, capture.table_deg, capture.mount)

@@ -20,6 +20,7 @@ from calib_core.records import (
 )
 from calib_core.session.measure import ReadFile, observe_capture, sphere_of
 from calib_core.session.poses import base_from_tool0_by_capture, duplicates, same_place
+from calib_core.session.sweep_rows import mark_sweeps, one_row_each
 
 if TYPE_CHECKING:
     from calib_core.chain.tcp import TcpSolution  # brings numba and scipy
@@ -102,7 +103,7 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
         solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
     except MotionError as error:
         raise with_failures(error, observed.failed) from None
-    if any(capture.kind == "frame" for capture in given.captures):
+    if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.session.frame_uncertainty import with_calibration_uncertainty
 
         solution = with_calibration_uncertainty(
@@ -138,17 +139,28 @@ def observe_all(
     """
     observations: list[SphereObservation] = []
     failed: dict[str, MeasurementError] = {}
+    seen = 0
     for number, capture in enumerate(captures):
         given.progress(_MEASURING_SHARE * number / len(captures), f"Finding the sphere in {capture.id}")
         try:
-            observations.append(observe_capture(given.session, capture, given.read))
+            observations += _observe(given, capture)
+            seen += 1
         except MeasurementError as error:
             failed[capture.id] = error
-    if len(failed) > len(observations):
+    if len(failed) > seen:
         first = next(iter(failed.values()))
         got = f"{first.got} ({len(failed)} of {len(captures)} captures do not show the sphere)"
         raise MeasurementError(first.need, got, first.to_do, first.where)
     return observations, failed
+
+
+def _observe(given: StageInput, capture: Capture) -> list[SphereObservation]:
+    """Return one observation of a capture, or one of each profile of a sweep that shows the sphere."""
+    if capture.kind == "sweep":
+        from calib_core.session.sweep_sphere import observe_sweep
+
+        return observe_sweep(given.session, capture, given.read)
+    return [observe_capture(given.session, capture, given.read)]
 
 
 def copies_of(captures: Sequence[Capture], read: ReadFile) -> dict[str, str]:
@@ -183,7 +195,7 @@ _R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
 
 def with_unused(result: _R, captures: Sequence[Capture], unused: dict[str, str]) -> _R:
     """Return the result with a row for every capture, in their order, and a warning for those of no use."""
-    rows: dict[str, TcpResidual | TurntableResidual] = {row.capture: row for row in result.residuals}
+    rows: dict[str, TcpResidual | TurntableResidual] = one_row_each(result.residuals)
     for capture in captures:
         if capture.id in unused:
             row = TurntableResidual if capture.step == "turntable" else TcpResidual
@@ -192,7 +204,7 @@ def with_unused(result: _R, captures: Sequence[Capture], unused: dict[str, str])
     warnings += [f"{c.id} is not used: {unused[c.id]}." for c in captures if c.id in unused and not c.excluded]
     return result.model_copy(
         update={
-            "residuals": [rows[capture.id] for capture in captures],
+            "residuals": mark_sweeps([rows[capture.id] for capture in captures], captures),
             "warnings": warnings,
             "verdict": "warn"
             if result.verdict == "pass" and len(warnings) > len(result.warnings)

@@ -16,7 +16,7 @@ from calib_core.session.frames import calibration_of
 from calib_core.session.images import decode_image
 from calib_core.session.measure import ReadFile
 
-_IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
+IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
 
 
 def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:
@@ -50,6 +50,12 @@ def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:
     return interpolate_poses(times, track, capture.timestamps_s, capture.id)
 
 
+def of_frames(capture: Capture) -> bool:
+    """Return whether a capture is raw frames, which camera and plane of light turn into points."""
+    suffixes = {PurePosixPath(name).suffix.lower() for name in capture.files}
+    return capture.kind == "frame" or (capture.kind == "sweep" and not suffixes.isdisjoint(IMAGES))
+
+
 def read_sweep(
     session: Session, capture: Capture, read: ReadFile
 ) -> list[tuple[RigidTransform, NDArray[np.float64]]]:
@@ -63,13 +69,14 @@ def read_sweep(
         If a frame shows no stripe.
     """
     poses = sweep_poses(session.cell, capture)
-    return [(pose, _profile(session, name, read)) for pose, name in zip(poses, capture.files, strict=True)]
+    return [(pose, sweep_profile(session, name, read)) for pose, name in zip(poses, capture.files, strict=True)]
 
 
-def _profile(session: Session, name: str, read: ReadFile) -> NDArray[np.float64]:
-    if PurePosixPath(name).suffix.lower() in _IMAGES:
+def sweep_profile(session: Session, name: str, read: ReadFile, may_be_blank: bool = False) -> NDArray[np.float64]:
+    """Return the profile (N, 2), x and z in L, mm, of one of a sweep's files; raises as `read_sweep` does."""
+    if PurePosixPath(name).suffix.lower() in IMAGES:
         return profile_from_frame(decode_image(read(name), name), calibration_of(session, read))
-    return parse_profile(read(name), name)
+    return parse_profile(read(name), name, may_be_blank)
 
 
 def _require_count(got: int, files: int, field: str, capture: Capture) -> None:

@@ -13,6 +13,7 @@ from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
 from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
+from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
 from calib_core.simulation.writing import session_files, session_record
 
@@ -20,10 +21,12 @@ __all__ = [
     "FRAME_SCENARIOS",
     "PART_SCENARIOS",
     "SCENARIOS",
+    "SWEEP_SCENARIOS",
     "TABLE_SCENARIOS",
     "ChainBound",
     "Shot",
     "SimulatedSession",
+    "SweepScenario",
     "TableScenario",
     "TcpScenario",
     "World",
@@ -49,10 +52,13 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     if scenario in PART_SCENARIOS:
         _require_seed(seed)
         return SimulatedSession(*simulate_part(PART_SCENARIOS[scenario], scenario, seed), None)
+    if scenario in SWEEP_SCENARIOS:
+        _require_seed(seed)
+        return SimulatedSession(*simulate_sweeps(SWEEP_SCENARIOS[scenario], scenario, seed), None)
     if scenario in TABLE_SCENARIOS:
         return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)
     if scenario not in SCENARIOS:
-        names = ", ".join([*SCENARIOS, *TABLE_SCENARIOS, *PART_SCENARIOS, *FRAME_SCENARIOS])
+        names = ", ".join([*SCENARIOS, *SWEEP_SCENARIOS, *TABLE_SCENARIOS, *PART_SCENARIOS, *FRAME_SCENARIOS])
         raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
 

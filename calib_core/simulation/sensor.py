@@ -8,6 +8,7 @@ from calib_core.simulation.scenarios import TcpScenario
 STAND_RADIUS_MM = 6.0
 TABLE_BELOW_MM = 110.0
 CLOUD_PITCH_MM = 1.0
+_GRAZING = 0.25  # circles smaller than this part of the sphere's: light so near its rim does not come back
 
 
 def columns(options: TcpScenario) -> FloatArray:
@@ -24,12 +25,12 @@ def arc_points(center_mm: FloatArray, radius_mm: float, options: TcpScenario) ->
     center_mm : (3,)
         The sphere's centre in the laser frame.
     radius_mm : float
-        The sphere's radius; nothing is returned where the plane of light misses it.
+        The sphere's radius; nothing is returned where the plane of light misses it or grazes its rim.
     options : TcpScenario
         Columns, measuring range and the angle up to which the sphere returns light.
     """
     square = radius_mm**2 - center_mm[1] ** 2
-    if square <= 0:
+    if square <= (_GRAZING * radius_mm) ** 2:
         return np.zeros((0, 3))
     x = columns(options)
     x = x[np.abs(x - center_mm[0]) <= np.sqrt(square) * np.sin(np.deg2rad(options.arc_deg))]

@@ -35,7 +35,7 @@ def session_files(world: World) -> dict[str, bytes]:
     """Return the bytes of every capture's file."""
     scale = 0.001 if world.options.length_unit == "m" else 1.0
     return {
-        _file(shot): (_profile_csv if shot.kind == "profile" else _cloud_xyz)(shot.measured_points_mm, scale)
+        _file(shot): (profile_csv if shot.kind == "profile" else _cloud_xyz)(shot.measured_points_mm, scale)
         for shot in world.shots
         if shot.kind != "center"
     }
@@ -57,7 +57,8 @@ def _capture(shot: Shot, world: World) -> dict[str, object]:
     return data | {"pose": pose_numbers(shot.reported)}
 
 
-def _profile_csv(points_mm: FloatArray, scale: float) -> bytes:
+def profile_csv(points_mm: FloatArray, scale: float) -> bytes:
+    """Return a profile (N, 3) in L as CSV, its lengths multiplied by `scale`."""
     digits = 4 if scale == 1.0 else 7
     z = points_mm[:, 2] * scale
     hit = np.flatnonzero(np.isfinite(z))

@@ -103,10 +103,9 @@ def test_two_files_in_a_profile_capture():
         measure(profile(0.7), files=["a.csv", "b.csv"])
 
 
-def test_frames_are_kept_but_not_measured():
-    measured = measure(b"", kind="frame", name="f.png")
-    assert measured.verdict == "warn"
-    assert "does not measure" in measured.reason
+def test_an_empty_frame_is_refused():
+    with pytest.raises(InputError, match=r"f\.png: need an image, got an empty file"):
+        measure(b"", kind="frame", name="f.png")
 
 
 def cloud(seed=2):
