@@ -21,7 +21,7 @@ function summary(result, name) {
     "div", { class: "answer" },
     h("h3", {}, name, " ", mark(result.stale ? "stale" : result.verdict, verdictWord(result))),
     h("p", { class: "number" }, h("span", {}, plusMinus(result.axis_point_sigma_mm * K, "mm")), h("br"), h("span", {}, plusMinus(result.axis_direction_sigma_deg * K, "°"))),
-    tool && h("p", { class: "small soft number" }, `${t("tcp.name")} ${plusMinus(worst(positionSigmas_mm(tool)) * K, "mm")} ${plusMinus(worst(rotationSigmas_deg(tool.covariance)) * K, "°")}`),
+    tool && h("p", { class: "small soft" }, `${t("tcp.name")} ${plusMinus(worst(positionSigmas_mm(tool)) * K, "mm")} ${plusMinus(worst(rotationSigmas_deg(tool.covariance)) * K, "°")}`),
     ...(result.undetermined ?? []).map((one) => h("p", { class: "small open" }, one.description)),
   )];
 }
@@ -79,7 +79,8 @@ function axis(result) {
     "section", { class: "panel", "aria-labelledby": "axis-title" },
     h("h2", { id: "axis-title" }, t("table.axis")),
     h("dl", { class: "pairs number" },
-      pair(t("table.direction"), `${result.axis_direction_in_base.map((value) => fixed(value, digits)).join("  ")}  ${plusMinus(angle, "°")}`),
+      pair(t("table.direction"), result.axis_direction_in_base.map((value) => fixed(value, digits)).join("  ")),
+      pair(t("table.direction_sigma"), plusMinus(angle, "°")),
       ...["x", "y", "z"].map((name, index) => pair(t("table.point", { axis: name }), measured(result.axis_point_in_base_mm[index] ?? 0, Math.max((sigmas[index] ?? 0) * K, 10 ** -decimals), "mm", decimals))),
       pair(t("table.turns"), t(result.direction === 1 ? "table.positive" : "table.negative")),
       pair(t("table.encoder"), `${measured(scale.error * 1e6, scale.sigma * K * 1e6, "ppm")}${scale.applied ? ` ${t("table.applied")}` : ""}`),
