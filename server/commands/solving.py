@@ -7,7 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.records import ChainResult, MergeResult, Record, Result, Session, TcpResult, TurntableResult
+from calib_core.records import (
+    CameraResult,
+    ChainResult,
+    LaserPlaneResult,
+    MergeResult,
+    Record,
+    Result,
+    Session,
+    TcpResult,
+    TurntableResult,
+)
 from calib_core.session.archive import is_archive, opened
 from calib_core.session.check import check_session
 from calib_core.session.export import FORMATS
@@ -26,6 +36,7 @@ from calib_core.session.pipeline import run as run_stages
 from calib_core.session.point_writers import write_pieces
 from calib_core.session.stored_results import stored_results
 from server.commands.merge_summary import merge_summary
+from server.commands.optics_summary import camera_summary, laser_plane_summary
 from server.commands.progress import progress_bar
 from server.commands.summary import tcp_summary
 from server.commands.table_summary import table_summary
@@ -47,13 +58,7 @@ def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
         data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
         print(json.dumps(data, ensure_ascii=False, allow_nan=False))
     else:
-        for result in results.values():
-            if isinstance(result, TcpResult):
-                print(tcp_summary(session, result))
-            elif isinstance(result, TurntableResult | ChainResult):
-                print(f"\n{table_summary(session, result)}")
-            elif isinstance(result, MergeResult):
-                print(f"\n{merge_summary(result)}")
+        print("\n\n".join(_summary(session, result) for result in results.values()))
         if not results:
             print("Nothing to solve: cell.known gives every result.")
     if target is not None:
@@ -61,6 +66,22 @@ def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
     else:
         print(f"scancell: {path} stays as it is: --out DIR writes the results to a folder.", file=sys.stderr)
     return 1 if any(result.verdict == "fail" for result in results.values()) else 0
+
+
+def _summary(session: Session, result: Result) -> str:
+    match result:
+        case CameraResult():
+            return camera_summary(result)
+        case LaserPlaneResult():
+            return laser_plane_summary(result)
+        case TcpResult():
+            return tcp_summary(session, result)
+        case TurntableResult() | ChainResult():
+            return table_summary(session, result)
+        case MergeResult():
+            return merge_summary(result)
+        case _:
+            return f"{result.verdict.upper()}: {result.method}"
 
 
 def check(path: Path) -> int:
