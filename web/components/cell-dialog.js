@@ -6,6 +6,7 @@ import { when } from "../format.js";
 import { go } from "../router.js";
 import { t } from "../texts.js";
 
+/** @import {Cell} from "../api-types.js" */
 /** @import {Kind, PoseConvention, SessionBody, SessionOut} from "../model.js" */
 
 /** @type {readonly (readonly [string, PoseConvention])[]} */
@@ -16,7 +17,9 @@ const BRANDS = [
 /** @type {readonly PoseConvention[]} */
 const NEUTRAL = ["quaternion-xyzw", "quaternion-wxyz", "matrix"];
 /** @type {readonly Kind[]} */
-const KINDS = ["profile", "cloud", "center"];
+const KINDS = ["profile", "cloud", "center", "frame"];
+/** @type {readonly NonNullable<Cell["board"]>["kind"][]} */
+const BOARDS = ["chessboard", "charuco", "circles", "asymmetric-circles"];
 
 /** @param {string} id @param {string} label @param {HTMLElement} control @param {string} [hint] */
 function field(id, label, control, hint) {
@@ -43,6 +46,22 @@ function brandField() {
   );
 }
 
+/** The board's fields; needed only where raw camera frames come in. */
+function boardFields() {
+  return h("details", {}, h("summary", {}, t("new.board")), h("div", { class: "more-fields" },
+    field("new-board-kind", t("new.board_kind"), h("select", { name: "board_kind" }, ...BOARDS.map((kind) => h("option", { value: kind }, t(`board.${kind}`))))),
+    field("new-board-columns", t("new.board_columns"), number("board_columns"), t("new.board_hint")),
+    field("new-board-rows", t("new.board_rows"), number("board_rows")),
+    field("new-board-pitch", t("new.board_pitch"), number("board_pitch"))));
+}
+
+/** @param {FormData} form */
+function boardOf(form) {
+  const [columns, rows, pitch_mm] = ["board_columns", "board_rows", "board_pitch"].map((name) => typed(form, name));
+  const kind = BOARDS.find((one) => one === form.get("board_kind"));
+  return kind && columns && rows && pitch_mm ? { kind, columns, rows, pitch_mm } : undefined;
+}
+
 /**
  * A number as people type it, with a decimal comma too; `undefined` where nothing was typed.
  * @param {FormData} form
@@ -64,6 +83,8 @@ function bodyOf(form) {
       sphere_diameter_mm: typed(form, "diameter"),
       sphere_diameter_sigma_mm: typed(form, "diameter_sigma"),
       scanner: { kind: /** @type {Kind} */ (form.get("kind")), point_sigma_mm: typed(form, "point_sigma"), z_axis: z === "away" || z === "toward" ? z : undefined },
+      board: boardOf(form),
+      turntable: form.get("turntable") ? {} : undefined,
       robot: { brand, position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma") },
     },
   };
@@ -76,10 +97,13 @@ function faults(form) {
   if (!form.get("convention")) found["convention"] = t("new.need_convention");
   const diameter = typed(form, "diameter");
   if (diameter === undefined && form.get("kind") === "profile") found["diameter"] = t("new.need_diameter");
-  for (const name of ["diameter", "diameter_sigma", "point_sigma", "position_sigma", "orientation_sigma"]) {
+  for (const name of ["diameter", "diameter_sigma", "point_sigma", "position_sigma", "orientation_sigma", "board_columns", "board_rows", "board_pitch"]) {
     const value = typed(form, name);
     if (value !== undefined && !(value > 0 || (value === 0 && name.endsWith("_sigma") && name !== "point_sigma"))) found[name] = t("new.need_number");
   }
+  const board = ["board_columns", "board_rows", "board_pitch"];
+  const lacking = board.filter((name) => typed(form, name) === undefined);
+  if (lacking[0] && (form.get("kind") === "frame" || lacking.length < board.length)) found[lacking[0]] = t("new.need_board");
   if (diameter !== undefined && diameter > 0 && diameter < 1) found["diameter"] = t("new.metres", { diameter: String(diameter), millimetres: String(diameter * 1000) });
   return found;
 }
@@ -94,8 +118,11 @@ function fill(form, { name, cell }) {
   const values = {
     name, kind: cell.scanner?.kind ?? "profile", convention: cell.pose_convention, diameter: cell.sphere_diameter_mm,
     diameter_sigma: cell.sphere_diameter_sigma_mm, point_sigma: cell.scanner?.point_sigma_mm, z_axis: cell.scanner?.z_axis,
+    board_kind: cell.board?.kind ?? "chessboard", board_columns: cell.board?.columns, board_rows: cell.board?.rows, board_pitch: cell.board?.pitch_mm,
     position_sigma: cell.robot?.position_sigma_mm, orientation_sigma: cell.robot?.orientation_sigma_deg,
   };
+  const turntable = form.elements.namedItem("turntable");
+  if (turntable instanceof HTMLInputElement) turntable.checked = cell.turntable !== undefined && cell.turntable !== null;
   for (const [key, value] of Object.entries(values)) {
     const control = form.elements.namedItem(key);
     if (control instanceof HTMLInputElement || control instanceof HTMLSelectElement) control.value = String(value ?? "");
@@ -119,6 +146,8 @@ export function cellDialog(session) {
     field("new-kind", t("new.kind"), kindField()),
     field("new-convention", t("new.brand"), brandField(), t("new.brand_hint")),
     field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
+    h("div", { class: "row" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes" }), h("label", { for: "new-turntable" }, t("new.turntable"))),
+    boardFields(),
     h("details", {}, h("summary", {}, t("new.more")), h("div", { class: "more-fields" },
       field("new-name", t("new.name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),

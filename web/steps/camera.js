@@ -100,7 +100,7 @@ function arrows(result, state) {
   const first = views.find((view) => view.capture === state.selected) ?? views[0];
   const [width, height] = result.image_size.map(Number);
   const size = Math.max(width ?? 1, height ?? 1);
-  const times = 10 ** Math.max(0, Math.round(Math.log10(size / 12 / Math.max(3 * result.reprojection_rms_px, 1e-3))));
+  const times = 10 ** Math.max(0, Math.floor(Math.log10(size / 12 / Math.max(3 * result.reprojection_rms_px, 1e-3))));
   const picture = h("div", {});
   const show = (/** @type {View | undefined} */ view) => picture.replaceChildren(view ? arrowsOf(view, width ?? 1, height ?? 1, times) : h("p", { class: "soft" }, t("camera.no_view")));
   const select = h("select", { id: "camera-view", onchange: () => show(views.find((view) => view.capture === select.value)) },
