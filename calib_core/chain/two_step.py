@@ -64,7 +64,7 @@ def two_step(rotations: FloatArray, translations: FloatArray, centers_in_laser: 
         The sphere's centre in L, sides decided, mm.
     """
     groups = pure_translations(rotations)
-    missing = _missing_translations(translations, _pairs(groups)) or _missing_orientations(rotations)
+    missing = _missing_translations(rotations, translations, _pairs(groups)) or _missing_orientations(rotations)
     if missing:
         return TwoStepAnswer(None, None, None, groups, missing)
     rotation, translation, center = both_steps(rotations, translations, centers_in_laser, groups)
@@ -111,8 +111,12 @@ def _translation_step(
     return solution[:3], solution[3:]
 
 
-def _missing_translations(translations: FloatArray, pairs: Sequence[tuple[int, int]]) -> str | None:
-    shifts = np.array([translations[j] - translations[i] for i, j in pairs]).reshape(-1, 3)
+def _missing_translations(
+    rotations: FloatArray, translations: FloatArray, pairs: Sequence[tuple[int, int]]
+) -> str | None:
+    # As the flange sees them, where the rotation is sought: groups of other orientations shift otherwise in base.
+    i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
+    shifts = np.einsum("kji,kj->ki", rotations[i], translations[j] - translations[i])
     lengths = np.linalg.norm(shifts, axis=1)
     shifts = shifts[lengths > _LEAST_SHIFT_MM]
     if len(shifts) == 0:

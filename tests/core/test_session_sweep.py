@@ -69,6 +69,11 @@ def test_a_sweep_is_one_row_with_its_profiles_counted(simulated, result):
         assert row.zone == pytest.approx(1.0, abs=0.01)
 
 
+def test_sweeps_all_along_the_same_axis_of_the_flange_leave_the_two_steps_open(result):
+    assert result.two_step.tool0_from_laser is None
+    assert "parallel" in (result.two_step.reason or "")
+
+
 def test_each_profile_has_its_own_pose(simulated):
     for capture in simulated.session.captures[:2]:  # poses of their own, and a track
         observed = observe_sweep(simulated.session, capture, simulated.files.__getitem__)
