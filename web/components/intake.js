@@ -73,11 +73,17 @@ export class IntakeElement extends StateElement {
 
   /** Open the panel for pose lines. */
   open() {
-    const { step } = this.state.guide?.current ?? {};
-    if (this.#panel.hidden && STEPS.some((one) => one === step)) this.#step.value = step ?? "tcp";
+    if (this.#panel.hidden) this.#step.value = this.#likelyStep();
     this.#panel.hidden = false;
     this.#draw();
     (OF_BOARD.includes(this.#step.value) ? this.#step : this.#text).focus();
+  }
+
+  /** The guide's step; but boards are seen in frames alone, so other files are captures of the sphere. */
+  #likelyStep() {
+    const step = this.state.guide?.current?.step ?? "tcp";
+    const frames = this.#files.length > 0 && this.#files.every(({ path }) => kindOf(path, undefined) === "frame");
+    return STEPS.some((one) => one === step) && (frames || !OF_BOARD.includes(step)) ? step : "tcp";
   }
 
   close() {
