@@ -184,6 +184,7 @@ def test_a_capture_deleted_by_mistake_comes_back(open_page: Callable[..., Any], 
     page, watched = open_page(f"/sessions/{session}")
     page.get_by_role("button", name="Delete p02").click()
     expect(rows(page)).to_have_count(2)
+    expect(page.get_by_role("button", name="Undo")).to_be_visible()  # the row may go before the notice is there
     page.keyboard.press("Control+z")
     expect(rows(page)).to_have_count(3)
     after = {c["id"]: c for c in api.get(f"/sessions/{session}/captures").json()["items"]}
