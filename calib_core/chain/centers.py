@@ -14,6 +14,7 @@ from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray, rotation_from_vector
 
 _STEP_LIMIT = np.array([0.1] * 3 + [20.0] * 6)
+_TOLERANCE = 1e-4  # ends within a thousandth of a standard deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,4 +69,4 @@ def fit_centers(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[C
             center=state.center + step[6:],
         )
 
-    return minimise(linearise, retract, start, _STEP_LIMIT)
+    return minimise(linearise, retract, start, _STEP_LIMIT, _TOLERANCE)

@@ -4,10 +4,9 @@ import numpy as np
 from numba import njit
 
 from calib_core.frames import FloatArray
-from calib_core.kernels.chain import invert_positive_3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def center_normal_equations(
     rotations: FloatArray,
     translations: FloatArray,
@@ -80,7 +79,7 @@ def center_normal_equations(
     return cost
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def center_weights(
     information: FloatArray,
     arms: FloatArray,
@@ -103,10 +102,25 @@ def center_weights(
     """
     own = np.empty((3, 3))
     for k in range(len(arms)):
-        invert_positive_3(information[k], own)
+        invert_symmetric_3(information[k], own)
         square = arms[k, 0] ** 2 + arms[k, 1] ** 2 + arms[k, 2] ** 2
         for i in range(3):
             own[i, i] += position_variance + orientation_variance * square
             for j in range(3):
                 own[i, j] -= orientation_variance * arms[k, i] * arms[k, j]
-        invert_positive_3(own, weights[k])
+        invert_symmetric_3(own, weights[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def invert_symmetric_3(a: FloatArray, inverse: FloatArray) -> None:
+    """Write the inverse of a well-conditioned symmetric 3×3 matrix by its cofactors: nothing is allocated."""
+    c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[1, 2]
+    c01 = a[0, 2] * a[1, 2] - a[0, 1] * a[2, 2]
+    c02 = a[0, 1] * a[1, 2] - a[0, 2] * a[1, 1]
+    factor = 1.0 / (a[0, 0] * c00 + a[0, 1] * c01 + a[0, 2] * c02)
+    inverse[0, 0] = c00 * factor
+    inverse[1, 1] = (a[0, 0] * a[2, 2] - a[0, 2] * a[0, 2]) * factor
+    inverse[2, 2] = (a[0, 0] * a[1, 1] - a[0, 1] * a[0, 1]) * factor
+    inverse[0, 1] = inverse[1, 0] = c01 * factor
+    inverse[0, 2] = inverse[2, 0] = c02 * factor
+    inverse[1, 2] = inverse[2, 1] = (a[0, 1] * a[0, 2] - a[0, 0] * a[1, 2]) * factor
