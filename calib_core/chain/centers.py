@@ -15,6 +15,7 @@ from calib_core.frames import FloatArray, rotation_from_vector
 
 _STEP_LIMIT = np.array([0.1] * 3 + [20.0] * 6)
 _TOLERANCE = 1e-4  # ends within a thousandth of a standard deviation
+_NEAR = 0.1  # of the full steps: they converge quadratically, so that the damped ones end at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,4 +70,20 @@ def fit_centers(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[C
             center=state.center + step[6:],
         )
 
-    return minimise(linearise, retract, start, _STEP_LIMIT, _TOLERANCE)
+    near = _approached(data, start, weights, measured)
+    return minimise(linearise, retract, near or start, _STEP_LIMIT, _TOLERANCE)
+
+
+def _approached(
+    data: ChainData, start: ChainState, weights: FloatArray, measured: FloatArray
+) -> ChainState | None:
+    """Return the minimum by full steps alone, or None where they do not lead to one: then damping is needed."""
+    from calib_core.kernels.centers import approach_centers
+
+    rotation, translation, center = start.tool_rotation.copy(), start.tool_translation.copy(), start.center.copy()
+    found = approach_centers(
+        data.rotations, data.translations, weights, measured, rotation, translation, center, _STEP_LIMIT, _NEAR
+    )
+    if not found:
+        return None
+    return replace(start, tool_rotation=rotation, tool_translation=translation, center=center)

@@ -124,3 +124,69 @@ def invert_symmetric_3(a: FloatArray, inverse: FloatArray) -> None:
     inverse[0, 1] = inverse[1, 0] = c01 * factor
     inverse[0, 2] = inverse[2, 0] = c02 * factor
     inverse[1, 2] = inverse[2, 1] = (a[0, 1] * a[0, 2] - a[0, 0] * a[1, 2]) * factor
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def approach_centers(
+    rotations: FloatArray,
+    translations: FloatArray,
+    weights: FloatArray,
+    measured: FloatArray,
+    tool_rotation: FloatArray,
+    tool_translation: FloatArray,
+    center: FloatArray,
+    step_limit: FloatArray,
+    tolerance: float,
+) -> bool:
+    """Take Gauss–Newton's full steps while they lower the cost; return whether they ended at a minimum.
+
+    The last step is smaller than `tolerance` in half squared standard deviations; it is taken unchecked.
+
+    Parameters
+    ----------
+    rotations, translations, weights, measured
+        See `center_normal_equations`.
+    tool_rotation, tool_translation, center : (3, 3), (3,), (3,)
+        Changed in place.
+    step_limit : (9,)
+        A step beyond it is no job for full steps: ends unfinished.
+    """
+    hessian = np.empty((9, 9))
+    gradient = np.empty(9)
+    before = np.inf
+    for _ in range(20):
+        cost = center_normal_equations(
+            rotations, translations, weights, measured, tool_rotation, tool_translation, center, hessian, gradient
+        )
+        if not cost <= before:
+            return False
+        before = cost
+        step = np.linalg.solve(hessian, -gradient)
+        predicted = 0.0
+        for p in range(9):
+            if not abs(step[p]) < step_limit[p]:
+                return False
+            predicted -= step[p] * gradient[p]
+        turn(tool_rotation, step[0], step[1], step[2])
+        for p in range(3):
+            tool_translation[p] += step[3 + p]
+            center[p] += step[6 + p]
+        if predicted < tolerance:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def turn(rotation: FloatArray, x: float, y: float, z: float) -> None:
+    """Multiply a rotation on the right by that of a vector (rad), by its unit quaternion."""
+    angle = np.sqrt(x * x + y * y + z * z)
+    s = 0.5 * np.sinc(0.5 * angle / np.pi)
+    w, i, j, k = np.cos(0.5 * angle), x * s, y * s, z * s
+    b00, b01, b02 = 1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)
+    b10, b11, b12 = 2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)
+    b20, b21, b22 = 2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)
+    for row in range(3):
+        a0, a1, a2 = rotation[row, 0], rotation[row, 1], rotation[row, 2]
+        rotation[row, 0] = a0 * b00 + a1 * b10 + a2 * b20
+        rotation[row, 1] = a0 * b01 + a1 * b11 + a2 * b21
+        rotation[row, 2] = a0 * b02 + a1 * b12 + a2 * b22
