@@ -15,6 +15,7 @@ from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
+from calib_core.simulation.whole_cell import WHOLE_SCENARIOS, WholeScenario, with_scans
 from calib_core.simulation.writing import session_files, session_record
 
 __all__ = [
@@ -23,12 +24,14 @@ __all__ = [
     "SCENARIOS",
     "SWEEP_SCENARIOS",
     "TABLE_SCENARIOS",
+    "WHOLE_SCENARIOS",
     "ChainBound",
     "Shot",
     "SimulatedSession",
     "SweepScenario",
     "TableScenario",
     "TcpScenario",
+    "WholeScenario",
     "World",
     "chain_bound",
     "simulate",
@@ -57,8 +60,12 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
         return SimulatedSession(*simulate_sweeps(SWEEP_SCENARIOS[scenario], scenario, seed), None)
     if scenario in TABLE_SCENARIOS:
         return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)
+    if scenario in WHOLE_SCENARIOS:
+        whole = WHOLE_SCENARIOS[scenario]
+        return with_scans(simulate_table(seed, whole.table, scenario), whole.part, seed)
     if scenario not in SCENARIOS:
-        names = ", ".join([*SCENARIOS, *SWEEP_SCENARIOS, *TABLE_SCENARIOS, *PART_SCENARIOS, *FRAME_SCENARIOS])
+        known = (SCENARIOS, SWEEP_SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, PART_SCENARIOS, FRAME_SCENARIOS)
+        names = ", ".join(name for scenarios in known for name in scenarios)
         raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
 

@@ -1,5 +1,6 @@
 """The session of a scanned part: a table turns it in front of an area scanner on a robot, all calibrated."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -42,26 +43,14 @@ def simulate_part(options: PartScenario, name: str, seed: int) -> tuple[Session,
     tool0_from_laser = pose(turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3)), [35.0, -120.0, 140.0])
     base_from_turntable = pose(turn(rng.uniform(-0.02, 0.02, 3)), [900.0, 100.0, 50.0])
     part = build_part()
-    scanner = PartScanner(part, options.scanner)
-    files: dict[str, bytes] = {}
-    captures: list[dict[str, Any]] = []
-    for k, view in enumerate(view_poses(options.scans)):
-        degrees = 360.0 * k / options.scans
-        wanted = base_from_turntable @ pose(turn([0, 0, np.deg2rad(degrees)]), [0, 0, 0]) @ view
-        commanded = rounded_pose(wanted @ back(tool0_from_laser))
-        actual = commanded @ _error(options, rng)
-        angle = np.deg2rad(degrees) + rng.standard_normal() * options.angle_sigma_rad
-        turntable_from_base = pose(turn([0, 0, -angle]), [0, 0, 0]) @ back(base_from_turntable)
-        truly = turntable_from_base @ actual @ tool0_from_laser
-        scan = scanner.scan(truly, rng)
-        in_one_frame = scan.points_in_laser_mm.copy()
-        in_one_frame[..., 1] += _along(len(in_one_frame), options.scanner.pitch_mm)[:, None]
-        file = f"captures/v{k + 1:02d}.pcd"
-        files[file] = _organised_pcd(in_one_frame)
-        captures.append(
-            {"id": f"v{k + 1:02d}", "step": "scan", "kind": "cloud", "files": [file]}
-            | {"pose": pose_numbers(commanded), "table_deg": degrees}
-        )
+    turns_deg = [360.0 * k / options.scans for k in range(options.scans)]
+    captures, files = take_scans(
+        options,
+        PartScanner(part, options.scanner),
+        ScanCell(tool0_from_laser, base_from_turntable),
+        turns_deg,
+        rng,
+    )
     cell = {
         "pose_convention": "abb",
         "scanner": {"kind": "cloud", "point_sigma_mm": options.scanner.point_sigma_mm, "z_axis": "away"},
@@ -78,6 +67,45 @@ def simulate_part(options: PartScenario, name: str, seed: int) -> tuple[Session,
     record = {"format": "scancell-session/1", "name": f"simulated {name}, seed {seed}", "cell": cell}
     session = Session.model_validate({**record, "captures": captures})
     return session, files, _truth(part, cell) | {"seed": seed, "scenario": name, "spoiled": []}
+
+
+@dataclass(frozen=True, eq=False)
+class ScanCell:
+    """Where the scanner and the table really are: tool0_from_laser and base_from_turntable, both (4, 4)."""
+
+    tool0_from_laser: FloatArray
+    base_from_turntable: FloatArray
+
+
+def take_scans(
+    options: PartScenario,
+    scanner: PartScanner,
+    cell: ScanCell,
+    table_deg: Sequence[float],
+    rng: np.random.Generator,
+) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
+    """Return the records of the scans and their files (organised PCD), one a view.
+
+    `table_deg` is how far the table is turned at each view of `view_poses`; the errors are drawn from `rng`.
+    """
+    files: dict[str, bytes] = {}
+    captures: list[dict[str, Any]] = []
+    for k, (view, degrees) in enumerate(zip(view_poses(options.scans), table_deg, strict=True)):
+        wanted = cell.base_from_turntable @ pose(turn([0, 0, np.deg2rad(degrees)]), [0, 0, 0]) @ view
+        commanded = rounded_pose(wanted @ back(cell.tool0_from_laser))
+        actual = commanded @ _error(options, rng)
+        angle = np.deg2rad(degrees) + rng.standard_normal() * options.angle_sigma_rad
+        turntable_from_base = pose(turn([0, 0, -angle]), [0, 0, 0]) @ back(cell.base_from_turntable)
+        scan = scanner.scan(turntable_from_base @ actual @ cell.tool0_from_laser, rng)
+        in_one_frame = scan.points_in_laser_mm.copy()
+        in_one_frame[..., 1] += _along(len(in_one_frame), options.scanner.pitch_mm)[:, None]
+        file = f"captures/v{k + 1:02d}.pcd"
+        files[file] = _organised_pcd(in_one_frame)
+        captures.append(
+            {"id": f"v{k + 1:02d}", "step": "scan", "kind": "cloud", "files": [file]}
+            | {"pose": pose_numbers(commanded), "table_deg": degrees}
+        )
+    return captures, files
 
 
 def _error(options: PartScenario, rng: np.random.Generator) -> FloatArray:

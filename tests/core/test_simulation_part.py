@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from calib_core.fusion.clean import KEPT, clean_scan
 from calib_core.fusion.merge import VoxelGrid
 from calib_core.fusion.scan import Scan
+from calib_core.robot_pose import parse_pose
 from calib_core.session.files import parse_cloud
 from calib_core.session.pipeline import run
 from calib_core.session.point_writers import write_pieces
@@ -144,3 +145,26 @@ def merged_part(folder):
     assert list(results) == ["merge"]
     points = parse_cloud((folder / CLOUD_FILE).read_bytes(), CLOUD_FILE)
     return results["merge"], simulated.truth, points, trimesh.load_mesh(folder / MESH_FILE)
+
+
+def test_the_whole_cell_scans_the_part_from_the_robots_side_of_its_own_table() -> None:
+    """Every scan, placed by the truth, lies on the part; the arm stays where it is and the table turns."""
+    simulated = simulate("cell", 5)
+    steps = [capture.step for capture in simulated.session.captures]
+    assert (steps.count("tcp"), steps.count("turntable"), steps.count("scan")) == (14, 16, 12)
+    scans = [capture for capture in simulated.session.captures if capture.step == "scan"]
+    assert np.ptp([capture.pose[:3] for capture in scans if capture.pose], axis=0).max() < 400
+    assert len({capture.table_deg for capture in scans}) == 12
+    tool, table = (np.array(simulated.truth[name]) for name in ("tool0_from_laser", "base_from_turntable"))
+    low, high = PART.points_mm.min(axis=0), PART.points_mm.max(axis=0)
+    for capture in scans[:3]:
+        points = parse_cloud(simulated.files[capture.files[0]], capture.files[0])
+        assert capture.pose is not None
+        assert capture.table_deg is not None
+        angle = np.deg2rad(capture.table_deg)
+        turned = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        base_from_laser = parse_pose("abb", capture.pose).matrix @ tool
+        in_base = points @ base_from_laser[:3, :3].T + base_from_laser[:3, 3]
+        in_table = (in_base - table[:3, 3]) @ table[:3, :3] @ turned.T
+        inside = ((in_table > low - 0.5) & (in_table < high + 0.5)).all(axis=1)
+        assert inside.mean() > 0.97, capture.id  # strays are the rest
