@@ -17,8 +17,17 @@ from server.errors import problem, problem_of_status
 from server.settings import Settings
 from server.store.database import Store
 from server.store.models import Data
-from server.store.sessions import load_session
-from server.store.solves import add_result, fail_job, job_data, job_row, unfinished_jobs, update_job
+from server.store.sessions import load_session, unused
+from server.store.solves import (
+    REPLAY,
+    add_answer,
+    add_result,
+    fail_job,
+    job_data,
+    job_row,
+    unfinished_jobs,
+    update_job,
+)
 
 log = logging.getLogger("scancell")
 _AGAIN = "Run it again."
@@ -35,7 +44,7 @@ class _Pool:
             settings.workers,
             mp_context=context,
             initializer=worker.initialize,
-            initargs=(self.queue, settings.warm_up),
+            initargs=(self.queue, settings),
         )
         self.broken_on_purpose = False
 
@@ -49,8 +58,9 @@ class _Running:
     """A job that is with the executor."""
 
     pool: _Pool
-    future: Future[Data]
+    future: Future[worker.Solved]
     attempt: int
+    solved_from: Data | None  # what a result is stored with; a replay leaves none
     process: int | None = None
     ended_by_us: bool = False  # by force: the store knows why already
     timer: threading.Timer | None = field(default=None, repr=False)
@@ -99,7 +109,13 @@ class Jobs:
             stored = load_session(db, self._store.blobs, row.session_id)
             stage = row.stage
         paths = {name: str(self._store.blobs.path(digest)) for name, digest in stored.digests.items()}
-        work = (worker.solve, job_id, stored.session.to_json(), stage, paths)
+        session = stored.session.to_json()
+        solved_from: Data | None = None
+        if stage == REPLAY:
+            work = (worker.replay, job_id, session, dict(stored.results), paths)
+        else:
+            solved_from = {"session": session, "files": dict(stored.digests)}
+            work = (worker.solve, job_id, session, stage, paths)
         with self._lock:
             if self._pool is None:  # the server stops, and says so of its jobs
                 return
@@ -108,7 +124,7 @@ class Jobs:
             except BrokenProcessPool:  # a worker was killed while it waited
                 self._renew(self._pool)
                 future = self._pool.executor.submit(*work)
-            self._running[job_id] = _Running(self._pool, future, attempt)
+            self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
         future.add_done_callback(lambda done: self._ended(job_id, done))
 
     def cancel(self, job_id: str) -> Data:
@@ -194,7 +210,7 @@ class Jobs:
             fail_job(db, job_id, error)
         self.end(job_id)
 
-    def _ended(self, job_id: str, future: Future[Data]) -> None:
+    def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
         with self._lock:
             running = self._running.pop(job_id, None)
             if running is None:  # the server stops
@@ -210,11 +226,19 @@ class Jobs:
             if not running.ended_by_us and innocent and running.attempt < _ATTEMPTS:
                 self._submit_again(job_id, running.attempt + 1)
                 return
-        with self._store.write() as db:
-            if error is None:
-                add_result(db, job_id, future.result())
-            else:
+        if error is not None:
+            with self._store.write() as db:
                 fail_job(db, job_id, _explain(error))
+            return
+        solved = future.result()
+        with self._store.write() as db:
+            if running.solved_from is None:
+                add_answer(db, job_id, solved.result)
+                return
+            former = add_result(db, job_id, solved.result, running.solved_from, solved.outputs)
+        with self._store.read() as db:
+            former = unused(db, former)
+        self._store.blobs.remove(former)
 
     def _submit_again(self, job_id: str, attempt: int) -> None:
         with self._store.write() as db:

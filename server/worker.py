@@ -5,11 +5,19 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.queues import Queue
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from calib_core.errors import InputError
+from server.store.blobs import Blobs, open_blobs
+from server.store.solves import Output
+
+if TYPE_CHECKING:
+    from server.settings import Settings
 
 # (job, "started", process id) and (job, "progress", (fraction, message))
 Message = tuple[str, str, Any]
@@ -18,15 +26,24 @@ log = logging.getLogger("scancell")
 
 _REPORT_EVERY_S = 0.2
 _queue: "Queue[Message | None] | None" = None
+_settings: "Settings | None" = None
 
 
-def initialize(queue: "Queue[Message | None]", warm: bool) -> None:
+@dataclass(frozen=True)
+class Solved:
+    """A stage's result (or a replay's comparison) as JSON data, and the files that it made, by name, as blobs."""
+
+    result: dict[str, Any]
+    outputs: Mapping[str, Output]
+
+
+def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
     """Prepare a fresh worker process."""
-    global _queue
-    _queue = queue
+    global _queue, _settings
+    _queue, _settings = queue, settings
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server decides when its workers end
     threading.Thread(target=_end_with_the_server, daemon=True).start()
-    if warm:
+    if settings.warm_up:
         try:
             warm_up()
         except Exception:  # the solve itself will meet the fault again and say so
@@ -54,21 +71,47 @@ def ready() -> bool:
     return True
 
 
-def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[str, str]) -> dict[str, Any]:
-    """Solve a stage of a session, files given by their paths; returns the result as JSON data.
+def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[str, str]) -> Solved:
+    """Solve a stage of a session, files given by their paths.
 
     Raises
     ------
     CalibrationError
-        What the stage's solver says.
+        What the stage's solver says; also where there is no room for the files that it makes.
     """
-    assert _queue is not None
-    queue = _queue
-    queue.put((job_id, "started", os.getpid()))
+    progress = _started(job_id)
     from calib_core.records import parse_session
     from calib_core.session.pipeline import solve_stage
     from server.strict_json import plain_json
 
+    assert _settings is not None
+    outputs = _Outputs(open_blobs(_settings.blob_place), stage)
+    result = solve_stage(parse_session(session), stage, _reader(paths), progress, outputs.store)
+    return Solved(plain_json(result), outputs.stored)
+
+
+def replay(
+    job_id: str, session: Mapping[str, Any], results: Mapping[str, Any], paths: Mapping[str, str]
+) -> Solved:
+    """Solve every stage with a stored result afresh and compare.
+
+    Raises
+    ------
+    CalibrationError
+        Where no result is stored; a stage that cannot be solved any more says so in the comparison.
+    """
+    progress = _started(job_id)
+    from calib_core.records import parse_session
+    from calib_core.session.replay import replay as compare_all
+
+    return Solved(compare_all(parse_session(session), _reader(paths), results, progress).to_json(), {})
+
+
+def _started(job_id: str) -> Callable[[float, str], None]:
+    """Say that a job runs here, and return what tells of its progress."""
+    assert _queue is not None
+    queue = _queue
+    queue.put((job_id, "started", os.getpid()))
     told_s = 0.0
 
     def progress(fraction: float, message: str) -> None:
@@ -77,8 +120,25 @@ def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[st
             told_s = time.monotonic()
             queue.put((job_id, "progress", (float(fraction), message)))
 
-    def read(name: str) -> bytes:
-        return Path(paths[name]).read_bytes()
+    return progress
 
-    result = solve_stage(parse_session(session), stage, read, progress)
-    return plain_json(result)
+
+def _reader(paths: Mapping[str, str]) -> Callable[[str], bytes]:
+    return lambda name: Path(paths[name]).read_bytes()
+
+
+class _Outputs:
+    """What a stage makes beside its result, stored as blobs; the server refers to them once the job is done."""
+
+    def __init__(self, blobs: Blobs, stage: str) -> None:
+        self._blobs, self._stage = blobs, stage
+        self.stored: dict[str, Output] = {}
+
+    def store(self, name: str, pieces: Iterable[bytes | memoryview]) -> None:
+        """Store one file; raises InputError where there is no room for it."""
+        try:
+            self.stored[name] = Output(*self._blobs.put_pieces(pieces))
+        except OSError as error:
+            got = (error.strerror or type(error).__name__).lower()
+            to_do = "Make room there, then run it again; what was stored before is untouched."
+            raise InputError(f"room in the data folder for {name}", got, to_do, self._stage) from None

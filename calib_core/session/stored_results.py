@@ -11,6 +11,7 @@ from calib_core.records import (
     CameraResult,
     ChainResult,
     LaserPlaneResult,
+    MergeResult,
     Result,
     TcpResult,
     TurntableResult,
@@ -25,7 +26,13 @@ _RECORDS: Final[dict[str, type[Result]]] = {
     "tcp": TcpResult,
     "turntable": TurntableResult,
     "chain": ChainResult,
+    "merge": MergeResult,
 }
+
+
+def output_names(result: Mapping[str, Any]) -> list[str]:
+    """Return the names of the files that a stage made beside a result, given as JSON data."""
+    return [name for name in (result.get("cloud"), result.get("mesh")) if isinstance(name, str)]
 
 
 def require_result(stage: str, data: Mapping[str, Any], where: str) -> None:

@@ -10,16 +10,17 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import ConflictError, InputError
 from calib_core.records import Capture, Measured, Session
 from calib_core.session.archive import ArchivedSession, pack_files, plain_name, read_archive
-from calib_core.session.bag import Content, open_bag
+from calib_core.session.bag import PAYLOAD, Content, open_bag
 from calib_core.session.bag_zip import LIMITS, ArchiveLimits
 from calib_core.session.folder import SESSION_FILE, to_json_bytes
 from calib_core.session.pipeline import STAGES
+from calib_core.session.stored_results import output_names
 from server.measuring import check_poses, measure
 from server.store.blobs import Blobs
 from server.store.captures import add_capture
 from server.store.models import Data, SessionRow
 from server.store.sessions import STORE_FIELDS, StoredSession, create_session
-from server.store.solves import store_result
+from server.store.solves import Output, store_result
 
 _MAX_NAME = 500
 _WHERE = "archive"
@@ -34,6 +35,7 @@ class Import:
     measured: dict[str, Measured] = field(default_factory=dict[str, Measured])
     digests: dict[str, str] = field(default_factory=dict[str, str])
     sizes: dict[str, int] = field(default_factory=dict[str, int])
+    outputs: dict[str, dict[str, Output]] = field(default_factory=dict[str, dict[str, Output]])
 
 
 def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes]) -> None:
@@ -59,6 +61,7 @@ def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes
         **{f"results/{stage}.json": to_json_bytes(result) for stage, result in stored.results.items()},
         **pages,
     }
+    payload |= {name: stored.blobs.path(digest) for name, digest in stored.outputs.items()}
     for name, digest in stored.digests.items():
         if plain_name(name) in payload:
             got = f"a capture's file named {name}"
@@ -86,6 +89,9 @@ def read_import(file: IO[bytes], blobs: Blobs, limits: ArchiveLimits = LIMITS) -
         for name in dict.fromkeys(name for capture in archived.session.captures for name in capture.files):
             content = archived.read(name)
             found.digests[name], found.sizes[name] = blobs.put(content), len(content)
+        for stage, result in archived.results.items():
+            named = [name for name in output_names(result) if name in bag.payload]
+            found.outputs[stage] = {n: Output(*blobs.put_pieces(bag.chunks(PAYLOAD + n))) for n in named}
     return found
 
 
@@ -99,7 +105,7 @@ def add_import(db: Transaction, found: Import) -> SessionRow:
         sizes = {name: found.sizes[name] for name in capture.files}
         add_capture(db, row, capture, found.measured[capture.id], digests, sizes)
     for stage, result in found.results.items():
-        store_result(db, row, stage, result)
+        store_result(db, row, stage, result, outputs=found.outputs.get(stage))
     return row
 
 

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import JSON, ForeignKey, ForeignKeyConstraint, Index, String, Text
+from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 Data = dict[str, Any]
@@ -72,7 +72,11 @@ class FileRow(Base):
 
 
 class ResultRow(Base):
-    """One solve's result; earlier ones of the same stage are kept."""
+    """One solve's result; earlier ones of the same stage are kept.
+
+    `solved_from` is what it was computed from: `session`, the record as it was then, and `files`, its files'
+    SHA-256 by name. It is not known of results that came with an archive.
+    """
 
     __tablename__ = "results"
     number: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
@@ -81,12 +85,26 @@ class ResultRow(Base):
     created: Mapped[str] = mapped_column(String(32))
     verdict: Mapped[str] = mapped_column(String(8))
     record: Mapped[Data]
+    solved_from: Mapped[Data | None] = mapped_column(deferred=True)
 
     __table_args__ = (Index("results_by_stage", "session_id", "stage", "number"),)
 
 
+class OutputRow(Base):
+    """A file that a stage made beside its latest result, such as the merged cloud: its name and its blob."""
+
+    __tablename__ = "outputs"
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    name: Mapped[str] = mapped_column(primary_key=True)
+    stage: Mapped[str] = mapped_column(String(32))
+    sha256: Mapped[str] = mapped_column(String(64))
+    size: Mapped[int] = mapped_column(BigInteger)
+
+    __table_args__ = (Index("outputs_by_content", "sha256"),)
+
+
 class JobRow(Base):
-    """A solve on its way or past."""
+    """A solve on its way or past; `answer` is what one leaves that makes no result."""
 
     __tablename__ = "jobs"
     id: Mapped[str] = mapped_column(String(32), primary_key=True)
@@ -98,6 +116,7 @@ class JobRow(Base):
     error: Mapped[Data | None]
     created: Mapped[str] = mapped_column(String(32))
     finished: Mapped[str | None] = mapped_column(String(32))
+    answer: Mapped[Data | None] = mapped_column(deferred=True)
 
 
 class EventRow(Base):

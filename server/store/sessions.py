@@ -14,7 +14,7 @@ from calib_core.records import Measured, Session, parse_session
 from server.errors import OutdatedError
 from server.store.blobs import Blobs
 from server.store.database import record_event
-from server.store.models import CaptureRow, Data, FileRow, ResultRow, SessionRow, now
+from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, now
 from server.store.paging import Page, after_cursor, page_of
 
 
@@ -23,7 +23,7 @@ class StoredSession:
     """All of a session at one moment, for solving, guiding and drawing.
 
     `digests` maps the file names in the captures' records to the SHA-256 of their content; `results` maps each
-    stage to its latest result, as JSON data.
+    stage to its latest result, as JSON data; `outputs` the names of what stages made beside them to the SHA-256.
     """
 
     id: str
@@ -31,6 +31,7 @@ class StoredSession:
     measured: Mapping[str, Measured]
     results: Mapping[str, Data]
     digests: Mapping[str, str]
+    outputs: Mapping[str, str]
     blobs: Blobs
 
     def read(self, name: str) -> bytes:
@@ -161,12 +162,14 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         select(CaptureRow).where(CaptureRow.session_id == session_id).order_by(CaptureRow.position)
     ).all()
     files = db.execute(select(FileRow.name, FileRow.sha256).where(FileRow.session_id == session_id))
+    outputs = db.execute(select(OutputRow.name, OutputRow.sha256).where(OutputRow.session_id == session_id))
     return StoredSession(
         id=session_id,
         session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),
         measured={c.id: Measured.model_validate(c.measured) for c in captures},
         results=latest_results(db, session_id),
         digests=dict(files.all()),
+        outputs=dict(outputs.all()),
         blobs=blobs,
     )
 
@@ -236,6 +239,7 @@ def delete_session(db: Transaction, session_id: str) -> set[str]:
     """Remove a session with all that belongs to it; returns the digests of its files (see `unused`)."""
     row = locked_session(db, session_id)
     digests = set(db.scalars(select(FileRow.sha256).where(FileRow.session_id == session_id)))
+    digests |= set(db.scalars(select(OutputRow.sha256).where(OutputRow.session_id == session_id)))
     record_event(db, row, "session", {"action": "removed"})
     db.flush()
     db.execute(delete(SessionRow).where(SessionRow.id == session_id).execution_options(synchronize_session=False))
@@ -243,8 +247,9 @@ def delete_session(db: Transaction, session_id: str) -> set[str]:
 
 
 def unused(db: Transaction, digests: set[str]) -> set[str]:
-    """Return those digests that no capture of any session refers to."""
-    return digests - set(db.scalars(select(FileRow.sha256).where(FileRow.sha256.in_(digests))))
+    """Return those digests that no capture and no output of any session refers to."""
+    referred = (select(column).where(column.in_(digests)) for column in (FileRow.sha256, OutputRow.sha256))
+    return digests.difference(*(db.scalars(query) for query in referred))
 
 
 def merge_patch(data: Any, changes: Any) -> Any:

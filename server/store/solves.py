@@ -1,14 +1,19 @@
 """Jobs and the results that they leave."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
 from server.store.database import record_event
-from server.store.models import Data, JobRow, ResultRow, SessionRow, now
+from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, now
 from server.store.sessions import locked_session, new_id
 
 ENDED = ("done", "failed", "cancelled")
+REPLAY = "replay"
+"""Where others have the stage that they solve: a job that solves all stages afresh and compares."""
 
 
 def job_data(row: JobRow) -> Data:
@@ -83,15 +88,66 @@ def unfinished_jobs(db: Transaction, session_id: str | None = None) -> list[str]
     return list(db.scalars(query if session_id is None else query.where(JobRow.session_id == session_id)))
 
 
-def add_result(db: Transaction, job_id: str, record: Data) -> None:
-    """Store a job's result and note the job as done, unless it was cancelled or removed meanwhile."""
+@dataclass(frozen=True)
+class Output:
+    """A file that a stage made beside its result, by the SHA-256 of its blob and its size in bytes."""
+
+    sha256: str
+    size: int
+
+
+def add_result(
+    db: Transaction, job_id: str, record: Data, solved_from: Data, outputs: Mapping[str, Output]
+) -> set[str]:
+    """Store a job's result and note the job as done, unless it was cancelled or removed meanwhile.
+
+    Returns the digests of files that may be of no use now (see `sessions.unused`).
+    """
     job = db.get(JobRow, job_id)
     if job is None or not update_job(db, job_id, "done", "done", 1.0):
-        return
-    store_result(db, locked_session(db, job.session_id), job.stage, record)
+        return {output.sha256 for output in outputs.values()}
+    return store_result(db, locked_session(db, job.session_id), job.stage, record, solved_from, outputs)
 
 
-def store_result(db: Transaction, session: SessionRow, stage: str, record: Data) -> None:
-    """Store a stage's result as the latest one."""
-    db.add(ResultRow(session_id=session.id, stage=stage, created=now(), verdict=record["verdict"], record=record))
+def add_answer(db: Transaction, job_id: str, answer: Data) -> None:
+    """Store what a job answers that makes no result, and note it as done."""
+    job = db.get(JobRow, job_id)
+    if job is not None and update_job(db, job_id, "done", "done", 1.0):
+        job.answer = answer
+
+
+def store_result(
+    db: Transaction,
+    session: SessionRow,
+    stage: str,
+    record: Data,
+    solved_from: Data | None = None,
+    outputs: Mapping[str, Output] | None = None,
+) -> set[str]:
+    """Store a stage's result as the latest one, with what it was solved from where that is known.
+
+    The files that the stage made before give way to `outputs`; returns their digests.
+    """
+    db.add(
+        ResultRow(
+            session_id=session.id,
+            stage=stage,
+            created=now(),
+            verdict=record["verdict"],
+            record=record,
+            solved_from=solved_from,
+        )
+    )
+    former = _remove_outputs(db, session.id, stage)
+    for name, made in (outputs or {}).items():
+        db.add(OutputRow(session_id=session.id, name=name, stage=stage, sha256=made.sha256, size=made.size))
     record_event(db, session, "result", {"stage": stage})
+    return former
+
+
+def _remove_outputs(db: Transaction, session_id: str, stage: str) -> set[str]:
+    rows = db.scalars(select(OutputRow).where(OutputRow.session_id == session_id, OutputRow.stage == stage)).all()
+    for row in rows:
+        db.delete(row)
+    db.flush()  # the new ones may have the same names
+    return {row.sha256 for row in rows}
