@@ -78,3 +78,10 @@ class TooLargeError(CalibrationError):
 
     code = "too-large"
     status = 413
+
+
+class DamagedError(CalibrationError):
+    """Something stored that is not what was stored: the disk, or somebody, has altered it."""
+
+    code = "damaged"
+    status = 503

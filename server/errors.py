@@ -11,6 +11,8 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
+from starlette.types import Receive, Scope, Send
+from starlette.websockets import WebSocket
 
 from calib_core.errors import CalibrationError
 from calib_core.records import input_error_from_details
@@ -24,10 +26,13 @@ _TITLES = {
     "measurement": "Nothing measurable",
     "motion": "Motions that do not determine the answer",
     "not-found": "Not found",
+    "damaged": "Stored, and damaged since",
     "conflict": "Conflict with what is stored",
     "too-large": "Too large",
     "outdated": "Changed meanwhile",
     "forbidden": "Refused",
+    "login": "Login needed",
+    "too-many": "Too many requests",
 }
 _TO_DO = {
     400: "Correct the request.",
@@ -45,10 +50,25 @@ class OutdatedError(CalibrationError):
 
 
 class ForbiddenError(CalibrationError):
-    """A request from a page or under a name that this server does not answer."""
+    """A request from a page or under a name that this server does not answer, or by somebody who may not."""
 
     code = "forbidden"
     status = 403
+
+
+class LoginError(CalibrationError):
+    """A request by nobody who is known."""
+
+    code = "login"
+    status = 401
+
+
+class TooManyError(CalibrationError):
+    """More requests than one token or address may send in its time; `retry_after_s` says when there is room again."""
+
+    code = "too-many"
+    status = 429
+    retry_after_s = 1
 
 
 def problem(error: CalibrationError) -> dict[str, Any]:
@@ -86,12 +106,30 @@ def problem_response(body: Mapping[str, Any], headers: Mapping[str, str] | None 
     return JSONResponse(dict(body), status_code=body["status"], headers=headers, media_type=PROBLEM_JSON)
 
 
+def answer_to(error: CalibrationError) -> JSONResponse:
+    """Return an error as the response that says it."""
+    headers: dict[str, str] = {}
+    if isinstance(error, LoginError):
+        headers["WWW-Authenticate"] = "Bearer"
+    elif isinstance(error, TooManyError):
+        headers["Retry-After"] = str(error.retry_after_s)
+    return problem_response(problem(error), headers)
+
+
+async def refuse(error: CalibrationError, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer a request, or the handshake of a WebSocket, with an error before any route sees it."""
+    if scope["type"] == "websocket":
+        await WebSocket(scope, receive, send).send_denial_response(answer_to(error))
+    else:
+        await answer_to(error)(scope, receive, send)
+
+
 def install(app: FastAPI) -> None:
     """Make an application answer every error with problem details."""
 
     async def calibration(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, CalibrationError)
-        return problem_response(problem(error))
+        return answer_to(error)
 
     async def validation(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

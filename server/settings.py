@@ -9,6 +9,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from calib_core.errors import InputError
 from calib_core.records import input_error
+from server.store.blobs import BlobPlace
 
 MEBIBYTE = 1024 * 1024
 
@@ -32,6 +33,10 @@ class Settings(BaseSettings):
     port: Annotated[int, Field(ge=0, le=65535)] = 8000
     data: Path = Path("sessions")
     database_url: str | None = Field(default=None, description="Left out: SQLite in the data folder.")
+    blobs: str | None = Field(
+        default=None, description="s3://bucket or s3://bucket/prefix; left out: the data folder."
+    )
+    s3_endpoint: str | None = Field(default=None, description="Of an S3 store that is not Amazon's.")
     web: Path = Path(__file__).resolve().parents[1] / "web"
 
     max_json_bytes: Annotated[int, Field(gt=0)] = 4 * MEBIBYTE
@@ -72,3 +77,8 @@ class Settings(BaseSettings):
     def sql_url(self) -> str:
         """The address of the database."""
         return self.database_url or f"sqlite:///{(self.data / 'scancell.db').resolve()}"
+
+    @property
+    def blob_place(self) -> BlobPlace:
+        """Where the captures' files are."""
+        return BlobPlace(self.data / "blobs", self.blobs, self.s3_endpoint)

@@ -1,6 +1,6 @@
 """Archives and reports: a session out as one file, and an archive in."""
 
-from collections.abc import AsyncGenerator, Iterator
+from collections.abc import AsyncGenerator
 from contextlib import suppress
 from typing import IO, Annotated, Any
 
@@ -13,6 +13,7 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
 from server.deps import OnceDep, SessionId, StoreDep
 from server.schemas import StoredSession
+from server.store.blobs import chunks_to_end
 from server.store.models import Data
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
@@ -20,7 +21,6 @@ from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["archives"], route_class=StrictRoute)
 
-_CHUNK_BYTES = 1 << 20
 _BYTES: dict[str, Any] = {"type": "string", "format": "binary"}
 _ZIP: dict[str, Any] = {"schema": _BYTES}
 _FORM: dict[str, Any] = {"type": "object", "properties": {"file": _BYTES}, "required": ["file"]}
@@ -89,7 +89,7 @@ def get_archive(
         "Content-Length": str(size),
         "Content-Disposition": f'attachment; filename="{archive_name(stored.session)}.zip"',
     }
-    return StreamingResponse(_chunks(file), media_type="application/zip", headers=headers)
+    return StreamingResponse(chunks_to_end(file), media_type="application/zip", headers=headers)
 
 
 @router.post("/archives", status_code=201, response_model=StoredSession, openapi_extra=_BODY)
@@ -149,10 +149,3 @@ def _pages(stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:
             scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results)
             pages[SCENE_FILE] = scene_html(scene).encode()
     return pages
-
-
-def _chunks(file: IO[bytes]) -> Iterator[bytes]:
-    with file:
-        file.seek(0)
-        while chunk := file.read(_CHUNK_BYTES):
-            yield chunk

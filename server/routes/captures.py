@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, File, Form, Response, UploadFile
-from fastapi.responses import FileResponse, JSONResponse
+from fastapi.responses import JSONResponse, StreamingResponse
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, InputError, TooLargeError
@@ -15,6 +15,7 @@ from server.deps import CaptureId, Cursor, IfMatch, Limit, Once, OnceDep, Sessio
 from server.measuring import check_poses, measure
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.sources.simulated import next_capture
+from server.store.blobs import chunks_to_end
 from server.store.captures import (
     add_capture,
     capture_data,
@@ -204,19 +205,22 @@ def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_mat
 
 @router.get(
     "/captures/{capture_id}/files/{name:path}",
-    response_class=FileResponse,
+    response_class=Response,
     responses={200: {"description": "The file.", "content": {"application/octet-stream": {}}}},
 )
-def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: StoreDep) -> FileResponse:
+def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: StoreDep) -> StreamingResponse:
     """Return a file as it came, byte for byte; `name` as in the record's `files`, or its last part."""
     with store.read() as db:
         session_row(db, session_id)
         digest = file_digest(db, session_id, capture_id, name)
+    file = store.blobs.open(digest)
+    size = file.seek(0, 2)
     last = quote(PurePosixPath(name).name)
-    return FileResponse(
-        store.blobs.path(digest),
+    return StreamingResponse(
+        chunks_to_end(file),
         media_type="application/octet-stream",
         headers={
+            "Content-Length": str(size),
             "ETag": f'"{digest}"',
             "Cache-Control": "private, max-age=31536000, immutable",
             "Content-Disposition": f"attachment; filename*=UTF-8''{last}",

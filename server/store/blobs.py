@@ -1,101 +1,147 @@
-"""Files by the SHA-256 of their content, each written once and never changed."""
+"""Files by the SHA-256 of their content, each written once and never changed: what every place for them can do."""
 
-import os
-import tempfile
-import threading
-import time
-from collections.abc import Iterable
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import IO
 
-from calib_core.errors import NotFoundError
+from calib_core.errors import DamagedError, InputError, NotFoundError
 
-_YOUNG_S = 3600.0
+Pieces = Iterable[bytes | memoryview]
+YOUNG_S = 3600.0
+"""How long a blob that nothing refers to is kept: an upload may be about to refer to it."""
+CHUNK_BYTES = 1 << 20
+_S3 = "s3://"
 
 
-class Blobs:
-    """A folder of blobs.
+@dataclass(frozen=True)
+class BlobPlace:
+    """Where blobs are; it goes to worker processes, which open it for themselves.
 
-    A blob is written beside its place, forced to the disk and renamed, so that under its name there is either all
-    of it or nothing, whatever happens to the power.
+    `folder` holds the blobs, or, where `bucket` (``s3://bucket/prefix``) does, only what is on its way.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._arriving = folder / "arriving"
-        self._arriving.mkdir(parents=True, exist_ok=True)
-        self._lock = threading.Lock()  # between finding a blob present and its removal
+    folder: Path
+    bucket: str | None = None
+    endpoint: str | None = None
 
-    def path(self, digest: str) -> Path:
-        """Return where the blob with a SHA-256 (64 hex digits) lies."""
-        return self._folder / digest[:2] / digest
 
+class Blobs(ABC):
+    """Blobs, whole or not there, whatever happens to the power: what `put` returned for is on the disk."""
+
+    @abstractmethod
     def put(self, content: bytes) -> str:
-        """Store bytes durably and return their SHA-256."""
-        digest = sha256(content).hexdigest()
-        target = self.path(digest)
-        with self._lock:
-            if target.exists():
-                os.utime(target)  # young again: not to be removed before it is referred to
-                return digest
-        target.parent.mkdir(exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=self._arriving)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            Path(name).replace(target)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-        _sync_folder(target.parent)
-        _sync_folder(self._folder)
-        return digest
+        """Store bytes durably and return their SHA-256 (64 hex digits)."""
 
+    @abstractmethod
+    def put_pieces(self, pieces: Pieces) -> tuple[str, int]:
+        """Store bytes that come in pieces, never all of them in memory; return their SHA-256 and their number."""
+
+    @abstractmethod
     def read(self, digest: str) -> bytes:
-        """Return a blob's bytes.
+        """Return a blob's bytes, compared with their SHA-256; raises NotFoundError, DamagedError."""
 
-        Raises
-        ------
-        NotFoundError
-            If it is missing from the data folder.
-        """
-        try:
-            return self.path(digest).read_bytes()
-        except FileNotFoundError:
-            raise NotFoundError(
-                f"the stored file {digest[:12]}…",
-                "nothing in its place",
-                "Put the data folder back from a backup, or upload the capture again.",
-                str(self._folder.name),
-            ) from None
+    @abstractmethod
+    def open(self, digest: str) -> IO[bytes]:
+        """Return a blob as a file to read, after it was compared; raises NotFoundError, DamagedError."""
 
+    @abstractmethod
+    def damage(self, digest: str) -> str | None:
+        """Return in words what is wrong with a blob ("missing", "altered"), None where nothing is."""
+
+    @abstractmethod
+    def digests(self) -> Iterator[str]:
+        """Give the SHA-256 of every blob there is."""
+
+    @abstractmethod
     def remove(self, digests: Iterable[str]) -> None:
-        """Remove blobs that nothing refers to, except young ones: an upload may be about to refer to them."""
-        oldest_s = time.time() - _YOUNG_S
-        for digest in digests:
-            path = self.path(digest)
-            with self._lock:
-                if path.exists() and path.stat().st_mtime < oldest_s:
-                    path.unlink()
+        """Remove blobs that nothing refers to, except those younger than `YOUNG_S`."""
 
+    @abstractmethod
     def scratch(self) -> IO[bytes]:
-        """Return a nameless file on the same disk, for what is on its way in or out; it goes when it is closed."""
-        return tempfile.TemporaryFile(dir=self._arriving)
+        """Return a nameless file on the data disk, for what is on its way in or out; it goes when it is closed."""
 
+    @abstractmethod
+    def interrupted(self) -> list[str]:
+        """Return the names of what interrupted uploads left."""
+
+    @abstractmethod
     def clean(self) -> None:
-        """Remove what an interrupted upload left; called at start-up, before anything arrives."""
-        for path in self._arriving.iterdir():
-            path.unlink()
+        """Remove what interrupted uploads left; called at start-up, before anything arrives."""
 
 
-def _sync_folder(folder: Path) -> None:
-    if os.name == "nt":  # folders cannot be opened there; the rename itself is journalled
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+def open_blobs(place: BlobPlace) -> Blobs:
+    """Return the blobs at a place, which is made where it is a folder that is missing.
+
+    Raises
+    ------
+    InputError
+        If the place is of no known kind, or there is no such bucket.
+    """
+    if place.bucket is None:
+        from server.store.blob_folder import FolderBlobs
+
+        return FolderBlobs(place.folder)
+    if not place.bucket.startswith(_S3):
+        to_do = "Write SCANCELL_BLOBS=s3://bucket or s3://bucket/prefix; leave it out for the data folder."
+        raise InputError("an S3 address", repr(place.bucket), to_do, "blobs")
+    from server.store.blob_bucket import BucketBlobs
+
+    bucket, _, prefix = place.bucket.removeprefix(_S3).partition("/")
+    return BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder)
+
+
+@dataclass(frozen=True)
+class StoredContent:
+    """A blob as a content that an archive is packed from."""
+
+    blobs: Blobs
+    digest: str
+    size: int
+
+    def open(self) -> IO[bytes]:
+        """Return it as a file to read; raises NotFoundError, DamagedError."""
+        return self.blobs.open(self.digest)
+
+
+def copied(pieces: Pieces, file: IO[bytes]) -> tuple[str, int]:
+    """Write pieces to a file; return their SHA-256 and how many bytes they were."""
+    digest, size = sha256(), 0
+    for piece in pieces:
+        digest.update(piece)
+        file.write(piece)
+        size += len(piece)
+    return digest.hexdigest(), size
+
+
+def chunks_to_end(file: IO[bytes]) -> Iterator[bytes]:
+    """Give a file's bytes from its beginning, and close it."""
+    with file:
+        file.seek(0)
+        while chunk := file.read(CHUNK_BYTES):
+            yield chunk
+
+
+def digest_of(file: IO[bytes]) -> str:
+    """Return the SHA-256 of a file from its beginning, and go back there."""
+    digest = sha256()
+    file.seek(0)
+    while chunk := file.read(CHUNK_BYTES):
+        digest.update(chunk)
+    file.seek(0)
+    return digest.hexdigest()
+
+
+def missing(digest: str) -> NotFoundError:
+    """Return the error that a blob is not there."""
+    to_do = "Put it back from a backup, or upload the capture again; `scancell doctor` names what else is missing."
+    return NotFoundError(f"the stored file {digest[:12]}…", "nothing in its place", to_do, "blobs")
+
+
+def require_same(digest: str, found: str) -> None:
+    """Refuse content that is not what was stored; raises DamagedError."""
+    if digest != found:
+        to_do = "Put it back from a backup; `scancell doctor` names what else is damaged."
+        raise DamagedError(f"the stored file {digest[:12]}… as it was stored", "another content", to_do, "blobs")

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.orm import Session
 
 from server.settings import Settings
-from server.store.blobs import Blobs
+from server.store.blobs import open_blobs
 from server.store.models import EventRow, SessionRow, now
 
 Publish = Callable[[EventRow], None]
@@ -31,7 +31,7 @@ class Store:
 
     def __init__(self, settings: Settings, publish: Publish) -> None:
         settings.data.mkdir(parents=True, exist_ok=True)
-        self.blobs = Blobs(settings.data / "blobs")
+        self.blobs = open_blobs(settings.blob_place)
         self._publish = publish
         self._engine = _engine(settings.sql_url)
         self._writing = self._engine.execution_options(writing=True)
@@ -46,7 +46,7 @@ class Store:
         config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
         with self._writing.begin() as connection:
             config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+            command.upgrade(config, "heads")
 
     @contextmanager
     def read(self) -> Generator[Session]:

@@ -12,7 +12,7 @@ from sqlalchemy import create_engine
 
 from calib_core.errors import NotFoundError
 from server.settings import Settings
-from server.store.blobs import Blobs
+from server.store.blob_folder import FolderBlobs
 from server.store.database import Store, record_event
 from server.store.models import Base, EventRow
 from server.store.sessions import create_session, locked_session, merge_patch, session_row
@@ -81,7 +81,7 @@ def test_events_are_numbered_without_gaps_however_many_write(store: Store, publi
 
 
 def test_a_blob_is_whole_or_not_there(tmp_path: Path) -> None:
-    blobs = Blobs(tmp_path / "blobs")
+    blobs = FolderBlobs(tmp_path / "blobs")
     digest = blobs.put(b"points")
     assert blobs.put(b"points") == digest
     assert blobs.read(digest) == b"points"
@@ -94,7 +94,7 @@ def test_a_blob_is_whole_or_not_there(tmp_path: Path) -> None:
 
 
 def test_young_blobs_are_not_removed(tmp_path: Path) -> None:
-    blobs = Blobs(tmp_path / "blobs")
+    blobs = FolderBlobs(tmp_path / "blobs")
     old, young = blobs.put(b"old"), blobs.put(b"young")
     os.utime(blobs.path(old), (0, 0))
     blobs.remove([old, young, "0" * 64])
@@ -139,7 +139,7 @@ def test_a_disk_that_fails_is_named_and_nothing_is_half_stored(
         raise error
 
     with monkeypatch.context() as patched:
-        patched.setattr(Blobs, "put", fail)
+        patched.setattr(FolderBlobs, "put", fail)
         assert_problem(client.post(f"/sessions/{session}/sources/simulated/capture"), status, word)
     assert client.get(f"/sessions/{session}/captures").json()["items"] == []
     assert client.post(f"/sessions/{session}/sources/simulated/capture").status_code == 201

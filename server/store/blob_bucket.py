@@ -1,0 +1,185 @@
+"""Blobs in a bucket of an S3 store."""
+
+import tempfile
+import threading
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from hashlib import sha256
+from pathlib import Path
+from typing import IO, Any, Final
+
+from calib_core.errors import DamagedError, InputError, NotFoundError
+from server.store.blobs import YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
+
+_ATTEMPTS: Final = 3
+_TIMEOUT_S: Final = 20
+
+
+class BucketBlobs(Blobs):
+    """Objects below a prefix of a bucket; the store itself makes each of them appear whole or not at all.
+
+    Parameters
+    ----------
+    bucket, prefix : str
+    endpoint : str or None
+        The store's address; None is Amazon's own.
+    folder : Path
+        On the local disk, for what is on its way.
+
+    Who may is found as every S3 client finds it: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile.
+    """
+
+    def __init__(self, bucket: str, prefix: str, endpoint: str | None, folder: Path) -> None:
+        self._bucket = bucket
+        self._prefix = f"{prefix}/" if prefix else ""
+        self._folder = folder
+        self._folder.mkdir(parents=True, exist_ok=True)
+        # Between finding a blob old and its removal, or its renewal: one lock for each first byte.
+        self._locks = [threading.Lock() for _ in range(256)]
+        self._client = _client(endpoint)
+        self._require_bucket()
+
+    def put(self, content: bytes) -> str:
+        """Store bytes durably and return their SHA-256."""
+        digest = sha256(content).hexdigest()
+        with self._locks[int(digest[:2], 16)], _named(self._bucket):
+            if not self._is_young(digest):
+                self._client.put_object(Bucket=self._bucket, Key=self._key(digest), Body=content)
+        return digest
+
+    def put_pieces(self, pieces: Pieces) -> tuple[str, int]:
+        """Store bytes that come in pieces; return their SHA-256 and their number."""
+        with self.scratch() as file:
+            digest, size = copied(pieces, file)
+            file.seek(0)
+            with self._locks[int(digest[:2], 16)], _named(self._bucket):
+                if not self._is_young(digest):
+                    self._client.upload_fileobj(file, self._bucket, self._key(digest))
+        return digest, size
+
+    def read(self, digest: str) -> bytes:
+        """Return a blob's bytes, compared with their SHA-256; raises NotFoundError, DamagedError."""
+        with self.open(digest) as file:
+            return file.read()
+
+    def open(self, digest: str) -> IO[bytes]:
+        """Return a blob as a file to read, after it was compared; raises NotFoundError, DamagedError."""
+        file = tempfile.SpooledTemporaryFile(1 << 20, dir=str(self._folder))  # noqa: SIM115 (closed below)
+        try:
+            with _named(self._bucket, digest):
+                self._client.download_fileobj(self._bucket, self._key(digest), file)
+            require_same(digest, digest_of(file))
+        except BaseException:
+            file.close()
+            raise
+        return file
+
+    def damage(self, digest: str) -> str | None:
+        """Return in words what is wrong with a blob, None where nothing is."""
+        try:
+            self.open(digest).close()
+        except NotFoundError:
+            return "missing"
+        except DamagedError:
+            return "altered"
+        return None
+
+    def digests(self) -> Iterator[str]:
+        """Give the SHA-256 of every blob there is."""
+        with _named(self._bucket):
+            pages = self._client.get_paginator("list_objects_v2").paginate(
+                Bucket=self._bucket, Prefix=self._prefix
+            )
+            for page in pages:
+                for entry in page.get("Contents", []):
+                    name = entry["Key"].rsplit("/", 1)[-1]
+                    if len(name) == 64:
+                        yield name
+
+    def remove(self, digests: Iterable[str]) -> None:
+        """Remove blobs that nothing refers to, except young ones."""
+        for digest in digests:
+            with self._locks[int(digest[:2], 16)], _named(self._bucket):
+                if not self._is_young(digest, YOUNG_S):
+                    self._client.delete_object(Bucket=self._bucket, Key=self._key(digest))
+
+    def scratch(self) -> IO[bytes]:
+        """Return a nameless file on the local disk; it goes when it is closed."""
+        return tempfile.TemporaryFile(dir=self._folder)
+
+    def interrupted(self) -> list[str]:
+        """Return nothing: what an S3 store did not receive whole, it does not show."""
+        return []
+
+    def clean(self) -> None:
+        """Do nothing: there is nothing to clean."""
+
+    def _key(self, digest: str) -> str:
+        return f"{self._prefix}{digest[:2]}/{digest}"
+
+    def _is_young(self, digest: str, limit_s: float = YOUNG_S / 2) -> bool:
+        """Return whether a blob is there and will not be removed for a while."""
+        from botocore.exceptions import ClientError
+
+        try:
+            stored = self._client.head_object(Bucket=self._bucket, Key=self._key(digest))
+        except ClientError as error:
+            if _is_absent(error):
+                return False
+            raise
+        return (datetime.now(UTC) - stored["LastModified"]).total_seconds() < limit_s
+
+    def _require_bucket(self) -> None:
+        from botocore.exceptions import ClientError
+
+        try:
+            with _named(self._bucket):
+                self._client.head_bucket(Bucket=self._bucket)
+        except ClientError as error:
+            to_do = "Make the bucket, or name another in SCANCELL_BLOBS; check the keys and SCANCELL_S3_ENDPOINT."
+            raise InputError(f"the bucket {self._bucket}", str(error), to_do, "blobs") from None
+
+
+@contextmanager
+def _named(bucket: str, digest: str = "") -> Generator[None]:
+    """Tell of a store that does not answer as of a disk that cannot be used; raises OSError, NotFoundError."""
+    from boto3.exceptions import Boto3Error
+    from botocore.exceptions import BotoCoreError, ClientError
+
+    try:
+        yield
+    except ClientError as error:
+        if not _is_absent(error):
+            raise OSError(f"the S3 store refuses bucket {bucket}: {error}") from None
+        if digest:
+            raise missing(digest) from None
+        raise
+    except (BotoCoreError, Boto3Error) as error:
+        raise OSError(f"the S3 store of bucket {bucket} does not answer: {error}") from None
+
+
+def _is_absent(error: Any) -> bool:
+    return error.response.get("Error", {}).get("Code") in ("404", "NoSuchKey", "NoSuchBucket", "NotFound")
+
+
+def _client(endpoint: str | None) -> Any:
+    try:
+        import boto3
+        from botocore.config import Config
+    except ImportError:
+        to_do = "Install it: pip install 'scancell[s3]'; or leave SCANCELL_BLOBS out."
+        raise InputError("the extra 's3' for blobs in an S3 store", "an installation without it", to_do) from None
+    config = Config(
+        connect_timeout=_TIMEOUT_S,
+        read_timeout=_TIMEOUT_S,
+        retries={"max_attempts": _ATTEMPTS, "mode": "standard"},
+        max_pool_connections=32,
+        # Other makers' stores need not know Amazon's newer checksums; every content is compared with its SHA-256.
+        request_checksum_calculation="when_required",
+        response_checksum_validation="when_required",
+        s3={"addressing_style": "path" if endpoint else "auto"},
+    )
+    session: Any = boto3.Session()
+    region = session.region_name or "us-east-1"
+    return session.client("s3", endpoint_url=endpoint, region_name=region, config=config)

@@ -1,0 +1,161 @@
+"""Blobs in a folder of the data disk."""
+
+import os
+import tempfile
+import time
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
+from hashlib import sha256
+from pathlib import Path
+from typing import IO
+
+from server.store.blobs import YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
+
+
+class FolderBlobs(Blobs):
+    """A folder of blobs.
+
+    A blob is written beside its place, forced to the disk and renamed, so that under its name there is either all
+    of it or nothing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._arriving = folder / "arriving"
+        self._arriving.mkdir(parents=True, exist_ok=True)
+
+    def path(self, digest: str) -> Path:
+        """Return where the blob with a SHA-256 (64 hex digits) lies."""
+        return self._folder / digest[:2] / digest
+
+    def put(self, content: bytes) -> str:
+        """Store bytes durably and return their SHA-256."""
+        digest = sha256(content).hexdigest()
+        if not self._renewed(digest):
+            with self._new_file() as (file, path):
+                file.write(content)
+                self._place(file, path, digest)
+        return digest
+
+    def put_pieces(self, pieces: Pieces) -> tuple[str, int]:
+        """Store bytes that come in pieces; return their SHA-256 and their number."""
+        with self._new_file() as (file, path):
+            digest, size = copied(pieces, file)
+            if not self._renewed(digest):
+                self._place(file, path, digest)
+        return digest, size
+
+    def read(self, digest: str) -> bytes:
+        """Return a blob's bytes, compared with their SHA-256; raises NotFoundError, DamagedError."""
+        try:
+            content = self.path(digest).read_bytes()
+        except FileNotFoundError:
+            raise missing(digest) from None
+        require_same(digest, sha256(content).hexdigest())
+        return content
+
+    def open(self, digest: str) -> IO[bytes]:
+        """Return a blob as a file to read, after it was compared; raises NotFoundError, DamagedError."""
+        try:
+            file = self.path(digest).open("rb")
+        except FileNotFoundError:
+            raise missing(digest) from None
+        try:
+            require_same(digest, digest_of(file))
+        except BaseException:
+            file.close()
+            raise
+        return file
+
+    def damage(self, digest: str) -> str | None:
+        """Return in words what is wrong with a blob, None where nothing is."""
+        try:
+            with self.path(digest).open("rb") as file:
+                return None if digest_of(file) == digest else "altered"
+        except FileNotFoundError:
+            return "missing"
+        except OSError as error:
+            return f"unreadable ({error.strerror or type(error).__name__})"
+
+    def digests(self) -> Iterator[str]:
+        """Give the SHA-256 of every blob there is."""
+        for folder in sorted(self._folder.iterdir()):
+            if len(folder.name) == 2 and folder.is_dir():
+                yield from sorted(path.name for path in folder.iterdir() if len(path.name) == 64)
+
+    def remove(self, digests: Iterable[str]) -> None:
+        """Remove blobs that nothing refers to, except young ones."""
+        oldest_s = time.time() - YOUNG_S
+        for digest in digests:
+            path = self.path(digest)
+            with self._locked():
+                if path.exists() and path.stat().st_mtime < oldest_s:
+                    path.unlink()
+
+    def scratch(self) -> IO[bytes]:
+        """Return a nameless file on the same disk; it goes when it is closed."""
+        return tempfile.TemporaryFile(dir=self._arriving)
+
+    def interrupted(self) -> list[str]:
+        """Return the names of what interrupted uploads left."""
+        return sorted(path.name for path in self._arriving.iterdir())
+
+    def clean(self) -> None:
+        """Remove what interrupted uploads left."""
+        for path in self._arriving.iterdir():
+            path.unlink()
+
+    def _renewed(self, digest: str) -> bool:
+        """Return whether a blob is there already, and make it young again: it is about to be referred to."""
+        path = self.path(digest)
+        if not path.exists():
+            return False
+        with self._locked():
+            try:
+                os.utime(path)
+            except FileNotFoundError:
+                return False
+        return True
+
+    @contextmanager
+    def _new_file(self) -> Generator[tuple[IO[bytes], Path]]:
+        handle, name = tempfile.mkstemp(dir=self._arriving)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                yield file, Path(name)
+        finally:
+            Path(name).unlink(missing_ok=True)  # it has another name now, or is not wanted
+
+    def _place(self, file: IO[bytes], path: Path, digest: str) -> None:
+        target = self.path(digest)
+        target.parent.mkdir(exist_ok=True)
+        file.flush()
+        os.fsync(file.fileno())
+        path.replace(target)
+        _sync_folder(target.parent)
+        _sync_folder(self._folder)
+
+    @contextmanager
+    def _locked(self) -> Generator[None]:
+        """Keep other threads and processes from removing a blob between its being found and being renewed."""
+        try:
+            import fcntl
+        except ImportError:  # no such locks on Windows
+            yield
+            return
+        handle = os.open(self._folder, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(handle)
+
+
+def _sync_folder(folder: Path) -> None:
+    if os.name == "nt":  # folders cannot be opened there; the rename itself is journalled
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
