@@ -14,6 +14,7 @@ from calib_core.records import (
     Session,
 )
 from calib_core.session.guide_frames import camera_now, laser_plane_now
+from calib_core.session.guide_scan import scan_captures, scan_now
 from calib_core.session.guide_tcp import tcp_now
 from calib_core.session.guide_turntable import turntable_now, wants_turntable
 from calib_core.session.pipeline import STAGES, stage_captures
@@ -91,10 +92,9 @@ def _uses_frames(session: Session) -> bool:
 
 
 def _blocked(step: StepName, before: Mapping[StepName, GuideStatus]) -> bool:
-    """Whether a step waits for one before it; the turntable is not needed for verifying and scanning."""
-    return any(
-        status not in _ENDED for earlier, status in before.items() if earlier != "turntable" or step == "merge"
-    )
+    """Whether a step waits for one before it; nothing waits for verifying, and scans need no turntable."""
+    free = ("verify",) if step == "turntable" else ("verify", "turntable")
+    return any(status not in _ENDED for earlier, status in before.items() if earlier not in free)
 
 
 def _note(session: Session, step: StepName, status: GuideStatus) -> str | None:
@@ -121,8 +121,12 @@ def _now(
         return boards
     tcp = data.get("tcp") or data.get("chain")
     doubtful = tcp is not None and bool(tcp.get("undetermined"))
-    if not open_steps and not doubtful and wants_turntable(session):
-        return turntable_now(session, measured, data)
+    if not open_steps and not doubtful:
+        if wants_turntable(session):
+            table = turntable_now(session, measured, data)
+            return scan_now(session, measured, data) if _is_settled(table, data) else table
+        if scan_captures(session):
+            return scan_now(session, measured, data)
     if statuses["tcp"] == "known":
         return GuideNow(
             step="verify",
@@ -134,6 +138,11 @@ def _now(
             drawing="tcp-first",
         )
     return tcp_now(session, measured, tcp)
+
+
+def _is_settled(table: GuideNow, data: Mapping[str, dict[str, Any]]) -> bool:
+    """Whether the turntable asks for nothing more and may be scanned on."""
+    return table.action == "review" and data[str(table.stage)].get("verdict") != "fail"
 
 
 def _is_under_way(session: Session, boards: GuideNow) -> bool:

@@ -43,14 +43,9 @@ def simulate_part(options: PartScenario, name: str, seed: int) -> tuple[Session,
     tool0_from_laser = pose(turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3)), [35.0, -120.0, 140.0])
     base_from_turntable = pose(turn(rng.uniform(-0.02, 0.02, 3)), [900.0, 100.0, 50.0])
     part = build_part()
-    turns_deg = [360.0 * k / options.scans for k in range(options.scans)]
-    captures, files = take_scans(
-        options,
-        PartScanner(part, options.scanner),
-        ScanCell(tool0_from_laser, base_from_turntable),
-        turns_deg,
-        rng,
-    )
+    stops = [(view, 360.0 * k / options.scans) for k, view in enumerate(view_poses(options.scans))]
+    place = ScanCell(tool0_from_laser, base_from_turntable)
+    captures, files = take_scans(options, PartScanner(part, options.scanner), place, stops, rng)
     cell = {
         "pose_convention": "abb",
         "scanner": {"kind": "cloud", "point_sigma_mm": options.scanner.point_sigma_mm, "z_axis": "away"},
@@ -81,16 +76,16 @@ def take_scans(
     options: PartScenario,
     scanner: PartScanner,
     cell: ScanCell,
-    table_deg: Sequence[float],
+    stops: Sequence[tuple[FloatArray, float]],
     rng: np.random.Generator,
 ) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
-    """Return the records of the scans and their files (organised PCD), one a view.
+    """Return the records of the scans and their files (organised PCD), one a stop.
 
-    `table_deg` is how far the table is turned at each view of `view_poses`; the errors are drawn from `rng`.
+    A stop is turntable_from_laser (4, 4) and how far the table is turned, in degrees; errors are drawn from `rng`.
     """
     files: dict[str, bytes] = {}
     captures: list[dict[str, Any]] = []
-    for k, (view, degrees) in enumerate(zip(view_poses(options.scans), table_deg, strict=True)):
+    for k, (view, degrees) in enumerate(stops):
         wanted = cell.base_from_turntable @ pose(turn([0, 0, np.deg2rad(degrees)]), [0, 0, 0]) @ view
         commanded = rounded_pose(wanted @ back(cell.tool0_from_laser))
         actual = commanded @ _error(options, rng)

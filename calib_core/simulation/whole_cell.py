@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.records import Session
 from calib_core.simulation.part import build_part
 from calib_core.simulation.part_cell import PartScenario, ScanCell, take_scans
-from calib_core.simulation.part_scan import PartScanner
+from calib_core.simulation.part_scan import PartScanner, view_poses
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.table_cell import TableScenario
 
@@ -45,9 +45,11 @@ def with_scans(calibrated: SimulatedSession, options: PartScenario, seed: int) -
     part = build_part()
     place = ScanCell(calibrated.world.tool0_from_laser, calibrated.table.base_from_turntable)
     # A view from azimuth φ of the part is taken from the robot's side, azimuth 180° of the base.
-    turned_deg = [(180.0 - 360.0 * k / options.scans) % 360.0 for k in range(options.scans)]
+    azimuths_deg = 360.0 / options.scans * np.arange(options.scans)
+    views = zip(view_poses(options.scans), ((180.0 - azimuths_deg) % 360.0).tolist(), strict=True)
+    stops = sorted(views, key=lambda stop: stop[1])
     rng = np.random.default_rng([seed, 20_264])
-    captures, files = take_scans(as_there, PartScanner(part, as_there.scanner), place, turned_deg, rng)
+    captures, files = take_scans(as_there, PartScanner(part, as_there.scanner), place, stops, rng)
     for capture in captures:
         capture["table_deg"] = table.direction * table.encoder_scale * capture["table_deg"]
     record = calibrated.session.to_json()

@@ -92,7 +92,7 @@ def test_table_then_chain_then_review(cell: Session) -> None:
     )
     solved = table | {"chain": result_of(session, "chain")}
     now = guided(session, solved).current
-    assert (now.action, now.drawing, now.step) == ("review", "turntable-done", "turntable")
+    assert (now.action, now.drawing, now.step) == ("capture", "scan-first", "scan")
     statuses = {s.step: s.status for s in guided(session, solved).steps}
     assert (statuses["tcp"], statuses["turntable"]) == ("done", "done")
     fewer = session.model_copy(update={"captures": session.captures[:-1]})
@@ -108,7 +108,9 @@ def test_a_tool_that_was_given_needs_no_chain(cell: Session) -> None:
     turning = [c for c in cell.captures if c.step == "turntable"]
     session = cell.model_copy(update={"captures": turning, "cell": cell.cell.model_copy(update={"known": known})})
     assert guided(session).current.stage == "turntable"
-    assert guided(session, {"turntable": result_of(session, "turntable")}).current.action == "review"
+    failed = guided(session, {"turntable": result_of(session, "turntable", verdict="fail")}).current
+    assert (failed.step, failed.action) == ("turntable", "review")
+    assert guided(session, {"turntable": result_of(session, "turntable")}).current.step == "scan"
 
 
 def frames(camera: int, plane: int, board: bool = True) -> Session:
