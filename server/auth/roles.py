@@ -1,0 +1,135 @@
+"""Roles, and the table of what each may do: every route with the least role that it takes.
+
+What stands in no row is the admin's alone, and a test fails for a route that nobody has put into one.
+"""
+
+import re
+from collections.abc import Iterator
+from enum import IntEnum
+from functools import cache
+
+
+class Role(IntEnum):
+    """What a token is good for; each role may do all that the ones before it may."""
+
+    NOBODY = 0
+    READ = 1
+    CAPTURE = 2
+    ADMIN = 3
+
+    @property
+    def word(self) -> str:
+        """The role's name outside of this program."""
+        return self.name.lower()
+
+
+ROLES = ("read", "capture", "admin")
+"""The names of the roles that a token may have."""
+
+
+def to_role(word: str) -> Role:
+    """Return the role of a name in `ROLES`."""
+    return Role[word.upper()]
+
+
+_API = "/api/v1"
+_SESSION = f"{_API}/sessions/{{session_id}}"
+_CAPTURE = f"{_SESSION}/captures/{{capture_id}}"
+
+# Templates as in the routes.  WS stands for a WebSocket; HEAD goes with GET.
+RULES: dict[Role, tuple[str, ...]] = {
+    Role.NOBODY: (
+        # The login page's own files hold nothing of anybody; the same files make up the rest of the page.
+        "GET /login",
+        "GET /web/{path:path}",
+        f"GET {_API}/health",
+        f"GET {_API}/me",
+        f"POST {_API}/login",
+        f"POST {_API}/logout",
+    ),
+    Role.READ: (
+        "GET /",
+        "GET /sessions/{session_id}",
+        "GET /docs",
+        "GET /openapi.json",
+        f"GET {_API}/sessions",
+        f"GET {_SESSION}",
+        f"GET {_SESSION}/guide",
+        f"GET {_SESSION}/events",
+        f"GET {_SESSION}/captures",
+        f"GET {_CAPTURE}",
+        f"GET {_CAPTURE}/files/{{name:path}}",
+        f"GET {_SESSION}/results",
+        f"GET {_SESSION}/results/{{stage}}",
+        f"GET {_SESSION}/exports/{{name}}",
+        f"GET {_SESSION}/report",
+        f"GET {_SESSION}/archive",
+        f"GET {_API}/jobs/{{job_id}}",
+        f"GET {_API}/jobs/{{job_id}}/events",
+        "GET /scenes/{session}",
+        "GET /scenes/{session}/",
+        "GET /scenes/{session}/legend",
+        "WS /scenes/{session}",
+        "WS /scenes/{session}/",
+        # Lights a capture up in the scene; nothing of it is stored.
+        "POST /scenes/{session}/highlight",
+    ),
+    Role.CAPTURE: (
+        f"POST {_API}/sessions",
+        f"PATCH {_SESSION}",
+        f"POST {_SESSION}/captures",
+        f"PATCH {_CAPTURE}",
+        f"DELETE {_CAPTURE}",
+        f"POST {_SESSION}/sources/simulated/capture",
+        f"POST {_SESSION}/pose-lines",
+        f"POST {_SESSION}/solve/{{stage}}",
+        f"POST {_API}/jobs/{{job_id}}/cancel",
+        f"POST {_API}/archives",
+        f"POST {_API}/archives/verify",
+    ),
+    Role.ADMIN: (
+        f"DELETE {_SESSION}",
+        f"GET {_API}/tokens",
+        f"POST {_API}/tokens",
+        f"DELETE {_API}/tokens/{{token_id}}",
+        f"GET {_API}/audit",
+    ),
+}
+
+
+def needed_role(method: str, path: str) -> Role:
+    """Return the least role that a request takes.
+
+    Parameters
+    ----------
+    method : str
+        The HTTP method, or ``WS`` for a WebSocket.
+    path : str
+        Decoded, as the routes match it.
+
+    Returns
+    -------
+    Role
+        The highest of all rows that match; ``ADMIN`` where none does.
+    """
+    method = "GET" if method == "HEAD" else method
+    found = [role for own, pattern, role in _patterns() if own == method and pattern.fullmatch(path)]
+    return max(found, default=Role.ADMIN)
+
+
+@cache
+def _patterns() -> list[tuple[str, re.Pattern[str], Role]]:
+    return list(_compiled())
+
+
+def _compiled() -> Iterator[tuple[str, re.Pattern[str], Role]]:
+    for role, rows in RULES.items():
+        for row in rows:
+            method, template = row.split(" ", 1)
+            parts = re.split(r"(\{[^}]*\})", template)
+            pattern = "".join(_pattern(part) if part.startswith("{") else re.escape(part) for part in parts)
+            yield method, re.compile(pattern, re.DOTALL), role
+
+
+def _pattern(place: str) -> str:
+    return ".*" if place.endswith(":path}") else "[^/]+"

@@ -1,0 +1,88 @@
+"""The log of who did what: a row in the very transaction that does it, or for a request that was refused."""
+
+from collections.abc import Iterator
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from itertools import islice
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session as Transaction
+
+from server.store.access import AuditRow
+from server.store.models import Data, now
+from server.store.paging import Page, after_cursor, page_of
+
+_LONGEST_PATH = 500
+
+
+@dataclass
+class Act:
+    """A request or a command on its way, by whom and from where; it is noted once."""
+
+    who: str
+    role: str
+    token_id: str | None
+    address: str
+    method: str
+    path: str
+    noted: bool = field(default=False, compare=False)
+
+
+acting: ContextVar[Act | None] = ContextVar("acting", default=None)
+"""What the present task or thread is doing for somebody; None for what the server does by itself."""
+
+
+def note_act(db: Transaction) -> None:
+    """Add what is being done to the log, with the transaction that does it or not at all."""
+    act = acting.get()
+    if act is not None and not act.noted:
+        act.noted = True
+        db.add(_row(act, "done"))
+
+
+def note_refusal(db: Transaction, act: Act) -> None:
+    """Add a request that was refused for want of a right."""
+    act.noted = True
+    db.add(_row(act, "refused"))
+
+
+def list_audit(db: Transaction, limit: int, cursor: str | None) -> Page:
+    """Return a page of the log, the newest first."""
+    query = select(AuditRow).order_by(AuditRow.number.desc()).limit(limit + 1)
+    if cursor is not None:
+        query = query.where(AuditRow.number < after_cursor(cursor, int)[0])
+    return page_of([audit_data(row) for row in db.scalars(query)], limit, lambda item: [item["number"]])
+
+
+def newest_audit(db: Transaction, limit: int) -> Iterator[Data]:
+    """Yield the newest rows of the log, the newest first."""
+    query = select(AuditRow).order_by(AuditRow.number.desc()).execution_options(yield_per=500)
+    yield from (audit_data(row) for row in islice(db.scalars(query), limit))
+
+
+def audit_data(row: AuditRow) -> Data:
+    """Return a row as REST and the command line show it."""
+    return {
+        "number": row.number,
+        "at": row.created,
+        "who": row.who,
+        "role": row.role,
+        "token": row.token_id,
+        "address": row.address,
+        "method": row.method,
+        "path": row.path,
+        "outcome": row.outcome,
+    }
+
+
+def _row(act: Act, outcome: str) -> AuditRow:
+    return AuditRow(
+        created=now(),
+        who=act.who,
+        role=act.role,
+        token_id=act.token_id,
+        address=act.address[:64],
+        method=act.method[:16],
+        path="".join(c if c.isprintable() else "?" for c in act.path[:_LONGEST_PATH]),
+        outcome=outcome,
+    )

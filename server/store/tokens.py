@@ -1,0 +1,114 @@
+"""Tokens and logins in the database; what is secret in them comes and goes as a keyed hash."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import delete, or_, select
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import ConflictError, NotFoundError
+from server.store.access import LoginRow, TokenRow
+from server.store.models import Data, now
+
+
+def from_now(span: timedelta) -> str:
+    """Return a time to come as it stands in the tables."""
+    return (datetime.now(UTC) + span).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def add_token(
+    db: Transaction, token_id: str, digest: str, name: str, role: str, lifetime: timedelta | None
+) -> TokenRow:
+    """Store a new token, for good or for a time."""
+    expires = None if lifetime is None else from_now(lifetime)
+    row = TokenRow(id=token_id, name=name, role=role, digest=digest, created=now(), expires=expires, revoked=None)
+    db.add(row)
+    return row
+
+
+def list_tokens(db: Transaction) -> Sequence[TokenRow]:
+    """Return all tokens, also those that are no longer good, the newest first."""
+    return db.scalars(select(TokenRow).order_by(TokenRow.created.desc(), TokenRow.id)).all()
+
+
+def good_token(db: Transaction, token_id: str) -> TokenRow | None:
+    """Return a token that is neither revoked nor expired, None where there is none."""
+    row = db.get(TokenRow, token_id)
+    return row if row is not None and is_good(row) else None
+
+
+def is_good(row: TokenRow) -> bool:
+    """Return whether a token still opens the door."""
+    return row.revoked is None and (row.expires is None or row.expires > now())
+
+
+def has_admin(db: Transaction) -> bool:
+    """Return whether somebody can log in as an admin."""
+    query = select(TokenRow.id).where(
+        TokenRow.role == "admin",
+        TokenRow.revoked.is_(None),
+        or_(TokenRow.expires.is_(None), TokenRow.expires > now()),
+    )
+    return db.scalars(query.limit(1)).first() is not None
+
+
+def revoke_token(db: Transaction, token_id: str, but_not: str | None = None) -> None:
+    """End a token and all logins that were made with it; revoking it again changes nothing.
+
+    Parameters
+    ----------
+    db : Transaction
+    token_id : str
+    but_not : str, optional
+        The token that asks for this, which must not end itself.
+
+    Raises
+    ------
+    NotFoundError, ConflictError
+    """
+    row = db.get(TokenRow, token_id)
+    if row is None:
+        raise NotFoundError(
+            "a token's id", f"'{token_id}', which none has", "Take one of those that are listed.", "token"
+        )
+    if token_id == but_not:
+        raise ConflictError(
+            "another token than the one in use",
+            "the token that this request was made with",
+            "Revoke it with another admin's token, or by `scancell token revoke` on the server.",
+            "token",
+        )
+    row.revoked = row.revoked or now()
+    db.execute(delete(LoginRow).where(LoginRow.token_id == token_id))
+
+
+def token_data(row: TokenRow) -> Data:
+    """Return a token as REST and the command line show it: all but itself."""
+    return {
+        "id": row.id,
+        "name": row.name,
+        "role": row.role,
+        "created": row.created,
+        "expires": row.expires,
+        "revoked": row.revoked,
+    }
+
+
+def add_login(db: Transaction, digest: str, token: TokenRow, lifetime: timedelta) -> None:
+    """Store a login, which ends with its token at the latest; forget those that are over."""
+    db.execute(delete(LoginRow).where(LoginRow.expires <= now()))
+    expires = min(from_now(lifetime), token.expires or "9")
+    db.add(LoginRow(digest=digest, token_id=token.id, created=now(), expires=expires))
+
+
+def token_of_login(db: Transaction, digest: str) -> TokenRow | None:
+    """Return the token behind a login that is not over, None where there is none."""
+    login = db.get(LoginRow, digest)
+    if login is None or login.expires <= now():
+        return None
+    return good_token(db, login.token_id)
+
+
+def remove_login(db: Transaction, digest: str) -> None:
+    """End a login."""
+    db.execute(delete(LoginRow).where(LoginRow.digest == digest))
