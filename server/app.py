@@ -14,7 +14,7 @@ from server import errors, measuring, openapi
 from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
-from server.routes import archives, captures, health, pages, sessions, solves
+from server.routes import archives, captures, clouds, health, pages, sessions, solves
 from server.scenes.manager import SceneManager
 from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene, stored_scene
@@ -66,7 +66,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for module in (sessions, captures, solves, archives, health):
+    for module in (sessions, captures, solves, clouds, archives, health):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(pages.router)

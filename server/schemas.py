@@ -171,6 +171,21 @@ class StoredTcpResult(TcpResult):
     stale: bool
 
 
+class StoredCloudFile(BaseModel):
+    """A cloud or a mesh that a merge made, stored as PLY, and the formats that it can be had in."""
+
+    name: str
+    bytes: int
+    sha256: str
+    formats: list[str]
+
+
+class StoredCloudFiles(BaseModel):
+    """What a session's merge made."""
+
+    items: list[StoredCloudFile]
+
+
 class Health(BaseModel):
     """Whether the server answers, and whether it is ready to solve."""
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib_core.errors import InputError
 from server.store.blobs import Blobs, open_blobs
-from server.store.solves import Output
+from server.store.sessions import Output
 
 if TYPE_CHECKING:
     from server.settings import Settings

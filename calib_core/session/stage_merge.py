@@ -22,9 +22,7 @@ from calib_core.records import (
 from calib_core.session.point_writers import Pieces, ply_pieces
 from calib_core.session.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.session.stage_tcp import SOFTWARE, StageInput
-
-CLOUD_FILE = "clouds/merged.ply"
-MESH_FILE = "clouds/mesh.ply"
+from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE
 
 _CALIBRATION_SHARE = 0.2
 _SUSPICIOUS = 1.5  # overlap over what is expected: something beyond the calibration moves the scans

@@ -19,8 +19,8 @@ from server.measuring import check_poses, measure
 from server.store.blobs import Blobs
 from server.store.captures import add_capture
 from server.store.models import Data, SessionRow
-from server.store.sessions import STORE_FIELDS, StoredSession, create_session
-from server.store.solves import Output, store_result
+from server.store.sessions import STORE_FIELDS, Output, StoredSession, create_session
+from server.store.solves import store_result
 
 _MAX_NAME = 500
 _WHERE = "archive"
@@ -61,7 +61,7 @@ def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes
         **{f"results/{stage}.json": to_json_bytes(result) for stage, result in stored.results.items()},
         **pages,
     }
-    payload |= {name: stored.blobs.path(digest) for name, digest in stored.outputs.items()}
+    payload |= {name: stored.blobs.path(output.sha256) for name, output in stored.outputs.items()}
     for name, digest in stored.digests.items():
         if plain_name(name) in payload:
             got = f"a capture's file named {name}"

@@ -19,11 +19,19 @@ from server.store.paging import Page, after_cursor, page_of
 
 
 @dataclass(frozen=True)
+class Output:
+    """A file that a stage made beside its result, by the SHA-256 of its blob and its size in bytes."""
+
+    sha256: str
+    size: int
+
+
+@dataclass(frozen=True)
 class StoredSession:
     """All of a session at one moment, for solving, guiding and drawing.
 
     `digests` maps the file names in the captures' records to the SHA-256 of their content; `results` maps each
-    stage to its latest result, as JSON data; `outputs` the names of what stages made beside them to the SHA-256.
+    stage to its latest result, as JSON data; `outputs` the names of what stages made beside them.
     """
 
     id: str
@@ -31,7 +39,7 @@ class StoredSession:
     measured: Mapping[str, Measured]
     results: Mapping[str, Data]
     digests: Mapping[str, str]
-    outputs: Mapping[str, str]
+    outputs: Mapping[str, Output]
     blobs: Blobs
 
     def read(self, name: str) -> bytes:
@@ -162,14 +170,14 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         select(CaptureRow).where(CaptureRow.session_id == session_id).order_by(CaptureRow.position)
     ).all()
     files = db.execute(select(FileRow.name, FileRow.sha256).where(FileRow.session_id == session_id))
-    outputs = db.execute(select(OutputRow.name, OutputRow.sha256).where(OutputRow.session_id == session_id))
+    outputs = db.scalars(select(OutputRow).where(OutputRow.session_id == session_id))
     return StoredSession(
         id=session_id,
         session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),
         measured={c.id: Measured.model_validate(c.measured) for c in captures},
         results=latest_results(db, session_id),
         digests=dict(files.all()),
-        outputs=dict(outputs.all()),
+        outputs={row.name: Output(row.sha256, row.size) for row in outputs},
         blobs=blobs,
     )
 

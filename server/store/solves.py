@@ -1,7 +1,6 @@
 """Jobs and the results that they leave."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
@@ -9,7 +8,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import NotFoundError
 from server.store.database import record_event
 from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, now
-from server.store.sessions import locked_session, new_id
+from server.store.sessions import Output, locked_session, new_id
 
 ENDED = ("done", "failed", "cancelled")
 REPLAY = "replay"
@@ -86,14 +85,6 @@ def unfinished_jobs(db: Transaction, session_id: str | None = None) -> list[str]
     """Return the ids of jobs that wait or run, of one session or of all."""
     query = select(JobRow.id).where(JobRow.status.not_in(ENDED))
     return list(db.scalars(query if session_id is None else query.where(JobRow.session_id == session_id)))
-
-
-@dataclass(frozen=True)
-class Output:
-    """A file that a stage made beside its result, by the SHA-256 of its blob and its size in bytes."""
-
-    sha256: str
-    size: int
 
 
 def add_result(

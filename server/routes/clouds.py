@@ -1,0 +1,90 @@
+"""Clouds and meshes that a merge made: listed, and streamed in the formats of other programs."""
+
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+from typing import IO, Annotated
+
+from fastapi import APIRouter, Path, Query, Response
+from fastapi.responses import StreamingResponse
+
+from calib_core.errors import NotFoundError
+from server.deps import SessionId, StoreDep
+from server.schemas import StoredCloudFile, StoredCloudFiles
+from server.store.sessions import StoredSession, load_session
+from server.strict_json import StrictRoute
+
+router = APIRouter(tags=["clouds"], route_class=StrictRoute)
+
+_CHUNK_BYTES = 1 << 20
+
+CloudName = Annotated[
+    str,
+    Path(description="`merged.ply`, or with another format's ending: `merged.e57`, `mesh.stl`.", max_length=80),
+]
+CloudFormat = Annotated[
+    str | None,
+    Query(alias="format", description="ply, pcd, xyz, e57 or stl, whatever the name ends in.", max_length=8),
+]
+
+
+@router.get("/sessions/{session_id}/clouds", response_model=StoredCloudFiles)
+def list_clouds(session_id: SessionId, store: StoreDep) -> StoredCloudFiles:
+    """Return the clouds and meshes that there are, with the formats that each is given in."""
+    from calib_core.session.stored_clouds import MESH_FILE, OF_CLOUDS, OF_MESHES
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    items = [
+        StoredCloudFile(
+            name=PurePosixPath(name).name,
+            bytes=output.size,
+            sha256=output.sha256,
+            formats=list(OF_MESHES if name == MESH_FILE else OF_CLOUDS),
+        )
+        for name, output in sorted(stored.outputs.items())
+    ]
+    return StoredCloudFiles(items=items)
+
+
+@router.get(
+    "/sessions/{session_id}/clouds/{name}",
+    response_class=Response,
+    responses={200: {"description": "The file, in its own media type.", "content": {"model/ply": {}}}},
+)
+def get_cloud(
+    session_id: SessionId, name: CloudName, store: StoreDep, wanted: CloudFormat = None
+) -> StreamingResponse:
+    """Return the merged cloud or its mesh; as PLY it is what the merge stored, byte for byte."""
+    from calib_core.session.stored_clouds import MEDIA_TYPES, in_format, read_stored_ply, requested
+
+    file, chosen = requested(name, wanted)
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    output = stored.outputs.get(file)
+    if output is None:
+        raise _missing(stored, name)
+    headers = {
+        "ETag": f'"{output.sha256}-{chosen}"',
+        "Content-Disposition": f'attachment; filename="{PurePosixPath(file).stem}.{chosen}"',
+    }
+    content = store.blobs.open(output.sha256)
+    if chosen == "ply":
+        headers["Content-Length"] = str(output.size)
+        return StreamingResponse(_chunks(content), media_type=MEDIA_TYPES[chosen], headers=headers)
+    with content:
+        cloud = read_stored_ply(content.read(), file)
+    return StreamingResponse(in_format(cloud, chosen, file), media_type=MEDIA_TYPES[chosen], headers=headers)
+
+
+def _missing(stored: StoredSession, name: str) -> NotFoundError:
+    there = ", ".join(PurePosixPath(known).name for known in sorted(stored.outputs))
+    if there:
+        return NotFoundError(f"a cloud among {there}", repr(name), "Name one of these.", "name")
+    to_do = f"POST …/sessions/{stored.id}/solve/merge makes them."
+    return NotFoundError("a merged cloud", "none in this session", to_do, "name")
+
+
+def _chunks(content: IO[bytes]) -> Iterator[bytes]:
+    with content:
+        while chunk := content.read(_CHUNK_BYTES):
+            yield chunk
