@@ -40,6 +40,7 @@ JobsDep = Annotated[Jobs, Depends(_jobs)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]
 CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64)]
+JobId = Annotated[str, Path(description="A job's `id`.", max_length=64)]
 StageName = Annotated[str, Path(description="`tcp`, and the other stages as they come.", max_length=64)]
 IfMatch = Annotated[
     str | None, Header(max_length=200, description="The ETag that the change was made against; else 412.")

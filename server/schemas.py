@@ -5,6 +5,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from calib_core.records import Capture, Cell, Finite, Measured, Record, Session, Stage, TcpResult, Verdict
+from calib_core.session.workpiece import AtWorkpiece
 
 
 class SimulatedCell(Record):
@@ -169,6 +170,7 @@ class StoredTcpResult(TcpResult):
     """A result as the server keeps it; `stale` where captures or cell have changed since."""
 
     stale: bool
+    at_workpiece: list[AtWorkpiece] = Field(default_factory=list[AtWorkpiece])
 
 
 class StoredCloudFile(BaseModel):

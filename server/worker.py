@@ -93,7 +93,7 @@ def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[st
 def replay(
     job_id: str, session: Mapping[str, Any], results: Mapping[str, Any], paths: Mapping[str, str]
 ) -> Solved:
-    """Solve every stage with a stored result afresh and compare.
+    """Solve every stage with a stored result afresh and compare: the record `Recomputed` as JSON data.
 
     Raises
     ------
@@ -102,9 +102,17 @@ def replay(
     """
     progress = _started(job_id)
     from calib_core.records import parse_session
+    from calib_core.session.compare import Compared, compare_results
     from calib_core.session.replay import replay as compare_all
 
-    return Solved(compare_all(parse_session(session), _reader(paths), results, progress).to_json(), {})
+    record = parse_session(session)
+    fresh: dict[str, Any] = {}
+    compared = compare_all(record, _reader(paths), results, progress, fresh=fresh.__setitem__)
+    stages = {
+        stage: compare_results(Compared("", results[stage], record), Compared("", new, record)).to_json()
+        for stage, new in fresh.items()
+    }
+    return Solved({"replay": compared.to_json(), "stages": stages}, {})
 
 
 def _started(job_id: str) -> Callable[[float, str], None]:

@@ -1,7 +1,7 @@
 """Replay: solve a stored session afresh and compare every number with what it holds."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, cast
 
 from pydantic import Field
@@ -66,6 +66,7 @@ def replay(
     results: Mapping[str, Mapping[str, Any]],
     progress: Progress | None = None,
     where: str = "",
+    fresh: Callable[[str, dict[str, Any]], None] = lambda _stage, _result: None,
 ) -> Replay:
     """Solve afresh every stage that has a stored result, and compare.
 
@@ -80,6 +81,8 @@ def replay(
         As of `pipeline.run`.
     where : str
         What messages call the session.
+    fresh : callable, optional
+        Called with each stage that could be solved, and its new result as JSON data.
 
     Raises
     ------
@@ -88,19 +91,25 @@ def replay(
     """
     if not results:
         raise InputError("stored results to compare with", "none", "Solve the session, then pack it.", where)
-    stages = [_stage(session, read, stage, stored, progress) for stage, stored in results.items()]
+    stages = [_stage(session, read, stage, stored, progress, fresh) for stage, stored in results.items()]
     equal = all(stage.equal for stage in stages)
     return Replay(session=session.name, software=SOFTWARE, tolerance=TOLERANCE, equal=equal, stages=stages)
 
 
 def _stage(
-    session: Session, read: ReadFile, stage: str, stored: Mapping[str, Any], progress: Progress | None
+    session: Session,
+    read: ReadFile,
+    stage: str,
+    stored: Mapping[str, Any],
+    progress: Progress | None,
+    tell: Callable[[str, dict[str, Any]], None],
 ) -> StageReplay:
     try:
         fresh = result_data(solve_stage(session, stage, read, progress))
     except CalibrationError as error:
         why = [f"It cannot be solved any more: {error}", *_why(session, read, stage, stored, {})]
         return StageReplay(stage=stage, equal=False, why=why)
+    tell(stage, fresh)
     compared = compare(stored, fresh)
     return compared.model_copy(
         update={"stage": stage, "why": [] if compared.equal else _why(session, read, stage, stored, fresh)}

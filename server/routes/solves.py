@@ -10,7 +10,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
-from server.deps import HubDep, JobsDep, LastEventId, OnceDep, SessionId, StageName, StoreDep
+from server.deps import HubDep, JobId, JobsDep, LastEventId, OnceDep, SessionId, StageName, StoreDep
 from server.events import follow, to_sse
 from server.schemas import Job, StoredTcpResult
 from server.store.models import Data
@@ -19,8 +19,6 @@ from server.store.solves import ENDED, create_job, job_data, job_row
 from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["solves"], route_class=StrictRoute)
-
-JobId = Annotated[str, Path(description="A job's `id`.", max_length=64)]
 
 
 @router.post("/sessions/{session_id}/solve/{stage}", status_code=202, response_model=Job)

@@ -9,7 +9,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
-from calib_core.errors import NotFoundError
+from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.records import Measured, Session, parse_session
 from server.errors import OutdatedError
 from server.store.blobs import Blobs
@@ -51,14 +51,26 @@ class StoredSession:
         return self.blobs.read(self.digests[name])
 
     def results_with_stale(self) -> dict[str, Data]:
-        """Return the results, each with whether its inputs have changed since it was computed."""
+        """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""
         from calib_core.session.pipeline import inputs_sha256
 
         results: dict[str, Data] = {}
         for stage, result in self.results.items():
             now_sha256 = inputs_sha256(self.session, stage, self.read, self.digests.__getitem__)
-            results[stage] = {**result, "stale": result["inputs_sha256"] != now_sha256}
+            results[stage] = {
+                **result,
+                "stale": result["inputs_sha256"] != now_sha256,
+                "at_workpiece": self._at_workpiece(result),
+            }
         return results
+
+    def _at_workpiece(self, result: Data) -> list[Data]:
+        from calib_core.session.workpiece import at_workpiece
+
+        try:
+            return [row.to_json() for row in at_workpiece(self.session, result)]
+        except CalibrationError:
+            return []  # of an archive whose numbers are none; what shows them says so
 
 
 def new_id() -> str:

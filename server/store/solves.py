@@ -43,6 +43,11 @@ def job_row(db: Transaction, job_id: str) -> JobRow:
     return row
 
 
+def job_answer(db: Transaction, job_id: str) -> Data | None:
+    """Return what a job answered that made no result, None before its end; raises NotFoundError."""
+    return job_row(db, job_id).answer
+
+
 def create_job(db: Transaction, session: SessionRow, stage: str) -> JobRow:
     """Store a job that waits for its turn."""
     row = JobRow(

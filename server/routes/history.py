@@ -1,0 +1,162 @@
+"""A session's past: its time line, each moment of it, every result; two results side by side; recomputing."""
+
+import json
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query, Response
+from fastapi.responses import JSONResponse
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError
+from calib_core.records import Stage
+from calib_core.session.compare import Comparison
+from server.deps import JobId, JobsDep, OnceDep, SessionId, StageName, StoreDep
+from server.schemas import Job
+from server.schemas_history import MomentOfSession, Recomputed, ResultHistory, StageResult, Timeline
+from server.store.history import PastResult, latest_numbers, moment, past_result, stage_history, timeline
+from server.store.models import Data
+from server.store.sessions import StoredSession, load_session, locked_session
+from server.store.solves import REPLAY, create_job, job_answer, job_data
+from server.strict_json import StrictRoute
+
+router = APIRouter(tags=["history"], route_class=StrictRoute)
+
+ResultNumber = Annotated[int, Path(ge=1, lt=2**53, description="A result's `number` in the history.")]
+_SIDE = "SESSION or SESSION:NUMBER, a session's `id` with a result's `number`; without it the latest."
+SideName = Annotated[str, Query(max_length=100, description=_SIDE)]
+
+
+@router.get("/sessions/{session_id}/timeline", response_model=Timeline)
+def get_timeline(session_id: SessionId, store: StoreDep) -> Response:
+    """Return what happened in order: captures, results, solves that failed; the last item is how it stands now."""
+    with store.read() as db:
+        return JSONResponse({"items": timeline(db, session_id)})
+
+
+@router.get("/sessions/{session_id}/timeline/{place}", response_model=MomentOfSession)
+def get_moment(
+    session_id: SessionId,
+    place: Annotated[int, Path(ge=0, lt=2**31, description="An item's `place`.")],
+    store: StoreDep,
+) -> Response:
+    """Return the session as it stood at one place of its time line: record, captures, results, steps."""
+    with store.read() as db:
+        found = moment(db, store.blobs, session_id, place)
+    return JSONResponse(_moment_data(found.stored, place, found.numbers))
+
+
+@router.get("/sessions/{session_id}/results/{stage}/history", response_model=ResultHistory)
+def get_history(session_id: SessionId, stage: StageName, store: StoreDep) -> Response:
+    """List all results that a stage ever had, the newest first."""
+    with store.read() as db:
+        items = [_summary(result) for result in stage_history(db, session_id, stage)]
+    return JSONResponse({"items": items})
+
+
+@router.get("/sessions/{session_id}/results/{stage}/history/{number}", response_model=StageResult)
+def get_past_result(session_id: SessionId, stage: StageName, number: ResultNumber, store: StoreDep) -> Response:
+    """Return one result of a stage's history."""
+    with store.read() as db:
+        return JSONResponse(past_result(db, session_id, stage, number).record)
+
+
+@router.get("/compare/{stage}", response_model=Comparison)
+def compare(stage: Stage, left: SideName, right: SideName, store: StoreDep) -> Response:
+    """Return two results of a stage side by side, of one session or two: what differs, in units of its sigma."""
+    from calib_core.session.compare import Compared, compare_results
+
+    sides: list[Compared] = []
+    with store.read() as db:
+        for name, side in (("left", left), ("right", right)):
+            session_id, number = _side(name, side)
+            found = past_result(db, session_id, stage, number)
+            now = load_session(db, store.blobs, session_id).session
+            known = found.session is not None
+            sides.append(
+                Compared(
+                    session_id,
+                    found.record,
+                    found.session or now,
+                    found.files if known else None,
+                    found.number,
+                    found.created,
+                )
+            )
+    return JSONResponse(compare_results(*sides).to_json())
+
+
+@router.post("/sessions/{session_id}/replay", status_code=202, response_model=Job)
+def recompute(session_id: SessionId, once: OnceDep, store: StoreDep, jobs: JobsDep) -> Response:
+    """Start solving every stage with a result afresh, to compare; nothing of the session is changed.
+
+    Answers at once with the job; its answer has the comparison.
+    """
+
+    def act(db: Transaction) -> Data:
+        if not latest_numbers(db, session_id):
+            load_session(db, store.blobs, session_id)  # says so where there is no such session
+            raise ConflictError("stored results to compare with", "none", "Solve the session first.", session_id)
+        return job_data(create_job(db, locked_session(db, session_id), REPLAY))
+
+    answer, first = once.run(store, "replay", 202, act)
+    if first:
+        jobs.submit(json.loads(bytes(answer.body))["id"])
+    return answer
+
+
+@router.get("/jobs/{job_id}/answer", response_model=Recomputed)
+def get_answer(job_id: JobId, store: StoreDep) -> Response:
+    """Return what a recomputing job found: stored and new side by side."""
+    with store.read() as db:
+        answer = job_answer(db, job_id)
+    if answer is None:
+        got = "one that has not ended well, or a solve"
+        raise NotFoundError("a recomputing job that is done", got, "Wait for its end; read its `status`.", "job")
+    return JSONResponse(answer)
+
+
+def _summary(result: PastResult) -> Data:
+    record = result.record
+    rows = record.get("residuals") or []
+    figures = {n: v for n, v in record.items() if isinstance(v, int | float) and not isinstance(v, bool)}
+    return {
+        "number": result.number,
+        "created": result.created,
+        **{name: record[name] for name in ("stage", "verdict", "method", "software", "inputs_sha256")},
+        "captures": len(rows),
+        "used": sum(bool(row["used"]) for row in rows),
+        "figures": figures,
+    }
+
+
+def _moment_data(stored: StoredSession, place: int, numbers: Any) -> Data:
+    from calib_core.session.guide import guide
+
+    results = stored.results_with_stale()
+    captures = [{**c.to_json(), "measured": stored.measured[c.id].to_json()} for c in stored.session.captures]
+    return {
+        "place": place,
+        "session": {**stored.session.to_json(), "captures": []},
+        "captures": captures,
+        "results": results,
+        "numbers": dict(numbers),
+        "guide": guide(stored.session, list(stored.measured.values()), results).to_json(),
+        "frames": _frames(stored),
+    }
+
+
+def _frames(stored: StoredSession) -> Data | None:
+    """Return tool and table as controllers write them, None where nothing is to be exported yet."""
+    from calib_core.session.export import export
+
+    try:
+        return json.loads(export(stored.session, stored.results, "json")[0])
+    except CalibrationError:
+        return None
+
+
+def _side(name: str, text: str) -> tuple[str, int | None]:
+    session_id, _, number = text.partition(":")
+    if number and not (number.isascii() and number.isdigit() and len(number) < 16):
+        raise InputError(_SIDE.split(",")[0], repr(text), "Take both from the session's history.", name)
+    return session_id, int(number) if number else None

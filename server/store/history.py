@@ -1,0 +1,195 @@
+"""A session's past: what came when, how everything stood at each moment, and every result that there was."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session as Transaction
+from sqlalchemy.orm import undefer
+
+from calib_core.errors import NotFoundError
+from calib_core.records import Capture, Measured, Session, parse_session
+from server.store.blobs import Blobs
+from server.store.models import CaptureRow, Data, JobRow, ResultRow
+from server.store.sessions import StoredSession, load_session, session_row
+from server.store.solves import REPLAY
+
+_REMOVED = "Its files were removed since."
+
+
+@dataclass(frozen=True)
+class PastResult:
+    """One result of a session: its number, when it came, and what it was solved from as far as that is known."""
+
+    number: int
+    stage: str
+    created: str
+    record: Data
+    session: Session | None
+    files: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """How a session stood at one place of its time line; `numbers` are those of its results by stage."""
+
+    place: int
+    stored: StoredSession
+    numbers: Mapping[str, int]
+
+
+def timeline(db: Transaction, session_id: str) -> list[Data]:
+    """Return what happened in a session, in order: captures, results, solves without a result; `now` ends it.
+
+    Captures that were removed since stand before the first result that they were in.
+
+    Raises
+    ------
+    NotFoundError
+    """
+    session = session_row(db, session_id)
+    past = _past_results(db, session_id)
+    items = [*_captures(db, session_id, past), *_results(past), *_ended_without_result(db, session_id)]
+    items.sort(key=lambda item: item[0])
+    found = [data for _, data in items]
+    found.append({"kind": "now", "at": max([session.updated, *(item["at"] for item in found)])})
+    return [{"place": place, **data} for place, data in enumerate(found)]
+
+
+def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment:
+    """Return how a session stood at a place of its time line, counted from 0.
+
+    Captures are as the next solve found them, or as they are now where none came after.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such session or place.
+    """
+    items = timeline(db, session_id)
+    if not 0 <= place < len(items):
+        raise NotFoundError(
+            f"a place on the time line from 0 to {len(items) - 1}", f"{place}", "Read the time line.", "place"
+        )
+    stored = load_session(db, blobs, session_id)
+    if place == len(items) - 1:
+        return Moment(place, stored, latest_numbers(db, session_id))
+    past = {result.number: result for result in _past_results(db, session_id)}
+    before = items[: place + 1]
+    numbers = {item["stage"]: item["number"] for item in before if item["kind"] == "result"}
+    earlier = [past[item["number"]] for item in before if item["kind"] == "result"]
+    later = [past[item["number"]] for item in items[place:] if item["kind"] == "result"]
+    ids = [item["capture"] for item in before if item["kind"] == "capture"]
+    session = _session_then(stored.session, ids, _sessions(earlier), _sessions(later))
+    digests: dict[str, str] = {}
+    for result in past.values():
+        digests |= result.files
+    digests |= stored.digests
+    then = StoredSession(
+        id=stored.id,
+        session=session,
+        measured={c.id: stored.measured.get(c.id) or _unmeasured(c.id, c.kind) for c in session.captures},
+        results={stage: past[number].record for stage, number in numbers.items()},
+        digests=digests,
+        outputs=stored.outputs,
+        blobs=blobs,
+    )
+    return Moment(place, then, numbers)
+
+
+def latest_numbers(db: Transaction, session_id: str) -> dict[str, int]:
+    """Return the number of each stage's latest result."""
+    query = select(ResultRow.stage, ResultRow.number).where(ResultRow.session_id == session_id)
+    return dict(db.execute(query.order_by(ResultRow.number)).all())
+
+
+def stage_history(db: Transaction, session_id: str, stage: str) -> list[PastResult]:
+    """Return all results of a stage, the newest first; raises NotFoundError where there is no such session."""
+    session_row(db, session_id)
+    return [result for result in reversed(_past_results(db, session_id, stage)) if result.stage == stage]
+
+
+def past_result(db: Transaction, session_id: str, stage: str, number: int | None = None) -> PastResult:
+    """Return a result of a stage by its number, or the latest; raises NotFoundError."""
+    found = [r for r in stage_history(db, session_id, stage) if number is None or r.number == number]
+    if not found:
+        got = f"'{stage}', which was not solved" if number is None else f"{number}"
+        raise NotFoundError(
+            "a result of this stage", got, "List its history; solve the stage where it is empty.", "number"
+        )
+    return found[0]
+
+
+def _past_results(db: Transaction, session_id: str, stage: str | None = None) -> list[PastResult]:
+    query = select(ResultRow).options(undefer(ResultRow.solved_from)).where(ResultRow.session_id == session_id)
+    if stage is not None:
+        query = query.where(ResultRow.stage == stage)
+    return [_past(row) for row in db.scalars(query.order_by(ResultRow.number))]
+
+
+def _past(row: ResultRow) -> PastResult:
+    solved_from = row.solved_from
+    return PastResult(
+        number=row.number,
+        stage=row.stage,
+        created=row.created,
+        record=row.record,
+        session=parse_session(solved_from["session"], row.session_id) if solved_from else None,
+        files=solved_from["files"] if solved_from else {},
+    )
+
+
+_Item = tuple[tuple[str, int, int], Data]
+
+
+def _captures(db: Transaction, session_id: str, past: Sequence[PastResult]) -> Iterator[_Item]:
+    rows = db.scalars(select(CaptureRow).where(CaptureRow.session_id == session_id).order_by(CaptureRow.position))
+    there: set[str] = set()
+    for row in rows:
+        there.add(row.id)
+        data = {"kind": "capture", "at": row.created, "capture": row.id, "step": row.record["step"]}
+        yield (row.created, 0, row.position), {**data, "verdict": row.measured["verdict"], "removed": False}
+    for result in past:
+        for position, capture in enumerate(result.session.captures if result.session else ()):
+            if capture.id not in there:
+                there.add(capture.id)
+                data = {"kind": "capture", "at": result.created, "capture": capture.id, "step": capture.step}
+                yield (result.created, 0, position), {**data, "verdict": "warn", "removed": True}
+
+
+def _results(past: Sequence[PastResult]) -> Iterator[_Item]:
+    for result in past:
+        data = {"kind": "result", "at": result.created, "stage": result.stage, "number": result.number}
+        yield (
+            (result.created, 1, result.number),
+            {**data, "verdict": result.record["verdict"], "software": result.record["software"]},
+        )
+
+
+def _ended_without_result(db: Transaction, session_id: str) -> Iterator[_Item]:
+    query = select(JobRow).where(JobRow.session_id == session_id, JobRow.status.in_(("failed", "cancelled")))
+    for row in db.scalars(query.where(JobRow.stage != REPLAY)):
+        at = row.finished or row.created
+        data = {"kind": row.status, "at": at, "stage": row.stage}
+        yield (at, 2, 0), {**data, "message": row.error["detail"] if row.error else row.message}
+
+
+def _sessions(past: Sequence[PastResult]) -> list[Session]:
+    return [result.session for result in past if result.session is not None]
+
+
+def _session_then(
+    now: Session, ids: Sequence[str], earlier: Sequence[Session], later: Sequence[Session]
+) -> Session:
+    """Return a session as it was between what earlier and later solves found, with the captures of these ids."""
+    captures: dict[str, Capture] = {}
+    for session in [*earlier, now, *reversed(later)]:  # what is nearest in the future counts
+        captures |= {capture.id: capture for capture in session.captures}
+    nearest = later[0] if later else now
+    there = [captures[name] for name in ids if name in captures]
+    return nearest.model_copy(update={"captures": there})
+
+
+def _unmeasured(capture: str, kind: Any) -> Measured:
+    return Measured(capture=capture, kind=kind, verdict="warn", reason=_REMOVED)
