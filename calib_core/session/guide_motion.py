@@ -65,7 +65,7 @@ def motion_of(poses: Sequence[RigidTransform]) -> Motion:
     turns: list[FloatArray] = []
     for k in range(len(poses)):
         turn = vector_from_rotation(home.rotation.T @ rotations[k])
-        if np.linalg.norm(turn) >= _LEAST_TURN_RAD and _nearest_turn_rad(turn, turns) > EQUAL_ORIENTATION_RAD:
+        if np.linalg.norm(turn) >= _LEAST_TURN_RAD and nearest_turn_rad(turn, turns) > EQUAL_ORIENTATION_RAD:
             turns.append(turn)
     long_enough = np.linalg.norm(shifts, axis=1) >= _LEAST_SHIFT_MM
     return Motion(reference, shifts[long_enough], np.array(turns).reshape(-1, 3))
@@ -92,7 +92,7 @@ def next_turn(motion: Motion, home: RigidTransform, sphere_center_in_base: Float
         it is not known yet the flange turns in its place.
     """
     taken = [np.zeros(3), *motion.turns_rad]
-    gains = [_nearest_turn_rad(turn, taken) for turn in _TURNS_RAD]
+    gains = [nearest_turn_rad(turn, taken) for turn in _TURNS_RAD]
     # Among equals the first of the plan.
     rotation = home.rotation @ rotation_from_vector(_TURNS_RAD[int(np.argmax(np.round(gains, 6)))])
     if sphere_center_in_base is None:
@@ -107,11 +107,14 @@ def turn_between_deg(a: RigidTransform, b: RigidTransform) -> tuple[float, str]:
     return float(np.rad2deg(np.linalg.norm(turn))), "xyz"[int(np.argmax(np.abs(turn)))]
 
 
-def _nearest_turn_rad(turn: FloatArray, others: Sequence[FloatArray]) -> float:
+def nearest_turn_rad(turn: FloatArray, others: Sequence[FloatArray]) -> float:
     """Return the angle to the nearest of other orientations, each as a rotation vector."""
-    rotation = rotation_from_vector(turn)
-    angles = [np.linalg.norm(vector_from_rotation(rotation.T @ rotation_from_vector(o))) for o in others]
-    return float(min(angles, default=np.pi))
+    from scipy.spatial.transform import Rotation
+
+    if not others:
+        return np.pi
+    between = Rotation.from_rotvec(turn).inv() * Rotation.from_rotvec(np.array(others))
+    return float(between.magnitude().min())
 
 
 def _units(vectors: FloatArray) -> FloatArray:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.frames import RigidTransform
+from calib_core.frames import RigidTransform, rotation_from_vector, vector_from_rotation
 from calib_core.records import Guide, Measured, Session
 from calib_core.robot_pose import parse_pose, to_pose
 from calib_core.session.guide import guide
+from calib_core.session.guide_motion import nearest_turn_rad
 from calib_core.simulation import simulate
 
 HOME = RigidTransform.of(
@@ -212,3 +213,11 @@ def test_no_opinion_on_the_last_capture_before_it_is_measured() -> None:
     session = session_of([HOME])
     assert guide(session, [], {}).last_capture is None
     assert guide(session_of([]), [], {}).last_capture is None
+
+
+def test_the_nearest_of_many_turns_is_the_smallest_angle_between_them() -> None:
+    rng = np.random.default_rng(3)
+    turn, *others = rng.uniform(-1, 1, (9, 3))
+    one_by_one = [vector_from_rotation(rotation_from_vector(turn).T @ rotation_from_vector(o)) for o in others]
+    assert nearest_turn_rad(turn, others) == pytest.approx(min(np.linalg.norm(v) for v in one_by_one), abs=1e-9)
+    assert nearest_turn_rad(turn, []) == np.pi

@@ -5,6 +5,12 @@ from urllib.parse import urlsplit
 
 from playwright.sync_api import BrowserContext, Page, Request
 
+BROWSER_ARGUMENTS = [
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-sandbox",
+    "--disable-background-networking",
+]
 _SCENE = re.compile(r"/scenes/[^/]+/(\?.*)?$")
 
 

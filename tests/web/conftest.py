@@ -9,23 +9,17 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from server.settings import Settings
 from tests.server.live_server import serving
-from tests.web.browsing import Watched, leave_out_the_scene
+from tests.web.browsing import BROWSER_ARGUMENTS, Watched, leave_out_the_scene
 
 # The start page draws the simulated cell's seed by lot; here it is always 7.
 _SAME_CELL = "if (window === window.top) Math.random = () => 0.00065;"
-_ARGUMENTS = [
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--no-sandbox",
-    "--disable-background-networking",
-]
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     expect.set_options(timeout=30_000)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
         yield browser
         browser.close()
 

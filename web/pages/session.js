@@ -40,7 +40,7 @@ export class SessionPage extends HTMLElement {
     window.addEventListener("hashchange", this.#hash);
     state.watch(["session", "problem"], () => this.#update(state));
     state.watch(["view"], () => this.#address(state));
-    void attempt(() => state.start());
+    void attempt(() => state.start()).then(() => performance.mark("scancell:ready"));
   }
 
   disconnectedCallback() {

@@ -35,7 +35,7 @@ export class StartPage extends HTMLElement {
       event.preventDefault();
       if (event.dataTransfer) void dropped(event.dataTransfer).then((found) => this.#take(found));
     });
-    void attempt(() => this.#load());
+    void attempt(() => this.#load()).then(() => performance.mark("scancell:ready"));
   }
 
   #ways() {
