@@ -107,14 +107,16 @@ _Add = Callable[[str, str, Callable[[argparse.Namespace], int]], argparse.Argume
 def _solving(add: _Add) -> None:
     command = add("run", "solve a session folder or archive, no server needed", _command_run)
     _session(command)
-    stages = "all (default), or one of camera, laser-plane, tcp, turntable, chain"
+    stages = "all (default), or one of camera, laser-plane, tcp, turntable, chain, merge"
     command.add_argument("--stage", default="all", metavar="STAGE", help=stages)
     command.add_argument("--out", type=Path, metavar="DIR", help="write results/ here instead of into the session")
     command.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     _session(add("check", "say what is wrong with a session and what is still missing", _command_check))
-    command = add("export", "write the calibrated tool frame for another program", _command_export)
+    command = add("export", "write tool and table, or the merged cloud, for another program", _command_export)
     _session(command)
-    command.add_argument("--format", required=True, metavar="NAME", help="json")
+    formats = "json: tool and table; ply, pcd, xyz, e57: the merged cloud; stl: its mesh"
+    command.add_argument("--format", required=True, metavar="NAME", help=formats)
+    command.add_argument("--out", type=Path, metavar="FILE", help="the file to write (default standard output)")
     command = add("report", "write a session's report: one HTML page that needs nothing else", _command_report)
     _session(command)
     command.add_argument("--out", type=Path, required=True, metavar="FILE", help="the HTML file to write")
@@ -173,6 +175,29 @@ def _workbench(add: _Add) -> None:
     command.add_argument("--no-serve", action="store_true", help="end after printing")
     command.add_argument("--seed", type=int, default=1, metavar="N", help="of the simulated cell (default 1)")
     _address(command)
+    _tokens(add("token", "manage who may use a server that others can reach", _command_token_list))
+    command = add("audit", "print who did what on a server, the newest first", _command_audit)
+    command.add_argument("--limit", type=int, default=100, metavar="N", help="how many rows (%(default)s)")
+    _data(command)
+
+
+def _tokens(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True, parser_class=_Parser)
+
+    def add(name: str, text: str, command: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
+        added = actions.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        added.add_argument("--debug", action="store_true", help="show where an error comes from")
+        added.set_defaults(command=command)
+        _data(added)
+        return added
+
+    command = add("create", "make a token and print it: this once, for only a hash is kept", _command_token_create)
+    command.add_argument("--name", required=True, metavar="NAME", help="who or what it is for")
+    command.add_argument("--role", required=True, choices=("read", "capture", "admin"), help="what it may do")
+    command.add_argument("--days", type=float, metavar="D", help="how long it is good (default: until revoked)")
+    add("list", "print all tokens, without what is secret in them", _command_token_list)
+    command = add("revoke", "end a token and the logins made with it", _command_token_revoke)
+    command.add_argument("id", metavar="ID", help="as in the list")
 
 
 def _session(command: argparse.ArgumentParser) -> None:
@@ -184,6 +209,10 @@ def _address(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--port", type=int, default=8000, metavar="PORT", help="0: any that is free (%(default)s)"
     )
+    _data(command)
+
+
+def _data(command: argparse.ArgumentParser) -> None:
     command.add_argument("--data", type=Path, default=Path("sessions"), metavar="DIR", help="%(default)s")
 
 
@@ -202,7 +231,7 @@ def _command_check(options: argparse.Namespace) -> int:
 def _command_export(options: argparse.Namespace) -> int:
     from server.commands.solving import export
 
-    return export(options.session, options.format)
+    return export(options.session, options.format, options.out)
 
 
 def _command_report(options: argparse.Namespace) -> int:
@@ -272,6 +301,30 @@ def _command_demo(options: argparse.Namespace) -> int:
 
     status = demo(options.seed)
     return status if options.no_serve or status else serve(options.host, options.port, options.data)
+
+
+def _command_token_create(options: argparse.Namespace) -> int:
+    from server.commands.tokens import create
+
+    return create(options.name, options.role, options.days, options.data)
+
+
+def _command_token_list(options: argparse.Namespace) -> int:
+    from server.commands.tokens import show
+
+    return show(options.data)
+
+
+def _command_token_revoke(options: argparse.Namespace) -> int:
+    from server.commands.tokens import revoke
+
+    return revoke(options.id, options.data)
+
+
+def _command_audit(options: argparse.Namespace) -> int:
+    from server.commands.tokens import audit
+
+    return audit(options.limit, options.data)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,8 @@ header must be a name of this server (else a foreign name was pointed at 127.0.0
 opens a WebSocket, must come from this server's own pages.
 """
 
+from ipaddress import ip_address
+from socket import gethostname
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -12,18 +14,13 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calib_core.errors import CalibrationError, TooLargeError
-from server.errors import ForbiddenError, problem, problem_response
+from server.errors import ForbiddenError, refuse
+from server.origin import is_safe, is_same_origin
+from server.policies import policy_for
 from server.settings import Settings, is_loopback
 
 _ARCHIVES = "/api/v1/archives"
-_SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-
-_PAGE_POLICY = (
-    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'; "
-    "base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
-)
-# The documentation page starts itself by an inline script.
-_DOCS_POLICY = _PAGE_POLICY + "; script-src 'self' 'unsafe-inline'"
+_NO_DEVICES = "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=(), display-capture=()"
 
 
 class Guard:
@@ -33,8 +30,10 @@ class Guard:
         self._app = app
         self._max_bytes = settings.max_upload_bytes
         self._max_archive_bytes = settings.max_archive_bytes
-        self._open_to_names = not is_loopback(settings.host) and not settings.allowed_hosts
-        self._names = {"localhost", "127.0.0.1", "::1", settings.host, *settings.allowed_hosts}
+        # No foreign name leads here by an address, so beyond this machine every address of it is one of its names.
+        self._any_address = not is_loopback(settings.host)
+        names = ("localhost", "127.0.0.1", "::1", settings.host, gethostname(), *settings.allowed_hosts)
+        self._names = {name.lower() for name in names}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, or let pass with limits and headers."""
@@ -44,31 +43,39 @@ class Guard:
         try:
             self._check(scope)
         except CalibrationError as error:
-            if scope["type"] == "websocket":
-                await receive()
-                await send({"type": "websocket.close", "code": 1008, "reason": error.need})
-            else:
-                await problem_response(problem(error))(scope, receive, _with_headers(scope, send))
+            await refuse(error, scope, receive, _with_headers(scope, send))
             return
         if scope["type"] == "websocket":
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, _with_headers(scope, send))
         else:
             await self._app(scope, _limited(receive, self._limit(scope)), _with_headers(scope, send))
 
     def _check(self, scope: Scope) -> None:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
-        if not self._open_to_names and (urlsplit(f"//{host}").hostname or "") not in self._names:
+        if not self._is_own(host):
             raise ForbiddenError(
                 "a name of this server in the Host header",
                 repr(host),
                 "Open it by the address that it printed at its start, or add the name to SCANCELL_ALLOWED_HOSTS.",
             )
-        if scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS:
+        if not is_safe(scope):
             _check_origin(headers, host)
         length, limit = headers.get("content-length", ""), self._limit(scope)
         if length.isdecimal() and int(length) > limit:
             raise TooLargeError(f"at most {limit} bytes in one request", length, "Send less at once.", "request")
+
+    def _is_own(self, host: str) -> bool:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name in self._names:
+            return True
+        try:
+            return self._any_address and bool(ip_address(name))
+        except ValueError:
+            return False
 
     def _limit(self, scope: Scope) -> int:
         """Return how many bytes a request may have: archives go to a file as they come, all else to memory."""
@@ -92,7 +99,7 @@ def _limited(receive: Receive, limit: int) -> Receive:
 
 def _check_origin(headers: Headers, host: str) -> None:
     origin = headers.get("origin")
-    foreign = origin is not None and (urlsplit(origin).netloc != host or not origin.startswith("http"))
+    foreign = origin is not None and not is_same_origin(origin, host)
     if foreign or headers.get("sec-fetch-site") in ("cross-site", "same-site"):
         raise ForbiddenError(
             "a request from this server's own pages",
@@ -105,14 +112,15 @@ def _with_headers(scope: Scope, send: Send) -> Send:
     path = scope["path"]
 
     async def sending(message: Message) -> None:
-        if message["type"] == "http.response.start":
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
             headers = MutableHeaders(scope=message)
-            headers.setdefault("Content-Security-Policy", _DOCS_POLICY if path == "/docs" else _PAGE_POLICY)
+            headers.setdefault("Content-Security-Policy", policy_for(path))
             headers["X-Content-Type-Options"] = "nosniff"
             headers["X-Frame-Options"] = "SAMEORIGIN"
             headers["Referrer-Policy"] = "same-origin"
             headers["Cross-Origin-Opener-Policy"] = "same-origin"
             headers["Cross-Origin-Resource-Policy"] = "same-origin"
+            headers["Permissions-Policy"] = _NO_DEVICES
             headers.setdefault("Cache-Control", "no-cache" if path.startswith("/web/") else "no-store")
         await send(message)
 

@@ -4,10 +4,9 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from calib_core.errors import InputError
 from calib_core.records import input_error
 from server.store.blobs import BlobPlace
 
@@ -50,9 +49,20 @@ class Settings(BaseSettings):
     cancel_grace_s: Annotated[float, Field(ge=0)] = 2.0
 
     allowed_hosts: list[str] = Field(default_factory=list, description="Further names this server is called by.")
-    allow_without_login: bool = Field(
-        default=False, description="Serve beyond this machine, open to everyone there."
+    require_login: bool = Field(default=False, description="Also on loopback, as behind a proxy.")
+    login_hours: Annotated[float, Field(gt=0, le=24 * 365)] = 12.0
+    trusted_proxies: list[str] = Field(
+        default_factory=list, description="Addresses whose X-Forwarded-For and -Proto are believed."
     )
+    tls_certificate: Path | None = Field(default=None, description="PEM; with `tls_key` it serves https.")
+    tls_key: Path | None = None
+    rate_per_s: Annotated[float, Field(gt=0)] = Field(
+        default=200.0, description="Requests a second that a token or address may send; tenfold on this machine."
+    )
+    rate_burst: Annotated[float, Field(ge=1)] = 400.0
+    head_timeout_s: Annotated[float, Field(gt=0)] = 20.0
+    body_timeout_s: Annotated[float, Field(gt=0)] = 30.0
+    answer_timeout_s: Annotated[float, Field(gt=0)] = 300.0
 
     def __init__(self, **values: Any) -> None:
         """Take values given here, then those of the environment; raises InputError."""
@@ -61,17 +71,10 @@ class Settings(BaseSettings):
         except ValidationError as error:
             raise input_error(error, values, "settings (arguments and SCANCELL_… variables)") from None
 
-    @model_validator(mode="after")
-    def _stay_on_this_machine(self) -> "Settings":
-        if not is_loopback(self.host) and not self.allow_without_login:
-            raise InputError(
-                "a loopback address to serve on (there is no login yet)",
-                self.host,
-                "Use --host 127.0.0.1; or, on a network that you trust as a whole, set "
-                "SCANCELL_ALLOW_WITHOUT_LOGIN=true and SCANCELL_ALLOWED_HOSTS to this machine's names.",
-                "host",
-            )
-        return self
+    @property
+    def login_required(self) -> bool:
+        """Whether a request needs a token or a login."""
+        return self.require_login or not is_loopback(self.host)
 
     @property
     def sql_url(self) -> str:

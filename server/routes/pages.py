@@ -16,6 +16,12 @@ def page(settings: SettingsDep) -> Response:
     return FileResponse(settings.web / "index.html", headers={"Cache-Control": "no-cache"})
 
 
+@router.get("/login")
+def login_page(settings: SettingsDep) -> Response:
+    """Return the page that takes a token and logs the browser in with it."""
+    return FileResponse(settings.web / "login.html", headers={"Cache-Control": "no-cache"})
+
+
 @router.get("/docs")
 def documentation() -> HTMLResponse:
     """Return the interactive documentation of the API."""

@@ -2,7 +2,6 @@
 
 import asyncio
 from typing import Any
-from urllib.parse import urlsplit
 
 import anyio
 import msgspec
@@ -13,6 +12,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
 from calib_core.errors import NotFoundError
+from server.origin import is_same_origin
 from server.scenes.live import SECRET_HEADER, LiveScene
 from server.scenes.manager import SceneManager
 
@@ -33,17 +33,6 @@ ALLOWED_MESSAGES = frozenset(
 """What a viewer may say; a request for a public share tunnel or an upload of files is none of it."""
 
 POLICY_VIOLATION, TOO_BIG, INTERNAL = 1008, 1009, 1011
-
-
-def is_same_origin(origin: str | None, host: str | None) -> bool:
-    """Tell whether a request comes from a page of this very server: Origin's host and port are those of Host."""
-    if not origin or not host:
-        return False
-    parts = urlsplit(origin)
-    if parts.scheme not in ("http", "https"):
-        return False
-    default = {"http": ":80", "https": ":443"}[parts.scheme]
-    return parts.netloc.lower().removesuffix(default) == host.lower().removesuffix(default)
 
 
 def refusal(message: bytes) -> tuple[int, str] | None:

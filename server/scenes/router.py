@@ -9,8 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from pydantic import BaseModel
 
 from calib_core.errors import NotFoundError
-from server.errors import ForbiddenError
-from server.scenes.bridge import bridge, is_same_origin
+from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
 from server.scenes.page import CONTENT_SECURITY_POLICY, client_page
 
@@ -60,13 +59,8 @@ def scene_legend(session: SessionId, scenes: Scenes, request: Request) -> Respon
 
 
 @scenes_router.post("/{session}/highlight", status_code=204, summary="Light up one capture in the scene")
-def highlight(session: SessionId, body: Highlight, scenes: Scenes, request: Request) -> None:
+def highlight(session: SessionId, body: Highlight, scenes: Scenes) -> None:
     """Light up a capture in the scenes of everybody who looks at this session; null ends it."""
-    origin = request.headers.get("origin")
-    if origin is not None and not is_same_origin(origin, request.headers.get("host")):
-        raise ForbiddenError(
-            "a request of this server's own pages", origin, "Use the workbench's own page.", "Origin"
-        )
     scenes.highlight(session, body.capture)
 
 

@@ -58,8 +58,8 @@ def test_own_pages_may(client: httpx.Client) -> None:
 def test_answers_tell_browsers_to_be_strict(client: httpx.Client) -> None:
     for answer in (client.get("/health"), client.get("/nothing"), client.get("/health", headers={"Host": "x"})):
         policy = answer.headers["content-security-policy"]
-        assert "default-src 'self'" in policy
-        assert "unsafe-inline" not in policy.split("style-src")[0]
+        assert policy.startswith("default-src 'none'")
+        assert "unsafe" not in policy.split("style-src")[0]
         assert answer.headers["x-content-type-options"] == "nosniff"
         assert answer.headers["x-frame-options"] == "SAMEORIGIN"
         assert answer.headers["cache-control"] == "no-store"
@@ -96,8 +96,10 @@ def test_settings_from_the_environment_are_checked(tmp_path: Path, monkeypatch: 
         Settings(data=tmp_path)
 
 
-def test_serving_beyond_this_machine_must_be_said_twice(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"127\.0\.0\.1"):
-        Settings(host="0.0.0.0", data=tmp_path)
-    assert Settings(host="0.0.0.0", data=tmp_path, allow_without_login=True).host == "0.0.0.0"
-    assert Settings(host="::1", data=tmp_path).host == "::1"
+@pytest.mark.parametrize(
+    ("host", "required"),
+    [("127.0.0.1", False), ("::1", False), ("localhost", False), ("0.0.0.0", True), ("::", True), ("a.b", True)],
+)
+def test_beyond_this_machine_a_login_is_required(tmp_path: Path, host: str, required: bool) -> None:
+    assert Settings(host=host, data=tmp_path).login_required is required
+    assert Settings(host=host, data=tmp_path, require_login=True).login_required

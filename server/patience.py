@@ -1,0 +1,85 @@
+"""Time-outs: a request's body must keep coming, and its answer must begin in time."""
+
+import asyncio
+from contextlib import suppress
+
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server.errors import problem_of_status, problem_response
+from server.settings import Settings
+
+_SLOW_ROUTES = ("/api/v1/archives",)
+"""Bodies of gigabytes: here the pieces must come in time, the answer may take what it needs."""
+
+
+class Patience:
+    """A layer of the application that ends what would otherwise wait for ever."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._body_s = settings.body_timeout_s
+        self._answer_s = settings.answer_timeout_s
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve, and answer with 504 if the route has not begun to answer in time."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        receive = self._hurried(receive)
+        if scope["path"].startswith(_SLOW_ROUTES):
+            await self._app(scope, receive, send)
+            return
+        answer = _Answer(send)
+        serving = asyncio.ensure_future(self._app(scope, receive, answer.send))
+        began = asyncio.create_task(answer.began.wait())
+        try:
+            await asyncio.wait({serving, began}, timeout=self._answer_s, return_when=asyncio.FIRST_COMPLETED)
+            if serving.done() or answer.began.is_set():
+                await serving
+                return
+            answer.close()
+            got = f"no answer within {self._answer_s:g} s"
+            to_do = "It may still end well: send it again with the same Idempotency-Key, or look at its session."
+            await problem_response(problem_of_status(504, got, to_do))(scope, receive, send)
+            with suppress(Exception):  # nobody waits for it any more; the thread it runs in cannot be stopped
+                await serving
+        finally:
+            began.cancel()
+            serving.cancel()
+
+    def _hurried(self, receive: Receive) -> Receive:
+        whole = False
+
+        async def in_time() -> Message:
+            nonlocal whole
+            if whole:  # from here on it tells of a disconnection, which has its time
+                return await receive()
+            try:
+                message = await asyncio.wait_for(receive(), self._body_s)
+            except TimeoutError:
+                whole = True
+                # An HTTPException is the one error that passes through the body parsers unchanged.
+                raise HTTPException(408, f"a request whose body stopped for {self._body_s:g} s") from None
+            whole = message["type"] != "http.request" or not message.get("more_body", False)
+            return message
+
+        return in_time
+
+
+class _Answer:
+    """The way out, until it is closed."""
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+        self._closed = False
+        self.began = asyncio.Event()
+
+    async def send(self, message: Message) -> None:
+        if self._closed:
+            return
+        self.began.set()
+        await self._send(message)
+
+    def close(self) -> None:
+        self._closed = True

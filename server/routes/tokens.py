@@ -1,0 +1,140 @@
+"""Who may: logging in and out, tokens, and the log of who did what."""
+
+import json
+from datetime import timedelta
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi.responses import JSONResponse
+from sqlalchemy.orm import Session as Transaction
+
+from server.auth.door import cookie_name
+from server.auth.logins import Identity, Logins
+from server.auth.refusals import Refusals
+from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecords
+from server.deps import Cursor, Limit, OnceDep, SettingsDep, StoreDep
+from server.errors import LoginError
+from server.store.audit import acting, list_audit
+from server.store.models import Data
+from server.store.tokens import list_tokens, revoke_token, token_data
+from server.strict_json import StrictRoute
+
+router = APIRouter(tags=["access"], route_class=StrictRoute)
+
+
+def _identity(request: Request) -> Identity:
+    return request.state.identity
+
+
+def _logins(request: Request) -> Logins:
+    return request.app.state.logins
+
+
+def _refusals(request: Request) -> Refusals:
+    return request.app.state.refusals
+
+
+IdentityDep = Annotated[Identity, Depends(_identity)]
+LoginsDep = Annotated[Logins, Depends(_logins)]
+RefusalsDep = Annotated[Refusals, Depends(_refusals)]
+TokenId = Annotated[str, Path(description="A token's `id`.", max_length=64)]
+
+_LOGIN = {"machine": "not-needed", "nothing": "missing"}
+
+
+@router.get("/me", response_model=Me)
+def me(identity: IdentityDep) -> Response:
+    """Return who asks and what they may; answers also those who are not logged in."""
+    return JSONResponse(_me(identity))
+
+
+@router.post("/login", response_model=Me)
+def log_in(
+    body: LoginRequest,
+    _: OnceDep,
+    request: Request,
+    store: StoreDep,
+    logins: LoginsDep,
+    refusals: RefusalsDep,
+    settings: SettingsDep,
+) -> Response:
+    """Log a browser in with a token: the answer sets a cookie that scripts cannot read."""
+    act = acting.get()
+    assert act is not None  # the door has set it
+    lifetime = timedelta(hours=settings.login_hours)
+    try:
+        with store.write() as db:
+            identity, cookie = logins.log_in(db, body.token, lifetime)
+            act.who, act.role, act.token_id = identity.name, identity.role.word, identity.token_id
+    except LoginError:
+        refusals.note(store, act)
+        refusals.wrong_secret(act.address)
+        raise
+    response = JSONResponse(_me(identity))
+    response.set_cookie(
+        cookie_name(request),
+        cookie,
+        max_age=round(lifetime.total_seconds()),
+        httponly=True,
+        samesite="strict",
+        secure=request.url.scheme == "https",
+    )
+    return response
+
+
+@router.post("/logout", status_code=204)
+def log_out(_: OnceDep, request: Request, response: Response, store: StoreDep, logins: LoginsDep) -> None:
+    """End the login of the cookie that comes with this request, if there is one."""
+    name = cookie_name(request)
+    cookie = request.cookies.get(name)
+    if cookie is None:
+        return
+    with store.write() as db:
+        logins.log_out(db, cookie)
+    logins.forget()
+    secure = request.url.scheme == "https"
+    response.delete_cookie(name, httponly=True, samesite="strict", secure=secure)
+
+
+@router.get("/tokens", response_model=TokenRecords)
+def list_all(store: StoreDep) -> Response:
+    """List all tokens, also those that are no longer good; never the tokens themselves."""
+    with store.read() as db:
+        return JSONResponse({"items": [token_data(row) for row in list_tokens(db)]})
+
+
+@router.post("/tokens", status_code=201, response_model=MadeToken)
+def make(body: NewToken, once: OnceDep, store: StoreDep, logins: LoginsDep) -> Response:
+    """Make a token. It stands in this answer alone: only a hash of it is kept."""
+    made: list[str] = []
+
+    def act(db: Transaction) -> Data:
+        lifetime = None if body.days is None else timedelta(days=body.days)
+        record, token = logins.make_token(db, body.name, body.role, lifetime)
+        made.append(token)
+        return {**record, "token": None}
+
+    answer, first = once.run(store, body.model_dump(), 201, act)
+    if not first:
+        return answer
+    return JSONResponse({**json.loads(bytes(answer.body)), "token": made[0]}, 201)
+
+
+@router.delete("/tokens/{token_id}", status_code=204)
+def revoke(token_id: TokenId, identity: IdentityDep, store: StoreDep, logins: LoginsDep) -> None:
+    """End a token and all logins that were made with it; its streams and scenes end within seconds."""
+    with store.write() as db:
+        revoke_token(db, token_id, but_not=identity.token_id)
+    logins.forget()
+
+
+@router.get("/audit", response_model=AuditPage)
+def audit(store: StoreDep, limit: Limit = 200, cursor: Cursor = None) -> Response:
+    """List who did what, and who was refused what, the newest first."""
+    with store.read() as db:
+        return JSONResponse(list_audit(db, limit, cursor))
+
+
+def _me(identity: Identity) -> Data:
+    login = _LOGIN.get(identity.by, identity.by)
+    return {"name": identity.name, "role": identity.role.word if identity.role else None, "login": login}
