@@ -1,0 +1,118 @@
+"""How far points lie off a reference: a mesh that says what the object should be, or a sphere on it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray
+from calib_core.sphere.cloud import fit_sphere
+
+_BLOCK = 200_000
+_OF_THE_SPHERE = 6.0  # robust sigmas off the sphere within which a point is taken to be of it
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """Signed distances of points to a reference, positive outside.
+
+    Parameters
+    ----------
+    values_mm : (N,)
+        NaN for points that are not of the reference (beside the sphere).
+    center_mm : (3,) or None
+        Of the sphere.
+    radius_mm : float or None
+    """
+
+    values_mm: FloatArray
+    center_mm: FloatArray | None = None
+    radius_mm: float | None = None
+
+    @property
+    def counted(self) -> int:
+        """How many points are of the reference."""
+        return int(np.isfinite(self.values_mm).sum())
+
+    @property
+    def mean_mm(self) -> float:
+        """Mean of the distances."""
+        return float(np.nanmean(self.values_mm))
+
+    @property
+    def rms_mm(self) -> float:
+        """Root mean square of the distances."""
+        return float(np.sqrt(np.nanmean(self.values_mm**2)))
+
+    def largest_mm(self, share: float) -> float:
+        """Return the distance, in either direction, that a share of the points does not exceed."""
+        return float(np.nanquantile(np.abs(self.values_mm), share))
+
+
+def mesh_deviations(points_mm: ArrayLike, corners_mm: ArrayLike, triangles: ArrayLike) -> Deviations:
+    """Return the distances of points to a triangle mesh.
+
+    The sign is that of the nearest triangle's normal, so that the mesh may be open; its triangles are
+    counter-clockwise from outside.
+
+    Parameters
+    ----------
+    points_mm : (N, 3)
+    corners_mm : (C, 3)
+        In the points' own frame.
+    triangles : (M, 3) int
+        Corners of each triangle.
+
+    Raises
+    ------
+    InputError
+        If there is no triangle.
+    """
+    import open3d as o3d
+
+    faces = np.ascontiguousarray(triangles, dtype=np.uint32)
+    if not len(faces):
+        raise InputError(
+            "a mesh with triangles", "none", "Export the reference as a mesh, not as a cloud.", "mesh"
+        )
+    points = np.asarray(points_mm, dtype=np.float64)
+    middle = np.asarray(corners_mm, dtype=np.float64).mean(axis=0)  # single precision holds well about the middle
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    corners = np.ascontiguousarray(np.asarray(corners_mm) - middle, dtype=np.float32)
+    scene.add_triangles(o3d.core.Tensor.from_numpy(corners), o3d.core.Tensor.from_numpy(faces))
+    values = np.empty(len(points))
+    for start in range(0, len(points), _BLOCK):
+        block = np.ascontiguousarray(points[start : start + _BLOCK] - middle, dtype=np.float32)
+        found = scene.compute_closest_points(o3d.core.Tensor.from_numpy(block), nthreads=1)
+        away = block - found["points"].numpy()
+        outside = np.einsum("ij,ij->i", away, found["primitive_normals"].numpy()) >= 0
+        values[start : start + _BLOCK] = np.where(outside, 1.0, -1.0) * np.linalg.norm(away, axis=1)
+    return Deviations(values)
+
+
+def sphere_deviations(points_mm: ArrayLike, diameter_mm: float | None = None) -> Deviations:
+    """Return the distances of points to the sphere that is found among them; others than the sphere's are NaN.
+
+    Parameters
+    ----------
+    points_mm : (N, 3)
+    diameter_mm : float, optional
+        The sphere's known diameter; the best fit's where it is left out.
+
+    Raises
+    ------
+    MeasurementError
+        If there is no sphere, or none of this diameter.
+    """
+    points = np.asarray(points_mm, dtype=np.float64)
+    fit = fit_sphere(points, diameter_mm)
+    values = np.linalg.norm(points - fit.center_mm, axis=1) - fit.radius_mm
+    near = np.abs(values) <= _OF_THE_SPHERE * max(fit.point_sigma_mm, fit.rms_mm)
+    return Deviations(np.where(near, values, np.nan), fit.center_mm, fit.radius_mm)
+
+
+def histogram(values_mm: FloatArray, limit_mm: float, bins: int = 41) -> NDArray[np.int64]:
+    """Return how many of the values lie in even bins from −limit to +limit; those beyond are in the end bins."""
+    inside = np.clip(values_mm[np.isfinite(values_mm)], -limit_mm, limit_mm)
+    return np.histogram(inside, bins=bins, range=(-limit_mm, limit_mm))[0]
