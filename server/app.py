@@ -11,10 +11,14 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core import __version__
 from server import errors, measuring, openapi
+from server.auth.door import Door
+from server.auth.logins import Logins
+from server.auth.refusals import Refusals
 from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
-from server.routes import archives, captures, clouds, health, pages, sessions, solves
+from server.patience import Patience
+from server.routes import archives, captures, clouds, health, history, pages, sessions, solves, tokens
 from server.scenes.manager import SceneManager
 from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene, stored_scene
@@ -40,6 +44,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         jobs = Jobs(settings, store)
         scenes = SceneManager(partial(stored_scene, store), partial(follow_scene, hub))
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
+        app.state.logins = Logins(settings.data, store)
         try:
             await run_in_threadpool(_start, store, jobs)
             if settings.warm_up:
@@ -62,16 +67,18 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         responses=openapi.ERRORS,
         generate_unique_id_function=openapi.operation_id,
     )
-    app.state.settings, app.state.hub = settings, hub
+    app.state.settings, app.state.hub, app.state.refusals = settings, hub, Refusals()
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for module in (sessions, captures, solves, clouds, archives, health):
+    for module in (sessions, captures, solves, history, clouds, archives, tokens, health):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(pages.router)
     app.include_router(scenes_router)
     app.mount("/web", StaticFiles(directory=settings.web, check_dir=False), name="web")
+    app.add_middleware(Patience, settings=settings)
+    app.add_middleware(Door, settings=settings)
     app.add_middleware(Guard, settings=settings)
     return app
 

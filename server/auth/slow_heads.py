@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 from weakref import WeakKeyDictionary
 
+_NO_HTTP = object()
+
 
 class SlowHeads:
     """Watches a server's connections.
@@ -34,8 +36,8 @@ class SlowHeads:
         """
         now_s = self._clock()
         for connection in connections:
-            cycle = getattr(connection, "cycle", self)
-            if cycle is self or (cycle is not None and not cycle.response_complete):
+            cycle: Any = getattr(connection, "cycle", _NO_HTTP)
+            if cycle is _NO_HTTP or (cycle is not None and not cycle.response_complete):
                 self._waiting.pop(connection, None)
                 continue
             before, since_s = self._waiting.get(connection, (None, now_s))
