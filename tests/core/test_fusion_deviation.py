@@ -7,7 +7,6 @@ from calib_core.errors import InputError, MeasurementError
 from calib_core.fusion.deviation import histogram, mesh_deviations, sphere_deviations
 from calib_core.simulation.part import build_part
 
-
 CELL_MM = np.array([900.0, -300.0, 200.0])
 
 
