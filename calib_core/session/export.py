@@ -11,6 +11,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
 from calib_core.robot_pose import CONVENTIONS, to_pose
 from calib_core.session.folder import result_data
+from calib_core.session.stored_clouds import MEDIA_TYPES
 
 FORMATS = ("json",)
 
@@ -38,7 +39,10 @@ def export(session: Session, results: Mapping[str, Record | Mapping[str, Any]], 
     """
     if name not in FORMATS:
         raise InputError(
-            "an export format among " + ", ".join(FORMATS), f"'{name}'", "Name one of these.", "format"
+            "an export format among " + ", ".join(FORMATS),
+            f"'{name}'",
+            f"Name one of these; merged clouds come as {', '.join(MEDIA_TYPES)}.",
+            "format",
         )
     found = results.get("tcp")
     if found is None:

@@ -34,6 +34,7 @@ from calib_core.session.measure import ReadFile
 from calib_core.session.pipeline import inputs_sha256
 from calib_core.session.pipeline import run as run_stages
 from calib_core.session.point_writers import write_pieces
+from calib_core.session.stored_clouds import MEDIA_TYPES
 from calib_core.session.stored_results import stored_results
 from server.commands.merge_summary import merge_summary
 from server.commands.optics_summary import camera_summary, laser_plane_summary
@@ -102,8 +103,12 @@ def check(path: Path) -> int:
     return 0
 
 
-def export(path: Path, name: str) -> int:
-    """Print the calibrated tool frame in a format; solves first where no result is stored or it is stale."""
+def export(path: Path, name: str, out: Path | None = None) -> int:
+    """Write tool and table, or the merged cloud, in a format; what is not stored or stale is solved first."""
+    if name in MEDIA_TYPES:
+        from server.commands.clouds import export_cloud
+
+        return export_cloud(path, name, out)
     with opened(path) as folder:
         session, read = load_session(folder)
         results: dict[str, Record | Mapping[str, Any]] = {**load_results(folder)}
@@ -111,7 +116,11 @@ def export(path: Path, name: str) -> int:
             with progress_bar() as progress:
                 results |= run_stages(session, read, "tcp", progress)
     content, _ = export_results(session, results, name)
-    sys.stdout.write(content)
+    if out is None:
+        sys.stdout.write(content)
+    else:
+        write_atomically(out, content.encode())
+        print(out)
     return 0
 
 

@@ -60,7 +60,8 @@ def session(direction: int = 1, kind: str = "sweep", **merge: object) -> tuple[S
         "known": {"tool0_from_laser": TOOL.to_rows(), "base_from_turntable": TABLE.to_rows()},
         "merge": {"voxel_mm": 0.5, "mesh": "none", **merge},
     }
-    return Session.model_validate({"cell": cell, "captures": captures}), files
+    record = {"format": "scancell-session/1", "cell": cell, "captures": captures}
+    return Session.model_validate(record), files
 
 
 def solve(given: tuple[Session, dict[str, bytes]], **options) -> MergeResult:

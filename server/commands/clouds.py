@@ -1,0 +1,53 @@
+"""`scancell export` of the merged cloud and its mesh."""
+
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from calib_core.errors import InputError
+from calib_core.records import Session
+from calib_core.session.archive import opened
+from calib_core.session.folder import load_results, load_session
+from calib_core.session.measure import ReadFile
+from calib_core.session.pipeline import inputs_sha256, solve_stage
+from calib_core.session.point_writers import write_pieces
+from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE, in_format, read_stored_ply
+from server.commands.progress import progress_bar
+
+
+def export_cloud(path: Path, wanted: str, out: Path | None) -> int:
+    """Write the merged cloud (as STL its mesh) in a format; merges first where none is stored or it is stale."""
+    if out is None and sys.stdout.isatty():
+        raise InputError("a file to write to", "the terminal", "Add --out FILE, or redirect the output.", "--out")
+    name = MESH_FILE if wanted == "stl" else CLOUD_FILE
+    with opened(path) as folder, tempfile.TemporaryDirectory(prefix="scancell-") as fresh:
+        session, read = load_session(folder)
+        file = folder / name
+        if not file.is_file() or _is_stale(folder, session, read):
+            file = _merged_anew(session, read, Path(fresh)) / name
+        if not file.is_file():
+            to_do = "Set cell.merge.mesh to poisson or grid, and look at the merge's warnings."
+            raise InputError("a mesh of the merged cloud", "none", to_do, str(path))
+        pieces = in_format(read_stored_ply(file.read_bytes(), str(file)), wanted, str(file))
+        if out is None:
+            for piece in pieces:
+                sys.stdout.buffer.write(piece)
+        else:
+            write_pieces(out, pieces)
+            print(out)
+    return 0
+
+
+def _is_stale(folder: Path, session: Session, read: ReadFile) -> bool:
+    stored = load_results(folder).get("merge")
+    return stored is None or stored.get("inputs_sha256") != inputs_sha256(session, "merge", read)
+
+
+def _merged_anew(session: Session, read: ReadFile, folder: Path) -> Path:
+    def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
+        write_pieces(folder / name, pieces)
+
+    with progress_bar() as progress:
+        solve_stage(session, "merge", read, progress, store)
+    return folder
