@@ -89,6 +89,21 @@ class SceneManager:
         """Tell whether there is a session of this id."""
         return session_id in self._entries or self._load(session_id) is not None
 
+    def picture(self, session_id: str) -> str:
+        """Return a session's small picture as SVG, whether its scene is open or not.
+
+        Raises
+        ------
+        NotFoundError
+            If there is no such session.
+        """
+        from server.scenes.picture import session_picture
+
+        scene = self._load(session_id)
+        if scene is None:
+            raise _no_session(session_id)
+        return session_picture(scene)
+
     def legend(self, session_id: str) -> str:
         """Return the legend of a live scene, empty where nobody looks at it."""
         entry = self._entries.get(session_id)
@@ -138,9 +153,7 @@ class SceneManager:
             if entry.scene is None:
                 scene = self._load(session_id)
                 if scene is None:
-                    raise NotFoundError(
-                        "a session", f"the id '{session_id}', which none has", "Choose one of the sessions listed."
-                    )
+                    raise _no_session(session_id)
                 entry.scene = LiveScene(scene)
                 if self._subscribe is not None:
                     entry.unsubscribe = self._subscribe(session_id, lambda: self.refresh(session_id))
@@ -178,3 +191,9 @@ class SceneManager:
             _log.warning("the scene of session %s was not redrawn: %s", session_id, error)
         except Exception:
             _log.exception("the scene of session %s was not redrawn", session_id)
+
+
+def _no_session(session_id: str) -> NotFoundError:
+    return NotFoundError(
+        "a session", f"the id '{session_id}', which none has", "Choose one of the sessions listed."
+    )

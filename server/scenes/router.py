@@ -47,6 +47,13 @@ def scene_page(session: SessionId, scenes: Scenes) -> HTMLResponse:
     return HTMLResponse(client_page(), headers=headers)
 
 
+@scenes_router.get("/{session}/picture", response_class=Response, summary="A small picture of a session")
+def session_picture(session: SessionId, scenes: Scenes) -> Response:
+    """Return the session's picture for a list, as SVG. Ask with `?v=…` of your own to have a new one drawn."""
+    headers = {"Cache-Control": "private, max-age=86400"}
+    return Response(scenes.picture(session), media_type="image/svg+xml", headers=headers)
+
+
 @scenes_router.get("/{session}/legend", response_class=HTMLResponse, summary="The legend of a live scene")
 def scene_legend(session: SessionId, scenes: Scenes, request: Request) -> Response:
     """Return the legend as a piece of HTML; empty while nobody looks at the scene."""
