@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.optics.board_corners import fitted_corners
 from calib_core.optics.board_refusal import (
     grey_eight_bit,
     refuse_flat_image,
@@ -99,16 +100,21 @@ def find_board(image: Image, board: Board) -> BoardView:
     width = _edge_width(grey, board, points)
     _refuse_blurred(width, grid)
     ids = np.arange(len(points))
+    fitted = fitted_corners(grey, grid) if board.kind == "chessboard" else None
+    if fitted is not None:
+        ids, points = np.flatnonzero(fitted.clean), fitted.points_px[fitted.clean]
+        if len(ids) < len(fitted.clean):
+            notes += (f"{len(fitted.clean) - len(ids)} corners under the stripe, glare or dirt were left out.",)
     # The shift of every second row is no noise: compare even rows with even ones, odd with odd.
-    smooth = np.concatenate([grid[0::2], grid[1::2]]) if board.kind == "asymmetric-circles" else grid
-    sigma = _grid_sigma(smooth.reshape(-1, 2), ids, board.columns)
+    smooth = np.concatenate([grid[0::2], grid[1::2]]).reshape(-1, 2)
+    sigma = _grid_sigma(smooth if board.kind == "asymmetric-circles" else points, ids, board.columns)
     saturated = _saturated_share(image, points)
     if saturated > 0.25:
         notes += (f"{saturated:.0%} of the board is saturated: shorten the exposure.",)
     if ambiguous:
         notes += ("The board looks the same turned by 180°: its x axis was taken to point to the image's right.",)
     return BoardView(
-        points, points_in_board_mm(board), ids, _size(grey), sigma,
+        points, points_in_board_mm(board)[ids], ids, _size(grey), sigma,
         width, saturated, ambiguous, notes,
     )  # fmt: skip
 

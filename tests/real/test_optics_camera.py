@@ -34,7 +34,8 @@ def test_boards_of_laser_plane_captures_serve_the_camera(data_folder: Path) -> N
     used = [row for row in result.residuals if row.used]
     assert len(used) >= 13
     assert all(row.reason for row in result.residuals if not row.used)
-    assert result.reprojection_rms_px <= 0.435
-    # The reference is a plain fit to fewer views; its own standard deviation of f is about 1.3 px.
-    assert result.camera_matrix[0][0] == pytest.approx(644.9, abs=4)
-    assert result.camera_matrix[1][1] == pytest.approx(644.2, abs=4)
+    assert result.reprojection_rms_px <= 0.2  # the reference: 0.435
+    # The reference is a plain fit to fewer views and to corners of 2.4 times our residuals; its own standard
+    # deviation of f is about 1.3 px.
+    assert result.camera_matrix[0][0] == pytest.approx(644.9, abs=6)
+    assert result.camera_matrix[1][1] == pytest.approx(644.2, abs=6)

@@ -1,0 +1,87 @@
+"""Corners fitted to the grey values: as exact as the noise lets them be, and left alone where they cannot be."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.special import erf
+
+from calib_core.kernels.corner import fit_corners
+from calib_core.optics.board import find_board
+from calib_core.optics.board_corners import fitted_corners
+from calib_core.records import Board
+from calib_core.simulation.frame_camera import SimulatedCamera
+from calib_core.simulation.frame_surfaces import BoardSurface
+from calib_core.simulation.frames import Exposure, LightSheet, render
+from calib_core.simulation.motion import pose, turn
+
+CAMERA = SimulatedCamera()
+BOARD = Board(kind="chessboard", columns=9, rows=6, pitch_mm=9.0)
+NORMAL = np.array([0.0, np.cos(0.5), np.sin(0.5)])
+
+
+def placed(rotation: list[float], depth_mm: float = 240.0) -> BoardSurface:
+    return BoardSurface(pose(turn(rotation), [-32.0, -20.0, depth_mm]), pitch_mm=9.0)
+
+
+def truth(board: BoardSurface) -> np.ndarray:
+    """Corners as the camera puts them, in the order that the board's colours give."""
+    m = board.camera_from_board
+    return CAMERA.pixels(board.points_on_board_mm() @ m[:3, :3].T + m[:3, 3])[::-1]
+
+
+@pytest.mark.parametrize("rotation", [[0.3, -0.2, 0.1], [-0.4, 0.3, 0.5], [0.0, 0.0, 0.0]])
+def test_corners_are_as_exact_as_the_noise_allows(rotation: list[float]) -> None:
+    board = placed(rotation)
+    image = render(CAMERA, [board], None, Exposure(ambient=190.0, hot_pixels=80), np.random.default_rng(4))
+    view = find_board(image, BOARD)
+    error = view.points_px - truth(board)[view.ids]
+    # An edge of contrast h blurred by w says 2 h² / (√π w) per pixel of its length; two edges of some 12 pixels.
+    assert len(view.ids) == 54
+    assert np.sqrt(np.mean(error**2)) < 0.008
+    assert np.abs(error.mean(axis=0)).max() < 0.003  # nothing common to the board
+
+
+def test_the_stated_standard_deviation_is_true() -> None:
+    rng = np.random.default_rng(1)
+    v, u = np.mgrid[0:24, 0:24]
+    ratios = []
+    for _ in range(200):
+        place, angles = rng.uniform(11, 12, 2), np.array([0.3, 1.7]) + rng.uniform(-0.3, 0.3, 2)
+        a, b = ((u - place[0]) * np.cos(t) + (v - place[1]) * np.sin(t) for t in angles)
+        grey = 110 + 0.4 * u + 80 * erf(a) * erf(b) + rng.normal(0, 3.0, u.shape)
+        out = np.empty((1, 5))
+        start = place + rng.uniform(-0.4, 0.4, 2)
+        fit_corners(grey, start[None], angles[None] + 0.05, np.array([7.0]), out)
+        ratios.append((out[0, :2] - place) / out[0, 2])
+        assert out[0, 3] == pytest.approx(3.0 / 160, rel=0.5)
+        assert out[0, 4] == pytest.approx(1 / np.sqrt(2), rel=0.2)
+    # 400 χ² of one degree: their mean lies within 1 ± 3.3 √(2 / 400).
+    assert np.mean(np.square(ratios)) == pytest.approx(1.0, abs=0.24)
+
+
+def test_sharpened_frames_keep_the_detectors_corners() -> None:
+    board = placed([0.3, -0.2, 0.1])
+    image = render(CAMERA, [board], None, Exposure(ambient=150.0, blur_px=0.35), np.random.default_rng(4))
+    soft = image.astype(float)
+    sharpened = np.clip(soft + 1.2 * (soft - cv2.GaussianBlur(soft, (0, 0), 1.0)), 0, 255).astype(np.uint8)
+    assert fitted_corners(sharpened, truth(board).reshape(6, 9, 2)) is None
+    assert len(find_board(sharpened, BOARD).ids) == 54
+
+
+def test_corners_under_the_stripe_are_left_out_and_said() -> None:
+    board = placed([0.15, -0.1, 0.05])
+    sheet = LightSheet(NORMAL, 120.0, 120.0 * NORMAL)
+    exposure = Exposure(ambient=90.0)
+    image = render(CAMERA, [board], sheet, exposure, np.random.default_rng(4))
+    view = find_board(image, BOARD)
+    error = np.abs(view.points_px - truth(board)[view.ids]).max(axis=1)
+    assert 36 <= len(view.ids) < 54
+    assert error.max() < 0.05
+    assert any("left out" in note for note in view.notes)
+
+
+def test_a_corner_at_the_border_or_without_contrast_does_not_settle() -> None:
+    out = np.empty((2, 5))
+    flat = np.full((30, 30), 90.0)
+    fit_corners(flat, np.array([[15.0, 15.0], [0.2, 0.1]]), np.tile([0.1, 1.6], (2, 1)), np.full(2, 6.0), out)
+    assert np.isnan(out[:, 0]).all()
