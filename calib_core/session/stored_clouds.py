@@ -14,6 +14,8 @@ from calib_core.session.point_writers import Pieces, pcd_pieces, ply_pieces, stl
 CLOUD_FOLDER: Final = "clouds"
 CLOUD_FILE: Final = f"{CLOUD_FOLDER}/merged.ply"
 MESH_FILE: Final = f"{CLOUD_FOLDER}/mesh.ply"
+REFERENCE_FILE: Final = f"{CLOUD_FOLDER}/reference.ply"
+"""The mesh that says what the object should be: the user's, not a stage's."""
 
 MEDIA_TYPES: Final[Mapping[str, str]] = {
     "ply": "model/ply",

@@ -143,9 +143,9 @@ def _pages(stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:
         pages[REPORT_FILE] = _report(stored).encode()
     if with_scene:
         from server.scenes.offline import scene_html
-        from server.scenes.stored import scene_input
+        from server.scenes.stored import scene_of
 
         with suppress(CalibrationError):
-            scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results)
+            scene = scene_of(stored)
             pages[SCENE_FILE] = scene_html(scene).encode()
     return pages

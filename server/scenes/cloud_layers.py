@@ -1,38 +1,55 @@
-"""The layer of merged scans, coloured by scan or by height."""
+"""The layer of the merged cloud: coloured by height, scan or deviation, and cut open where it is asked."""
 
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
-from server.scenes.colors import SCANS, height_colors
+from server.scenes.cloud_view import Section
+from server.scenes.colors import SCANS, WAITING, Rgb, diverging_colors, height_colors
+from server.scenes.deviation import CloudDeviation
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.merged import MergedScans
 from server.scenes.nodes import Node
 
+ROOT = "/scans/merged"
+CUT: Rgb = (60, 110, 220)
 _CHUNK = 100_000  # a browser draws the first ones while the others are on their way
 
 
-def merged_cloud(facts: SceneFacts, look: Look) -> Iterator[Node]:
-    """Draw the points of all scans in their common frame, which turns with the table."""
-    merged = facts.merged
-    if merged is None:
+def merged_layer(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw the merged cloud in its own frame, which turns with the table."""
+    cloud, place = shown_cloud(facts, look), cloud_place(facts, look)
+    if cloud is None or place is None:
         return
-    place = RigidTransform.identity("base", "base")
-    if merged.frame == "turntable":
-        if facts.table is None:
-            return
-        place = facts.table.turned(look.table_deg(facts))
-    yield nodes.frame("/scans/merged", place)
-    colors = _colors(merged, look)
-    origin = merged.points_mm.mean(axis=0)
-    size = point_size_mm(merged)
-    for number, start in enumerate(range(0, len(merged.points_mm), _CHUNK)):
+    yield nodes.frame(ROOT, place)
+    keep = np.ones(len(cloud.points_mm), dtype=bool)
+    if look.cloud.section is not None:
+        keep = look.cloud.section.keeps(cloud.points_mm)
+        yield nodes.lines(f"{ROOT}/cut", outline(look.cloud.section, cloud), CUT, 2.0)
+    points, colors = cloud.points_mm[keep], cloud_colors(cloud, look)[keep]
+    origin = cloud.points_mm.mean(axis=0, dtype=float)
+    size = point_size_mm(cloud)
+    for number, start in enumerate(range(0, len(points), _CHUNK)):
         chunk = slice(start, start + _CHUNK)
-        yield nodes.points(f"/scans/merged/{number}", merged.points_mm[chunk], origin, colors[chunk], size)
+        yield nodes.points(f"{ROOT}/{number}", points[chunk], origin, colors[chunk], size)
+
+
+def shown_cloud(facts: SceneFacts, look: Look) -> MergedScans | None:
+    """Return what is drawn: the merged cloud, or the scans as they were measured where their colours are asked."""
+    if look.cloud.colors == "by scan" and facts.merged is not None and facts.merged.fused:
+        return facts.scans() or facts.merged
+    return facts.merged
+
+
+def cloud_place(facts: SceneFacts, look: Look) -> RigidTransform | None:
+    """Return where the cloud's frame stands, None while the table is not known."""
+    if facts.merged is None or facts.merged.frame == "base":
+        return RigidTransform.identity("base", "base")
+    return None if facts.table is None else facts.table.turned(look.table_deg(facts))
 
 
 def height_range_mm(merged: MergedScans) -> tuple[float, float]:
@@ -41,13 +58,38 @@ def height_range_mm(merged: MergedScans) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def point_size_mm(merged: MergedScans) -> float:
-    """Return a size at which the points nearly close the surface."""
+def point_size_mm(merged: MergedScans, spread: float = 1.0) -> float:
+    """Return a size at which the points nearly close the surface; `spread` scales it for denser ones."""
     extent = float(np.linalg.norm(np.ptp(merged.points_mm, axis=0)))
-    return float(np.clip(extent / np.sqrt(len(merged.points_mm)), 0.2, 2.0))
+    return float(np.clip(spread * extent / np.sqrt(len(merged.points_mm)), 0.1, 2.0))
 
 
-def _colors(merged: MergedScans, look: Look) -> NDArray[np.uint8]:
-    if look.cloud_colors == "by height":
-        return height_colors(merged.points_mm[:, 2], *height_range_mm(merged))
-    return np.array(SCANS, dtype=np.uint8)[merged.scan % len(SCANS)]
+def cloud_colors(merged: MergedScans, look: Look) -> NDArray[np.uint8]:
+    """Return the colours (N, 3) of the cloud's points."""
+    if look.cloud.colors == "by deviation":
+        values = look.deviation.values_mm if isinstance(look.deviation, CloudDeviation) else None
+        return deviation_colors(values, len(merged.points_mm), look)
+    if look.cloud.colors == "by scan" and len(merged.scan):
+        return np.array(SCANS, dtype=np.uint8)[merged.scan % len(SCANS)]
+    return height_colors(merged.points_mm[:, 2].astype(float), *height_range_mm(merged))
+
+
+def deviation_colors(values_mm: FloatArray | None, count: int, look: Look) -> NDArray[np.uint8]:
+    """Return the colours (count, 3) of deviations; points that have none are grey."""
+    colors = np.tile(np.array(WAITING, dtype=np.uint8), (count, 1))
+    if values_mm is not None and isinstance(look.deviation, CloudDeviation):
+        known = np.isfinite(values_mm)
+        colors[known] = diverging_colors(values_mm[known], look.deviation.limit_mm)
+    return colors
+
+
+def outline(section: Section, merged: MergedScans) -> FloatArray:
+    """Return the border (4, 2, 3) of the cutting plane, a little larger than the cloud."""
+    low, high = merged.points_mm.min(axis=0).astype(float), merged.points_mm.max(axis=0).astype(float)
+    margin = 0.06 * float((high - low).max())
+    low, high = low - margin, high + margin
+    across = [axis for axis in range(3) if axis != section.number]
+    corners = np.full((4, 3), section.at_mm)
+    corners[:, across[0]] = [low[across[0]], high[across[0]], high[across[0]], low[across[0]]]
+    corners[:, across[1]] = [low[across[1]], low[across[1]], high[across[1]], high[across[1]]]
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)

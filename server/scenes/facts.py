@@ -10,6 +10,7 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, CaptureResidual, ChainResult, Measured, Result, Session, TcpResult
 from calib_core.robot_pose import parse_pose
+from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import MergedScans, scanner_on_flange
 from server.scenes.optics import OpticsFacts, optics_facts
 from server.scenes.table import TableFacts, expected_center_mm, table_facts
@@ -35,7 +36,13 @@ class SceneInput:
     load_points : callable
         Gives the points (N, 3) on the sphere of one capture, in L, mm; none when there are none.
     load_scans : callable
-        Gives the merged scans, None where nothing was merged.
+        Gives the merge's scans as they were measured, None where nothing was merged.
+    load_merged : callable
+        Gives the merged cloud that was stored, None where there is none.
+    load_reference : callable
+        Gives the mesh that says what the object should be, None where there is none.
+    outputs : tuple of str
+        Says which files the three above read, so that what was read can be kept.
     """
 
     session: Session
@@ -43,6 +50,9 @@ class SceneInput:
     measured: Sequence[Measured] = ()
     results: Mapping[str, Result] = field(default_factory=dict[str, Result])
     load_scans: Callable[[], MergedScans | None] = lambda: None
+    load_merged: Callable[[], MergedScans | None] = lambda: None
+    load_reference: Callable[[], ReferenceMesh | None] = lambda: None
+    outputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +75,10 @@ class CaptureFacts:
 
 @dataclass(frozen=True, eq=False)
 class SceneFacts:
-    """A session in the robot's base; what is not known yet is None, never guessed."""
+    """A session in the robot's base; what is not known yet is None, never guessed.
+
+    `merged` is the merged cloud, or the scans where none is stored; `scans` gives those one by one.
+    """
 
     captures: tuple[CaptureFacts, ...]
     tool0_from_laser: RigidTransform | None
@@ -74,6 +87,7 @@ class SceneFacts:
     table: TableFacts | None = None
     optics: OpticsFacts | None = None
     merged: MergedScans | None = None
+    scans: Callable[[], MergedScans | None] = lambda: None
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -127,9 +141,8 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     )
     drawn = (_capture_facts(capture, placing) for capture in posed)
     captures = tuple(capture for capture in drawn if capture is not None)
-    facts = SceneFacts(
-        captures, tool0_from_laser, center, None, placing.table, optics_facts(session, results), scene.load_scans()
-    )
+    optics, merged = optics_facts(session, results), scene.load_merged() or scene.load_scans()
+    facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
     return replace(facts, sphere_radius_mm=_radius_mm(session, facts))
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
-from server.scenes.cloud_layers import merged_cloud
+from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
@@ -131,7 +131,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "camera": ("Camera: field of view", camera),
     "boards": ("Camera: boards", boards),
     "plane": ("Camera: laser plane", plane_in_camera),
-    "scans": ("Scans", merged_cloud),
+    "scans": ("Merged cloud", merged_layer),
     "labels": ("Labels", labels),
 }
 """Root node of each layer, its name for people, and what draws it."""

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from html import escape
 
-from server.scenes.cloud_layers import height_range_mm
+from server.scenes.cloud_layers import height_range_mm, shown_cloud
+from server.scenes.cloud_view import Section
 from server.scenes.colors import (
     BOARD,
     DIVERGING,
@@ -17,6 +18,7 @@ from server.scenes.colors import (
     css,
     length_text,
 )
+from server.scenes.deviation import CloudDeviation
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.merged import MergedScans
@@ -32,8 +34,8 @@ def legend_html(facts: SceneFacts, look: Look) -> str:
         parts += _of_table(facts.table)
     if facts.optics is not None:
         parts += _of_optics(facts.optics)
-    if facts.merged is not None:
-        parts += _of_scans(facts.merged, look)
+    if (cloud := shown_cloud(facts, look)) is not None:
+        parts += _of_cloud(cloud, look)
     if look.alone:
         parts.append(f"<p>The cell as it stood at capture {escape(look.picked or '')}.</p>")
     return "".join(parts)
@@ -89,12 +91,14 @@ def _of_optics(optics: OpticsFacts) -> list[str]:
     return [*parts, *(f"<p>{escape(sentence)}</p>" for sentence in optics.missing)]
 
 
-def _of_scans(merged: MergedScans, look: Look) -> list[str]:
-    parts = ["<h2>Scans</h2>"]
-    if look.cloud_colors == "by height":
+def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
+    parts = ["<h2>Merged cloud</h2>" if merged.fused else "<h2>Scans</h2>"]
+    frame = "T" if merged.frame == "turntable" else "base"
+    if look.cloud.colors == "by deviation":
+        parts += _of_deviation(look.deviation)
+    elif look.cloud.colors == "by height" or not merged.names:
         low, high = height_range_mm(merged)
         parts.append(_bar(VIRIDIS))
-        frame = "T" if merged.frame == "turntable" else "base"
         parts.append(f'<div class="ticks"><span>z {low:.1f} mm</span><span>{high:.1f} mm in {frame}</span></div>')
     else:
         parts += [
@@ -102,9 +106,30 @@ def _of_scans(merged: MergedScans, look: Look) -> list[str]:
         ]
         if len(merged.names) > len(SCANS):
             parts.append(f"<p>and {len(merged.names) - len(SCANS)} more, the same colours again</p>")
-    shown, measured = len(merged.points_mm), merged.measured
-    part = f"{shown:,} of {measured:,} points" if shown < measured else f"{measured:,} points"
-    return [*parts, f"<p>{part}, as they were measured: not cleaned, not registered.</p>"]
+    if look.cloud.section is not None:
+        parts.append(f"<p>{_cut_words(look.cloud.section, frame)}</p>")
+    shown = len(merged.points_mm)
+    part = f"{shown:,} of {merged.measured:,} points" if shown < merged.measured else f"{shown:,} points"
+    how = "cleaned and merged" if merged.fused else "as they were measured: not cleaned, not registered"
+    return [*parts, f"<p>{part}, {how}.</p>"]
+
+
+def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
+    if not isinstance(deviation, CloudDeviation):
+        return [f"<p>{escape(deviation or 'No deviations yet.')}</p>"]
+    limit = length_text(deviation.limit_mm)
+    ends = f"<span>≤ −{limit}</span><span>0</span><span>≥ +{limit}</span>"
+    return [
+        f"<p>Distance to {escape(deviation.words)}</p>",
+        _bar(DIVERGING),
+        f'<div class="ticks">{ends}</div><div class="ticks"><span>inside</span><span>outside</span></div>',
+        f"<p>RMS {deviation.rms_mm:.3f} mm over {deviation.counted:,} points</p>",
+    ]
+
+
+def _cut_words(section: Section, frame: str) -> str:
+    side = "beyond" if section.keep == "below" else "before"
+    return f"Cut at {section.axis} = {section.at_mm:.1f} mm in {frame}; what lies {side} is hidden."
 
 
 def rejected_html(facts: SceneFacts) -> str:

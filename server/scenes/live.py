@@ -7,13 +7,13 @@ from collections.abc import Generator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from calib_core.frames import FloatArray
-from calib_core.records import Capture
+from server.scenes.cloud_view import CloudColors, CloudView
+from server.scenes.deviation import KeptDeviations
 from server.scenes.facts import SceneFacts, SceneInput, scene_facts
+from server.scenes.kept import PointCache
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
-from server.scenes.look import CloudColors, Look, look_at
-from server.scenes.merged import MergedScans
+from server.scenes.look import Look, look_at
 from server.scenes.nodes import Node
 from server.scenes.panel import Panel, PanelActions, take
 from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view
@@ -50,7 +50,8 @@ class LiveScene:
         self._scene = scene
         self._picked: str | None = None
         self._turned_to = 0
-        self._cloud_colors: CloudColors = "by scan"
+        self._cloud = CloudView()
+        self._deviations = KeptDeviations()
         self._server = start_viser(self.secret)
         self.port = self._server.get_port()
         self._panel = Panel(self._server, PanelActions(self._view, self.turn_to, self.color_scans))
@@ -65,8 +66,8 @@ class LiveScene:
     def update(self, scene: SceneInput) -> int:
         """Draw a newer state of the session; return how many nodes were sent or taken away."""
         with self._lock:
-            self._scene = scene
-            before, self._facts = self._facts, scene_facts(self._points.on(scene))
+            self._scene = self._points.on(scene)
+            before, self._facts = self._facts, scene_facts(self._scene)
             sent = self._redraw()
             if before is None or stage_of(before) != stage_of(self._facts):
                 self._show(view(first_view(self._facts), self._facts))
@@ -84,10 +85,19 @@ class LiveScene:
             self._turned_to = place
             return self._redraw()
 
+    @property
+    def cloud(self) -> CloudView:
+        """How the merged cloud is shown."""
+        return self._cloud
+
     def color_scans(self, how: CloudColors) -> int:
-        """Colour merged scans by scan or by height; return how many nodes were sent."""
+        """Colour the merged cloud by height, scan or deviation; return how many nodes were sent."""
+        return self.show_cloud(replace(self._cloud, colors=how))
+
+    def show_cloud(self, how: CloudView) -> int:
+        """Show the merged cloud in other colours, cut open, or against another reference; return as above."""
         with self._lock:
-            self._cloud_colors = how
+            self._cloud = how
             return self._redraw()
 
     def stop(self) -> None:
@@ -107,13 +117,18 @@ class LiveScene:
     @property
     def _known(self) -> SceneFacts:
         if self._facts is None:
-            self._facts = scene_facts(self._points.on(self._scene))
+            self._facts = scene_facts(self._scene)
         return self._facts
 
     def _look(self, facts: SceneFacts) -> Look:
         place = min(self._turned_to, len(facts.captures))
         picked = facts.captures[place - 1].id if place else self._picked
-        return look_at(facts, picked, alone=place > 0, cloud_colors=self._cloud_colors)
+        deviation = None
+        if self._cloud.colors == "by deviation" and facts.merged is not None:
+            against = self._cloud.against
+            reference = self._scene.load_reference() if against.kind == "mesh" else None
+            deviation = self._deviations.of(facts.merged.points_mm, against, reference)
+        return look_at(facts, picked, alone=place > 0, cloud=self._cloud, deviation=deviation)
 
     def _send(self, nodes: Mapping[str, Node]) -> int:
         """Send what differs from what is drawn; a node that only moved is moved, not sent again."""
@@ -150,38 +165,6 @@ class LiveScene:
         for client in self._server.get_clients().values():
             with client.atomic():
                 take(client.camera, view)
-
-
-class PointCache:
-    """Keeps every capture's points, since reading and fitting its files again at each change would take long.
-
-    Merged scans are kept as long as the results they come from.
-    """
-
-    def __init__(self) -> None:
-        self._points: dict[str, tuple[Capture, FloatArray]] = {}
-        self._scans: tuple[tuple[str, ...], MergedScans | None] | None = None
-
-    def on(self, scene: SceneInput) -> SceneInput:
-        """Return the same input with its loaders remembered; captures that are gone are forgotten."""
-        present = {capture.id for capture in scene.session.captures}
-        for capture_id in [known for known in self._points if known not in present]:
-            del self._points[capture_id]
-
-        def load(capture: Capture) -> FloatArray:
-            known = self._points.get(capture.id)
-            if known is None or known[0] != capture:
-                known = (capture, scene.load_points(capture))
-                self._points[capture.id] = known
-            return known[1]
-
-        def load_scans() -> MergedScans | None:
-            basis = tuple(f"{stage} {result.inputs_sha256}" for stage, result in scene.results.items())
-            if self._scans is None or self._scans[0] != basis:
-                self._scans = (basis, scene.load_scans())
-            return self._scans[1]
-
-        return replace(scene, load_points=load, load_scans=load_scans)
 
 
 def start_viser(secret: str) -> "ViserServer":

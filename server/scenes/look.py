@@ -1,26 +1,26 @@
 """What a drawing depends on beside the facts."""
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, field
 
+from server.scenes.cloud_view import CloudView
 from server.scenes.colors import residual_limit_mm
+from server.scenes.deviation import CloudDeviation
 from server.scenes.facts import CaptureFacts, SceneFacts
-
-CloudColors = Literal["by scan", "by height"]
-CLOUD_COLORS: tuple[CloudColors, ...] = get_args(CloudColors)
 
 
 @dataclass(frozen=True)
 class Look:
-    """The scale of residuals, the capture that was picked, and how scans are coloured.
+    """The scale of residuals, the capture that was picked, and how the merged cloud is shown.
 
     With `alone` the cell is shown as it stood at the picked capture, its table turned, without the other captures.
+    `deviation` is what the cloud is coloured by where the view asks for that, or the sentence why it cannot be.
     """
 
     limit_mm: float
     picked: str | None = None
     alone: bool = False
-    cloud_colors: CloudColors = "by scan"
+    cloud: CloudView = field(default_factory=CloudView)
+    deviation: CloudDeviation | str | None = None
 
     def shown(self, facts: SceneFacts) -> tuple[CaptureFacts, ...]:
         """Return the captures whose robot and scanner are drawn."""
@@ -33,9 +33,14 @@ class Look:
 
 
 def look_at(
-    facts: SceneFacts, picked: str | None = None, *, alone: bool = False, cloud_colors: CloudColors = "by scan"
+    facts: SceneFacts,
+    picked: str | None = None,
+    *,
+    alone: bool = False,
+    cloud: CloudView | None = None,
+    deviation: CloudDeviation | str | None = None,
 ) -> Look:
     """Return the look of a scene: its scale comes from the captures that the result used."""
     used = [facts.residuals_mm(c) for c in facts.captures if c.state == "used"]
     limit_mm = residual_limit_mm([r for r in used if r is not None and r.size])
-    return Look(limit_mm, picked, alone and picked is not None, cloud_colors)
+    return Look(limit_mm, picked, alone and picked is not None, cloud or CloudView(), deviation)

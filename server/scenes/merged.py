@@ -1,8 +1,8 @@
-"""The scans of a session in one frame, as thin as a browser bears."""
+"""The merged cloud of a session, or its scans where none is stored, as thin as a browser bears."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,32 +12,66 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import MergeResult, Result, Session
 from calib_core.session.measure import ReadFile
 
-MAX_SCAN_POINTS = 1_000_000
-"""At most this many points of all scans are sent to a browser."""
+MAX_SCAN_POINTS = 500_000
+"""At most this many points of cloud or scans are sent as a whole; with captures and details it stays below 1M."""
+
+Points = TypeVar("Points", bound=NDArray[np.floating])
+
+ReadOutput = Callable[[str], bytes | None]
+"""Gives a file that a stage made beside its result, by its name; None where there is none."""
 
 
 @dataclass(frozen=True, eq=False)
 class MergedScans:
-    """Points of all scans, as they were measured, before cleaning and fusion.
+    """Points of the merged cloud; or of all scans, as they were measured, before cleaning and fusion.
 
     Attributes
     ----------
     points_mm : (N, 3)
         In the turntable's frame, or in the base where there is no table.
     scan : (N,) int
-        The number of the scan that each point belongs to.
+        The number of the scan that each point belongs to; empty of a merged cloud.
     names : tuple of str
         The scans' names.
     frame : "turntable" or "base"
     measured : int
-        How many points the scans have before thinning.
+        How many points there are before thinning.
+    every_mm : (measured, 3) or None
+        All points of a merged cloud.
     """
 
-    points_mm: FloatArray
+    points_mm: NDArray[np.floating]
     scan: NDArray[np.int64]
     names: tuple[str, ...]
     frame: Literal["turntable", "base"]
     measured: int
+    every_mm: NDArray[np.floating] | None = None
+
+    @property
+    def fused(self) -> bool:
+        """Whether this is the cleaned and merged cloud."""
+        return self.every_mm is not None
+
+
+def merged_cloud(results: Mapping[str, Result], read: ReadOutput) -> MergedScans | None:
+    """Return the cloud that the merge stored, evenly thinned; None where there is none."""
+    from calib_core.session.stored_clouds import read_stored_ply
+
+    merge = results.get("merge")
+    if not isinstance(merge, MergeResult) or merge.cloud is None:
+        return None
+    data = read(merge.cloud)
+    if data is None:
+        return None
+    try:
+        every = read_stored_ply(data, merge.cloud).points_mm
+    except CalibrationError:
+        return None  # an archive's file that another version wrote: the scans are shown
+    if not len(every):
+        return None
+    return MergedScans(
+        thinned(every, MAX_SCAN_POINTS), np.zeros(0, dtype=np.int64), (), merge.frame, len(every), every
+    )
 
 
 def merged_scans(
@@ -77,11 +111,11 @@ def merged_scans(
     return MergedScans(np.concatenate(clouds), numbers, tuple(names), merge.frame, measured)
 
 
-def thinned(points: FloatArray, most: int) -> FloatArray:
+def thinned(points: Points, most: int) -> Points:
     """Return at most so many of the points (N, 3), evenly chosen in their order."""
     if len(points) <= most:
         return points
-    return points[np.linspace(0, len(points) - 1, most).astype(np.int64)]
+    return cast(Points, points[np.linspace(0, len(points) - 1, most).astype(np.int64)])
 
 
 def scanner_on_flange(session: Session, results: Mapping[str, Result]) -> RigidTransform | None:

@@ -104,7 +104,7 @@ def arrow(name: str, ends_mm: FloatArray, color: Rgb, radius_mm: float) -> Node:
 
 
 def points(
-    name: str, points_mm: FloatArray, origin_mm: ArrayLike, colors: NDArray[np.uint8], size_mm: float
+    name: str, points_mm: NDArray[np.floating], origin_mm: ArrayLike, colors: NDArray[np.uint8], size_mm: float
 ) -> Node:
     """Return points (N, 3) with a colour each, in single precision about a local origin."""
     origin = np.asarray(origin_mm, dtype=float)
@@ -172,7 +172,7 @@ def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity:
     )
 
 
-def _metres(values_mm: FloatArray) -> NDArray[np.float32]:
+def _metres(values_mm: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.ascontiguousarray(np.asarray(values_mm) * METRES_PER_MM, dtype=np.float32)
 
 

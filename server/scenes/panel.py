@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from server.scenes.cloud_view import CLOUD_COLORS, CloudColors
 from server.scenes.layers import LAYERS
-from server.scenes.look import CLOUD_COLORS, CloudColors
 from server.scenes.player import Player
 from server.scenes.views import VIEWS, View
 
@@ -53,7 +53,7 @@ class Panel:
                     node.visible = box.value  # pyright: ignore
 
                 box.on_update(switch)
-        self._colors = gui.add_dropdown("Scans", CLOUD_COLORS, visible=False)
+        self._colors = gui.add_dropdown("Merged cloud", CLOUD_COLORS, visible=False)
 
         def color_scans(_: object) -> None:
             actions.color_scans(self._colors.value)

@@ -1,6 +1,7 @@
 """Where scenes get their sessions from: the store, or a session folder that was read."""
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,13 +22,15 @@ from calib_core.records import (
     TurntableResult,
 )
 from calib_core.session.measure import ReadFile, observe_capture
+from server.scenes.deviation import ReferenceMesh
 from server.scenes.facts import SceneInput
-from server.scenes.merged import merged_scans
+from server.scenes.merged import ReadOutput, merged_cloud, merged_scans
 
 if TYPE_CHECKING:
     from server.events import Hub
     from server.store.database import Store
     from server.store.models import EventRow
+    from server.store.sessions import StoredSession
 
 _DRAWN: Final[dict[str, type[Result]]] = {
     "camera": CameraResult,
@@ -41,7 +44,11 @@ _OF_THE_SPHERE = ("tcp", "turntable", "verify")
 
 
 def scene_input(
-    session: Session, read: ReadFile, measured: Iterable[Measured], results: Mapping[str, Mapping[str, Any]]
+    session: Session,
+    read: ReadFile,
+    measured: Iterable[Measured],
+    results: Mapping[str, Mapping[str, Any]],
+    read_output: ReadOutput = lambda _name: None,
 ) -> SceneInput:
     """Return what a session's scene is drawn from.
 
@@ -53,6 +60,8 @@ def scene_input(
     measured : iterable of Measured
     results : mapping
         From stage to the result, as JSON data.
+    read_output : callable, optional
+        Returns the bytes of a file that a stage made beside its result, None where there is none.
     """
 
     def points_on_sphere(capture: Capture) -> FloatArray:
@@ -64,8 +73,26 @@ def scene_input(
             return np.zeros((0, 3))  # its measurement has said why, and the scene shows that
 
     solved = {stage: _DRAWN[stage].model_validate(data) for stage, data in results.items() if stage in _DRAWN}
-    load_scans = partial(merged_scans, session, solved, read)
-    return SceneInput(session, points_on_sphere, tuple(measured), solved, load_scans)
+    return SceneInput(
+        session,
+        points_on_sphere,
+        tuple(measured),
+        solved,
+        partial(merged_scans, session, solved, read),
+        partial(merged_cloud, solved, read_output),
+        partial(_reference_mesh, read_output),
+    )
+
+
+def _reference_mesh(read_output: ReadOutput) -> ReferenceMesh | None:
+    from calib_core.session.stored_clouds import REFERENCE_FILE, read_stored_ply
+
+    data = read_output(REFERENCE_FILE)
+    if data is None:
+        return None
+    stored = read_stored_ply(data, REFERENCE_FILE)
+    assert stored.triangles is not None
+    return ReferenceMesh(stored.points_mm, stored.triangles)
 
 
 def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
@@ -77,7 +104,18 @@ def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
             stored = load_session(db, store.blobs, session_id)
     except NotFoundError:
         return None
-    return scene_input(stored.session, stored.read, stored.measured.values(), stored.results)
+    return scene_of(stored)
+
+
+def scene_of(stored: "StoredSession") -> SceneInput:
+    """Return a session of the store as its scene needs it."""
+
+    def read_output(name: str) -> bytes | None:
+        output = stored.outputs.get(name)
+        return None if output is None else stored.blobs.read(output.sha256)
+
+    scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results, read_output)
+    return replace(scene, outputs=tuple(f"{name} {output.sha256}" for name, output in stored.outputs.items()))
 
 
 def follow_scene(hub: "Hub", session_id: str, changed: Callable[[], None]) -> Callable[[], None]:

@@ -80,7 +80,7 @@ def _table_places_mm(facts: SceneFacts) -> FloatArray | None:
     if table is None:
         if merged is None:
             return None
-        return np.quantile(merged.points_mm, [0.01, 0.99], axis=0)
+        return np.quantile(merged.points_mm.astype(float), [0.01, 0.99], axis=0)
     low, high, away = table.reach_mm
     corners = np.array([[-away, -away, low - 0.3 * away], [away, away, high + 0.7 * away]])
     if merged is not None and merged.frame == "turntable":

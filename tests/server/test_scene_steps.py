@@ -10,12 +10,13 @@ import pytest
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import parse_session
+from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.colors import LIGHT, REJECTED, SCANS, VIRIDIS
 from server.scenes.facts import SceneFacts, SceneInput, scene_facts
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.live import LiveScene
-from server.scenes.look import CloudColors, look_at
+from server.scenes.look import look_at
 from server.scenes.merged import thinned
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
@@ -362,11 +363,11 @@ def test_merged_scans_lie_on_each_other_in_the_tables_frame_and_turn_with_it() -
 def test_scans_are_coloured(how: CloudColors, low: tuple[int, ...], high: tuple[int, ...]) -> None:
     facts = scene_facts(merged_scene()[0])
     assert facts.merged is not None
-    colors = drawn(facts, cloud_colors=how)["/scans/merged/0"].arguments["colors"]
+    colors = drawn(facts, cloud=CloudView(how))["/scans/merged/0"].arguments["colors"]
     order = facts.merged.scan if how == "by scan" else facts.merged.points_mm[:, 2]
     assert tuple(colors[np.argmin(order)]) == low
     assert tuple(colors[np.argmax(order)]) == high
-    assert ("z " in legend_html(facts, look_at(facts, cloud_colors=how))) == (how == "by height")
+    assert ("z " in legend_html(facts, look_at(facts, cloud=CloudView(how)))) == (how == "by height")
 
 
 def test_scans_are_thinned_evenly_over_their_length() -> None:

@@ -1,0 +1,98 @@
+"""The merged cloud's deviations from a reference, as the scene colours by them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import CalibrationError
+from calib_core.frames import FloatArray
+from calib_core.fusion.deviation import Deviations, mesh_deviations, sphere_deviations
+from server.scenes.cloud_view import Against
+from server.scenes.colors import residual_limit_mm
+
+NO_REFERENCE = "No reference mesh yet: add one as STL or PLY under Result, Merge."
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMesh:
+    """A mesh that says what the object should be: corners (C, 3) in the cloud's frame, triangles (M, 3)."""
+
+    corners_mm: NDArray[np.floating]
+    triangles: NDArray[np.integer]
+
+
+@dataclass(frozen=True, eq=False)
+class CloudDeviation:
+    """Signed distances (N,) of the cloud's points; NaN beside the reference.
+
+    `limit_mm` is the scale's end, `words` say what they are distances to, `of` gives the distances of further
+    points (K, 3) to the same reference.
+    """
+
+    values_mm: FloatArray
+    limit_mm: float
+    words: str
+    rms_mm: float
+    counted: int
+    of: Callable[[NDArray[np.floating]], FloatArray]
+
+
+def cloud_deviation(
+    points_mm: NDArray[np.floating], against: Against, reference: ReferenceMesh | None
+) -> CloudDeviation | str:
+    """Return the deviations of the cloud's points (N, 3), or the sentence why there are none."""
+    try:
+        if against.kind == "mesh":
+            if reference is None:
+                return NO_REFERENCE
+            return _from_mesh(points_mm, reference)
+        return _from_sphere(points_mm, against.diameter_mm)
+    except CalibrationError as error:
+        return f"No deviations: {error}"
+
+
+class KeptDeviations:
+    """The last deviations, computed again only for another cloud or reference."""
+
+    def __init__(self) -> None:
+        self._known: tuple[NDArray[np.floating], Against, ReferenceMesh | None, CloudDeviation | str] | None = None
+
+    def of(
+        self, points_mm: NDArray[np.floating], against: Against, reference: ReferenceMesh | None
+    ) -> CloudDeviation | str:
+        """Return `cloud_deviation`; the same cloud and reference are known by being the same objects."""
+        known = self._known
+        if known is None or known[0] is not points_mm or known[1] != against or known[2] is not reference:
+            known = (points_mm, against, reference, cloud_deviation(points_mm, against, reference))
+            self._known = known
+        return known[3]
+
+
+def _from_mesh(points_mm: NDArray[np.floating], reference: ReferenceMesh) -> CloudDeviation:
+    def of(points: NDArray[np.floating]) -> FloatArray:
+        return mesh_deviations(points, reference.corners_mm, reference.triangles).values_mm
+
+    return _of(mesh_deviations(points_mm, reference.corners_mm, reference.triangles), "the reference mesh", of)
+
+
+def _from_sphere(points_mm: NDArray[np.floating], diameter_mm: float | None) -> CloudDeviation:
+    found = sphere_deviations(points_mm, diameter_mm)
+    center, radius_mm = found.center_mm, found.radius_mm
+    assert center is not None
+    assert radius_mm is not None
+    farthest = found.largest_mm(1.0)
+
+    def of(points: NDArray[np.floating]) -> FloatArray:
+        values = np.linalg.norm(points.astype(float) - center, axis=1) - radius_mm
+        return np.where(np.abs(values) <= farthest, values, np.nan)
+
+    how = "best fit" if diameter_mm is None else "known"
+    return _of(found, f"the sphere, diameter {2 * radius_mm:.3f} mm ({how})", of)
+
+
+def _of(found: Deviations, words: str, of: Callable[[NDArray[np.floating]], FloatArray]) -> CloudDeviation:
+    values = found.values_mm
+    limit_mm = residual_limit_mm([values[np.isfinite(values)]])
+    return CloudDeviation(values, limit_mm, words, found.rms_mm, found.counted, of)
