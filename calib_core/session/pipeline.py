@@ -9,7 +9,7 @@ from typing import get_args
 from calib_core.errors import InputError
 from calib_core.records import Capture, Known, Result, Session, Stage, Step
 from calib_core.session.measure import ReadFile
-from calib_core.session.stage_tcp import Progress, StageInput, StoreFile, solve_tcp_stage
+from calib_core.session.stage_tcp import Kept, Progress, StageInput, StoreFile, solve_tcp_stage
 
 _TO_CAPTURE = {
     "camera": "Capture the board, tilted differently in each frame, and add the frames to the session.",
@@ -108,8 +108,9 @@ def run(
     with_captures = [name for name in todo if _has_captures(session, name)]
     if not any(stage_captures(session, name) for name in STAGES):
         _require_captures([], "tcp")
+    kept = Kept(results=results)
     for name in with_captures:
-        results[name] = solve_stage(session, name, read, progress, store)
+        results[name] = solve_stage(session, name, read, progress, store, kept)
     return results
 
 
@@ -119,6 +120,7 @@ def solve_stage(
     read: ReadFile,
     progress: Progress | None = None,
     store: StoreFile | None = None,
+    kept: Kept | None = None,
 ) -> Result:
     """Return the result of one stage.
 
@@ -133,6 +135,8 @@ def solve_stage(
         Called with the fraction done and what is being done.
     store : callable, optional
         Takes the files that a stage makes beside its result, by name and in pieces: the merged cloud, its mesh.
+    kept : Kept, optional
+        What other stages have solved of the same session meanwhile.
 
     Raises
     ------
@@ -153,7 +157,7 @@ def solve_stage(
     _require_captures(captures, stage)
     inputs = inputs_sha256(session, stage, read)
     tell: Progress = progress or (lambda _fraction, _message: None)
-    return entry.solve(StageInput(session, captures, read, inputs, tell, store))
+    return entry.solve(StageInput(session, captures, read, inputs, tell, store, kept or Kept()))
 
 
 def stage_captures(session: Session, stage: str) -> list[Capture]:

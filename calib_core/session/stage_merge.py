@@ -109,7 +109,7 @@ def _calibration(given: StageInput, with_table: bool) -> _Calibration:
             "Capture the still sphere from several robot poses, or give tool0_from_laser with the cell.",
             "captures",
         )
-    result = solve_stage(given.session, stage, given.read, tell)
+    result = given.kept.results.get(stage) or solve_stage(given.session, stage, given.read, tell, kept=given.kept)
     assert isinstance(result, TcpResult | TurntableResult | ChainResult)
     return _calibration_of(given.session.cell, result)
 

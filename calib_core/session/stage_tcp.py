@@ -1,7 +1,7 @@
 """The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from calib_core.errors import MeasurementError, MotionError
 from calib_core.records import (
     Capture,
     ChainResult,
+    Result,
     Session,
     TcpResidual,
     TcpResult,
@@ -24,6 +25,7 @@ from calib_core.session.sweep_rows import mark_sweeps, one_row_each
 
 if TYPE_CHECKING:
     from calib_core.chain.tcp import TcpSolution  # brings numba and scipy
+    from calib_core.session.stage_turntable import SolvedTable
 
 Progress = Callable[[float, str], None]
 StoreFile = Callable[[str, Iterable[bytes | memoryview]], object]
@@ -31,6 +33,15 @@ StoreFile = Callable[[str, Iterable[bytes | memoryview]], object]
 SOFTWARE = f"scancell {__version__}"
 
 _MEASURING_SHARE = 0.3
+
+
+@dataclass(eq=False)
+class Kept:
+    """What the stages of one run have solved already of the same captures, so that nothing is solved twice."""
+
+    tcp: "SolvedTcp | None" = None
+    table: "SolvedTable | None" = None
+    results: dict[str, Result] = field(default_factory=dict[str, Result])
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +57,7 @@ class StageInput:
     inputs_sha256: str
     progress: Progress
     store: StoreFile | None = None
+    kept: Kept = field(default_factory=Kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +100,12 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
 
 def solve_tcp_captures(given: StageInput) -> SolvedTcp:
     """Return the tcp captures' solution, with what it was solved from; raises as `solve_tcp_stage` does."""
+    if given.kept.tcp is None:
+        given.kept.tcp = _solve_tcp_captures(given)
+    return given.kept.tcp
+
+
+def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     from calib_core.chain.tcp import TcpOptions, solve_tcp
 
     cell = given.session.cell

@@ -29,7 +29,7 @@ _TCP_SHARE, _TABLE_SHARE = 0.4, 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class _SolvedTable:
+class SolvedTable:
     """The table captures' solution and what it was solved from."""
 
     solution: "TurntableSolution"
@@ -128,7 +128,13 @@ def _doubts_about_tool(solved: SolvedTcp) -> list[str]:
     return ["The tcp stage's own verdict is fail: mend it first."] if verdict == "fail" else []
 
 
-def _table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> _SolvedTable:
+def _table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+    if given.kept.table is None:
+        given.kept.table = _solve_table(given, sphere, tool, progress)
+    return given.kept.table
+
+
+def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
     from calib_core.chain.turntable import solve_turntable
 
     captures = [capture for capture in given.captures if not capture.excluded]
@@ -145,7 +151,7 @@ def _table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: P
         )
     except MotionError as error:
         raise with_failures(error, observed.failed) from None
-    return _SolvedTable(solution, observations, observed.unused)
+    return SolvedTable(solution, observations, observed.unused)
 
 
 def _require_angles(captures: Sequence[Capture]) -> None:

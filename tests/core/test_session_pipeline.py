@@ -4,6 +4,7 @@ import shutil
 import numpy as np
 import pytest
 
+import calib_core.chain.tcp
 from calib_core.errors import ConflictError, InputError, MeasurementError
 from calib_core.frames import RigidTransform
 from calib_core.records import Session, parse_session
@@ -210,3 +211,15 @@ def test_demo_prints_the_truth_beside_the_result(capsys):
     true_mm = simulate("turntable", 5).truth["tool0_from_laser"][0][3]
     assert float(truth) == pytest.approx(true_mm, abs=6e-4)
     assert float(error) == pytest.approx(float(found) - true_mm, abs=6e-3)
+
+
+def test_all_stages_solve_nothing_twice_and_answer_as_each_alone(monkeypatch):
+    simulated = simulate("turntable", 7)
+    read = simulated.files.__getitem__
+    solves = []
+    solve_tcp = calib_core.chain.tcp.solve_tcp
+    monkeypatch.setattr("calib_core.chain.tcp.solve_tcp", lambda *args: solves.append(1) or solve_tcp(*args))
+    together = run(simulated.session, read)
+    assert (list(together), len(solves)) == (["tcp", "turntable", "chain"], 1)
+    alone = run(simulated.session, read, "chain")["chain"]
+    assert together["chain"].model_dump_json() == alone.model_dump_json()
