@@ -8,6 +8,7 @@ import threading
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing.queues import Queue
 from typing import Any
 
@@ -108,22 +109,22 @@ class Jobs:
                 return
             stored = load_session(db, self._store.blobs, row.session_id)
             stage = row.stage
-        paths = {name: str(self._store.blobs.path(digest)) for name, digest in stored.digests.items()}
+        digests = dict(stored.digests)
         session = stored.session.to_json()
         solved_from: Data | None = None
         if stage == REPLAY:
-            work = (worker.replay, job_id, session, dict(stored.results), paths)
+            work = partial(worker.replay, job_id, session, dict(stored.results), digests)
         else:
-            solved_from = {"session": session, "files": dict(stored.digests)}
-            work = (worker.solve, job_id, session, stage, paths)
+            solved_from = {"session": session, "files": digests}
+            work = partial(worker.solve, job_id, session, stage, digests)
         with self._lock:
             if self._pool is None:  # the server stops, and says so of its jobs
                 return
             try:
-                future = self._pool.executor.submit(*work)
+                future = self._pool.executor.submit(work)
             except BrokenProcessPool:  # a worker was killed while it waited
                 self._renew(self._pool)
-                future = self._pool.executor.submit(*work)
+                future = self._pool.executor.submit(work)
             self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
         future.add_done_callback(lambda done: self._ended(job_id, done))
 

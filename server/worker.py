@@ -7,9 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import parent_process
 from multiprocessing.queues import Queue
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib_core.errors import InputError
@@ -71,8 +71,8 @@ def ready() -> bool:
     return True
 
 
-def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[str, str]) -> Solved:
-    """Solve a stage of a session, files given by their paths.
+def solve(job_id: str, session: Mapping[str, Any], stage: str, digests: Mapping[str, str]) -> Solved:
+    """Solve a stage of a session, files given by the SHA-256 of their blobs.
 
     Raises
     ------
@@ -84,14 +84,13 @@ def solve(job_id: str, session: Mapping[str, Any], stage: str, paths: Mapping[st
     from calib_core.session.pipeline import solve_stage
     from server.strict_json import plain_json
 
-    assert _settings is not None
-    outputs = _Outputs(open_blobs(_settings.blob_place), stage)
-    result = solve_stage(parse_session(session), stage, _reader(paths), progress, outputs.store)
+    outputs = _Outputs(_blobs(), stage)
+    result = solve_stage(parse_session(session), stage, _reader(digests), progress, outputs.store)
     return Solved(plain_json(result), outputs.stored)
 
 
 def replay(
-    job_id: str, session: Mapping[str, Any], results: Mapping[str, Any], paths: Mapping[str, str]
+    job_id: str, session: Mapping[str, Any], results: Mapping[str, Any], digests: Mapping[str, str]
 ) -> Solved:
     """Solve every stage with a stored result afresh and compare: the record `Recomputed` as JSON data.
 
@@ -107,7 +106,7 @@ def replay(
 
     record = parse_session(session)
     fresh: dict[str, Any] = {}
-    compared = compare_all(record, _reader(paths), results, progress, fresh=fresh.__setitem__)
+    compared = compare_all(record, _reader(digests), results, progress, fresh=fresh.__setitem__)
     stages = {
         stage: compare_results(Compared("", results[stage], record), Compared("", new, record)).to_json()
         for stage, new in fresh.items()
@@ -131,8 +130,15 @@ def _started(job_id: str) -> Callable[[float, str], None]:
     return progress
 
 
-def _reader(paths: Mapping[str, str]) -> Callable[[str], bytes]:
-    return lambda name: Path(paths[name]).read_bytes()
+@cache
+def _blobs() -> Blobs:
+    assert _settings is not None
+    return open_blobs(_settings.blob_place)
+
+
+def _reader(digests: Mapping[str, str]) -> Callable[[str], bytes]:
+    blobs = _blobs()
+    return lambda name: blobs.read(digests[name])
 
 
 class _Outputs:

@@ -1,10 +1,12 @@
 """Bags (RFC 8493, BagIt 1.0) in one zip: a payload below ``data/``, and the SHA-256 of every file."""
 
 import hashlib
+import io
+import os
 import stat
 import zipfile
 import zlib
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO, Final
@@ -13,8 +15,8 @@ from calib_core.errors import InputError, TooLargeError
 from calib_core.session.bag_names import require_distinct_names, require_safe_name
 from calib_core.session.bag_zip import CHUNK_BYTES, LIMITS, ArchiveLimits, ZipFiles, open_zip
 
-Content = Path | bytes
-"""A file's content: its bytes, or where they lie."""
+Content = Path | bytes | Callable[[], IO[bytes]]
+"""A file's content: its bytes, where they lie, or what opens them."""
 
 DECLARATION: Final = "bagit.txt"
 MANIFEST: Final = "manifest-sha256.txt"
@@ -160,52 +162,58 @@ def _add(archive: zipfile.ZipFile, name: str, content: Content) -> str:
     entry = zipfile.ZipInfo(name, _EARLIEST)
     entry.create_system = 3  # Unix, wherever it is written
     entry.external_attr = (stat.S_IFREG | 0o644) << 16
-    entry.compress_type = zipfile.ZIP_STORED if _is_better_stored(name, content) else zipfile.ZIP_DEFLATED
-    entry.file_size = _size(content)
     digest = hashlib.sha256()
-    with archive.open(entry, "w") as file:
-        for chunk in _chunks(content):
-            digest.update(chunk)
-            file.write(chunk)
+    with _opened(content) as source:
+        entry.file_size = source.seek(0, os.SEEK_END)
+        entry.compress_type = zipfile.ZIP_STORED if _is_better_stored(name, source) else zipfile.ZIP_DEFLATED
+        with archive.open(entry, "w") as file:
+            for chunk in _chunks(source):
+                digest.update(chunk)
+                file.write(chunk)
     return digest.hexdigest()
 
 
-def _is_better_stored(name: str, content: Content) -> bool:
+@contextmanager
+def _opened(content: Content) -> Generator[IO[bytes]]:
+    if isinstance(content, bytes):
+        yield io.BytesIO(content)
+        return
+    try:
+        file = content.open("rb") if isinstance(content, Path) else content()
+    except OSError as error:
+        raise _unreadable(str(content), error) from None
+    with file:
+        yield file
+
+
+def _is_better_stored(name: str, source: IO[bytes]) -> bool:
     """Return whether deflating gains nothing, or so much that a reader must take the file for a bomb."""
     if PurePosixPath(name).suffix.lower() in _DENSE:
         return True
-    size = _size(content)
+    size = source.seek(0, os.SEEK_END)
     if size <= CHUNK_BYTES:
         return False
     deflate = zlib.compressobj()
-    packed = sum(len(deflate.compress(chunk)) for chunk in _chunks(content)) + len(deflate.flush())
+    packed = sum(len(deflate.compress(chunk)) for chunk in _chunks(source)) + len(deflate.flush())
     return size > LIMITS.ratio / 2 * packed
 
 
-def _size(content: Content) -> int:
-    if isinstance(content, bytes):
-        return len(content)
+def _chunks(source: IO[bytes]) -> Iterator[bytes]:
+    source.seek(0)
+    while chunk := _read(source):
+        yield chunk
+
+
+def _read(source: IO[bytes]) -> bytes:
     try:
-        return content.stat().st_size
+        return source.read(CHUNK_BYTES)
     except OSError as error:
-        raise _unreadable(content, error) from None
+        raise _unreadable(source.name, error) from None
 
 
-def _chunks(content: Content) -> Iterator[bytes]:
-    if isinstance(content, bytes):
-        yield content
-        return
-    try:
-        with content.open("rb") as file:
-            while chunk := file.read(CHUNK_BYTES):
-                yield chunk
-    except OSError as error:
-        raise _unreadable(content, error) from None
-
-
-def _unreadable(path: Path, error: OSError) -> InputError:
+def _unreadable(place: str, error: OSError) -> InputError:
     got = (error.strerror or type(error).__name__).lower()
-    return InputError("a file that can be read", got, "Check its rights and the disk.", str(path))
+    return InputError("a file that can be read", got, "Check its rights and the disk.", place)
 
 
 def _manifest_text(digests: Mapping[str, str]) -> bytes:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from hashlib import sha256
 from typing import IO
 
@@ -61,12 +62,12 @@ def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes
         **{f"results/{stage}.json": to_json_bytes(result) for stage, result in stored.results.items()},
         **pages,
     }
-    payload |= {name: stored.blobs.path(output.sha256) for name, output in stored.outputs.items()}
+    payload |= {name: partial(stored.blobs.open, output.sha256) for name, output in stored.outputs.items()}
     for name, digest in stored.digests.items():
         if plain_name(name) in payload:
             got = f"a capture's file named {name}"
             raise ConflictError("a name of its own for each file", got, "Rename the file.", stored.id)
-        payload[plain_name(name)] = stored.blobs.path(digest)
+        payload[plain_name(name)] = partial(stored.blobs.open, digest)
     pack_files(stored.session, payload, out, stored.id)
 
 

@@ -44,7 +44,7 @@ class BucketBlobs(Blobs):
         """Store bytes durably and return their SHA-256."""
         digest = sha256(content).hexdigest()
         with self._locks[int(digest[:2], 16)], _named(self._bucket):
-            if not self._is_young(digest):
+            if not self._is_young(digest, YOUNG_S / 2):
                 self._client.put_object(Bucket=self._bucket, Key=self._key(digest), Body=content)
         return digest
 
@@ -54,7 +54,7 @@ class BucketBlobs(Blobs):
             digest, size = copied(pieces, file)
             file.seek(0)
             with self._locks[int(digest[:2], 16)], _named(self._bucket):
-                if not self._is_young(digest):
+                if not self._is_young(digest, YOUNG_S / 2):
                     self._client.upload_fileobj(file, self._bucket, self._key(digest))
         return digest, size
 
@@ -118,7 +118,7 @@ class BucketBlobs(Blobs):
     def _key(self, digest: str) -> str:
         return f"{self._prefix}{digest[:2]}/{digest}"
 
-    def _is_young(self, digest: str, limit_s: float = YOUNG_S / 2) -> bool:
+    def _is_young(self, digest: str, limit_s: float) -> bool:
         """Return whether a blob is there and will not be removed for a while."""
         from botocore.exceptions import ClientError
 

@@ -93,19 +93,6 @@ def open_blobs(place: BlobPlace) -> Blobs:
     return BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder)
 
 
-@dataclass(frozen=True)
-class StoredContent:
-    """A blob as a content that an archive is packed from."""
-
-    blobs: Blobs
-    digest: str
-    size: int
-
-    def open(self) -> IO[bytes]:
-        """Return it as a file to read; raises NotFoundError, DamagedError."""
-        return self.blobs.open(self.digest)
-
-
 def copied(pieces: Pieces, file: IO[bytes]) -> tuple[str, int]:
     """Write pieces to a file; return their SHA-256 and how many bytes they were."""
     digest, size = sha256(), 0

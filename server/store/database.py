@@ -1,18 +1,18 @@
 """The store: transactions on the database, the blobs, and the events that a transaction leaves behind."""
 
-import json
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.orm import Session
 
+from calib_core.errors import InputError
 from server.settings import Settings
+from server.store.audit import note_act
 from server.store.blobs import open_blobs
+from server.store.engine import engine_of, reading
 from server.store.models import EventRow, SessionRow, now
 
 Publish = Callable[[EventRow], None]
@@ -33,25 +33,31 @@ class Store:
         settings.data.mkdir(parents=True, exist_ok=True)
         self.blobs = open_blobs(settings.blob_place)
         self._publish = publish
-        self._engine = _engine(settings.sql_url)
+        self._engine = engine_of(settings.sql_url)
+        self._reading = reading(self._engine)
         self._writing = self._engine.execution_options(writing=True)
         self._one_writer = threading.Lock()
 
     def migrate(self) -> None:
-        """Bring the tables to this version's form, all or nothing."""
+        """Bring the tables to this version's form, all or nothing; raises InputError if a later one wrote them."""
         from alembic import command
         from alembic.config import Config
+        from alembic.util import CommandError
 
         config = Config()
         config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
         with self._writing.begin() as connection:
             config.attributes["connection"] = connection
-            command.upgrade(config, "heads")
+            try:
+                command.upgrade(config, "heads")
+            except CommandError as error:  # it does not know the revision that it finds
+                to_do = "Use the version of scancell that wrote it, or a later one."
+                raise InputError("a store of this version or an earlier one", str(error), to_do, "store") from None
 
     @contextmanager
     def read(self) -> Generator[Session]:
         """Open a transaction that sees one consistent state."""
-        with Session(self._engine) as db:
+        with Session(self._reading) as db:
             yield db
 
     @contextmanager
@@ -63,6 +69,7 @@ class Store:
         with self._one_writer:
             with Session(self._writing, expire_on_commit=False) as db:
                 yield db
+                note_act(db)
                 db.commit()
                 events: list[EventRow] = db.info.pop(_EVENTS, [])
             for recorded in events:
@@ -82,23 +89,3 @@ def record_event(db: Session, session: SessionRow, kind: str, data: dict[str, An
     row = EventRow(session_id=session.id, id=session.last_event, kind=kind, data=data, created=now())
     db.add(row)
     db.info.setdefault(_EVENTS, []).append(row)
-
-
-def _engine(url: str) -> Engine:
-    engine = create_engine(url, json_serializer=partial(json.dumps, allow_nan=False, ensure_ascii=False))
-    if engine.dialect.name == "sqlite":
-        event.listen(engine, "connect", _set_up_sqlite)
-        event.listen(engine, "begin", _begin_sqlite)
-    return engine
-
-
-def _set_up_sqlite(connection: Any, _: Any) -> None:
-    connection.isolation_level = None  # this module begins transactions itself
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
-        connection.execute(f"PRAGMA {pragma}").close()
-
-
-def _begin_sqlite(connection: Connection) -> None:
-    # A transaction that will write takes the lock at once: it never fails half-way because another was faster.
-    writing = connection.get_execution_options().get("writing")
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")

@@ -1,10 +1,11 @@
 """The tables: records as JSON beside the few columns that are searched."""
 
+import unicodedata
 from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, String, Text
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
 Data = dict[str, Any]
 
@@ -12,6 +13,11 @@ Data = dict[str, Any]
 def now() -> str:
     """Return the time as ISO 8601 text in UTC, which sorts as it runs."""
     return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def folded(text: str) -> str:
+    """Return text as it is searched: letters of one case and one Unicode form."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
 
 
 class Base(DeclarativeBase):
@@ -33,8 +39,14 @@ class SessionRow(Base):
     last_position: Mapped[int] = mapped_column(default=0)
     record: Mapped[Data]
     simulated: Mapped[Data | None]
+    name_folded: Mapped[str] = mapped_column(server_default="")
 
-    __table_args__ = (Index("sessions_by_age", "created", "id"),)
+    __table_args__ = (Index("sessions_by_age", "created", "id", "name_folded"),)  # a search reads nothing else
+
+    @validates("name")
+    def _fold(self, _: str, name: str) -> str:
+        self.name_folded = folded(name)
+        return name
 
 
 class CaptureRow(Base):

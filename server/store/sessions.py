@@ -14,7 +14,7 @@ from calib_core.records import Measured, Session, parse_session
 from server.errors import OutdatedError
 from server.store.blobs import Blobs
 from server.store.database import record_event
-from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, now
+from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded, now
 from server.store.paging import Page, after_cursor, page_of
 
 
@@ -205,7 +205,7 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
     """Return a page of sessions, the newest first."""
     query = select(SessionRow).options(defer(SessionRow.simulated))
     if search:
-        query = query.where(SessionRow.name.icontains(search, autoescape=True))
+        query = query.where(SessionRow.name_folded.contains(folded(search), autoescape=True))
     if cursor is not None:
         created, last_id = after_cursor(cursor, str, str)
         query = query.where(

@@ -1,0 +1,56 @@
+"""The two databases that the store works with, made to behave alike."""
+
+import json
+from functools import partial
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError
+
+from calib_core.errors import InputError
+
+
+def engine_of(url: str) -> Engine:
+    """Return what speaks to the database at an address; it connects later. Raises InputError."""
+    try:
+        address = make_url(url)
+    except ArgumentError:
+        got, to_do = "something else", "Write SCANCELL_DATABASE_URL=postgresql://user@host/database."
+        raise InputError("the address of a database", got, to_do, "database_url") from None
+    kind = address.get_backend_name()
+    if kind not in ("sqlite", "postgresql"):
+        to_do = "Name a PostgreSQL database, or leave SCANCELL_DATABASE_URL out."
+        raise InputError("an address that begins with postgresql:// or sqlite:///", kind, to_do, "database_url")
+    to_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
+    if kind == "sqlite":
+        engine = create_engine(address, json_serializer=to_json)
+        event.listen(engine, "connect", _set_up_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+        return engine
+    try:
+        # A connection that the database has closed meanwhile (a restart) is noticed before it is used.
+        return create_engine(
+            address.set(drivername="postgresql+psycopg"), json_serializer=to_json, pool_pre_ping=True
+        )
+    except ModuleNotFoundError:
+        to_do = "Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out."
+        raise InputError("the extra 'postgres'", "an installation without it", to_do, "database_url") from None
+
+
+def reading(engine: Engine) -> Engine:
+    """Return an engine whose transactions see one state throughout, as SQLite's do by themselves."""
+    if engine.dialect.name == "sqlite":
+        return engine
+    return engine.execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
+
+
+def _set_up_sqlite(connection: Any, _: Any) -> None:
+    connection.isolation_level = None  # this module begins transactions itself
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
+        connection.execute(f"PRAGMA {pragma}").close()
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    # A transaction that will write takes the lock at once: it never fails half-way because another was faster.
+    writing = connection.get_execution_options().get("writing")
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
