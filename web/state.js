@@ -5,7 +5,7 @@ import { follow } from "./events.js";
 
 /** @import {CaptureOut, Guide, Job, Results, SessionOut, ToolFrame} from "./model.js" */
 /** @import {Liveness} from "./events.js" */
-/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "problem"} Part */
+/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "problem" | "place"} Part */
 
 const EVENTS = ["capture", "result", "job", "session"];
 const GATHER_MS = 40;
@@ -41,7 +41,7 @@ export class SessionState extends EventTarget {
       (name, data) => this.#heard(name, /** @type {Record<string, any>} */ (data)),
       (live, again) => {
         this.live = live;
-        this.#tell("live");
+        this.tell("live");
         if (!again && this.session) return;
         void this.reload();
         void this.#askForJob();
@@ -65,7 +65,7 @@ export class SessionState extends EventTarget {
     const now = await api.job(job.id).catch(gone);
     if (this.job?.id !== job.id) return;
     this.job = now;
-    this.#tell("job");
+    this.tell("job");
   }
 
   /** The capture that the page shows: the one picked, otherwise the newest. */
@@ -80,20 +80,20 @@ export class SessionState extends EventTarget {
   /** @param {string | null} id */
   select(id) {
     this.selected = this.selected === id ? null : id;
-    this.#tell("selection");
+    this.tell("selection");
   }
 
   /** @param {"measure" | "result"} view */
   show(view) {
     if (this.view === view) return;
     this.view = view;
-    this.#tell("view");
+    this.tell("view");
   }
 
   /** @param {Job} job */
   follows(job) {
     this.job = job;
-    this.#tell("job");
+    this.tell("job");
   }
 
   /**
@@ -113,8 +113,8 @@ export class SessionState extends EventTarget {
     return () => this.removeEventListener("change", heard);
   }
 
-  /** @param {...Part} parts */
-  #tell(...parts) {
+  /** Tell who watches that these parts have changed. @param {...Part} parts */
+  tell(...parts) {
     this.dispatchEvent(new CustomEvent("change", { detail: new Set(parts) }));
   }
 
@@ -125,7 +125,7 @@ export class SessionState extends EventTarget {
   #heard(name, data) {
     if (name === "job") {
       this.job = /** @type {Job} */ (data);
-      this.#tell("job");
+      this.tell("job");
       return;
     }
     if (name === "capture") {
@@ -140,7 +140,7 @@ export class SessionState extends EventTarget {
   #drop(id) {
     this.captures = this.captures.filter((capture) => capture.id !== id);
     if (this.selected === id) this.selected = null;
-    this.#tell("captures", "selection");
+    this.tell("captures", "selection");
   }
 
   /** @param {...Part} parts */
@@ -166,12 +166,12 @@ export class SessionState extends EventTarget {
       ]);
       const tool = results["tcp"] ? await this.#tool(results, parts) : null;
       Object.assign(this, { session, captures: list, guide, results, tool, problem: null });
-      this.#tell(...parts, "captures", "problem");
+      this.tell(...parts, "captures", "problem");
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       this.problem = error;
       if (error.status === 404) this.session = null;
-      this.#tell("problem", "session");
+      this.tell("problem", "session");
     }
   }
 
