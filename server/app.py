@@ -10,13 +10,14 @@ from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 
 from calib_core import __version__
-from server import errors, measuring, openapi
+from server import errors, openapi
 from server.auth.door import Door
 from server.auth.logins import Logins
 from server.auth.refusals import Refusals
 from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
+from server.measuring_processes import Measuring
 from server.patience import Patience
 from server.routes import archives, captures, clouds, health, history, pages, sessions, solves, tokens
 from server.scenes.manager import SceneManager
@@ -43,8 +44,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         store = Store(settings, hub.publish)
         jobs = Jobs(settings, store)
         scenes = SceneManager(partial(stored_scene, store), partial(follow_scene, hub))
+        measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
-        app.state.logins = Logins(settings.data, store)
+        app.state.measuring, app.state.logins = measuring, Logins(settings.data, store)
         try:
             await run_in_threadpool(_start, store, jobs)
             if settings.warm_up:
@@ -54,6 +56,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             hub.close()
             await run_in_threadpool(scenes.stop)
             await run_in_threadpool(jobs.stop)
+            await run_in_threadpool(measuring.stop)
             store.close()
 
     app = FastAPI(

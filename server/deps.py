@@ -11,32 +11,40 @@ from sqlalchemy.orm import Session as Transaction
 
 from server.events import Hub
 from server.jobs import Jobs
+from server.measuring_processes import Measuring
 from server.settings import Settings
 from server.store.answers import remember_answer, stored_answer
 from server.store.database import Store
 from server.store.models import Data
 
+# These are coroutines because FastAPI hands every plain function to another thread first.
 
-def _settings(request: Request) -> Settings:
+
+async def _settings(request: Request) -> Settings:
     return request.app.state.settings
 
 
-def _store(request: Request) -> Store:
+async def _store(request: Request) -> Store:
     return request.app.state.store
 
 
-def _hub(request: Request) -> Hub:
+async def _hub(request: Request) -> Hub:
     return request.app.state.hub
 
 
-def _jobs(request: Request) -> Jobs:
+async def _jobs(request: Request) -> Jobs:
     return request.app.state.jobs
+
+
+async def _measuring(request: Request) -> Measuring:
+    return request.app.state.measuring
 
 
 SettingsDep = Annotated[Settings, Depends(_settings)]
 StoreDep = Annotated[Store, Depends(_store)]
 HubDep = Annotated[Hub, Depends(_hub)]
 JobsDep = Annotated[Jobs, Depends(_jobs)]
+MeasuringDep = Annotated[Measuring, Depends(_measuring)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]
 CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64)]
@@ -55,23 +63,14 @@ Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
 class Once:
     """The request's Idempotency-Key: the same key with the same content is answered once and then repeated."""
 
-    def __init__(
-        self,
-        request: Request,
-        idempotency_key: Annotated[
-            str | None,
-            Header(
-                min_length=1,
-                max_length=255,
-                description="Any text, fresh for each new request: a repeated request with it does nothing twice.",
-            ),
-        ] = None,
-    ) -> None:
-        self._scope = f"{request.method} {request.url.path}"
-        self._key = idempotency_key
+    def __init__(self, scope: str, key: str | None) -> None:
+        self._scope = scope
+        self._key = key
 
     def answered(self, store: Store, content: Any) -> JSONResponse | None:
         """Return the answer that was given to this key and content, if there is one; raises ConflictError."""
+        if self._key is None:
+            return None
         with store.read() as db:
             return self._answered(db, _fingerprint(content))
 
@@ -85,7 +84,7 @@ class Once:
         ConflictError
             If the key came with other content before.
         """
-        fingerprint = _fingerprint(content)
+        fingerprint = _fingerprint(content) if self._key is not None else ""
         with store.write() as db:
             stored = self._answered(db, fingerprint)
             if stored is not None:
@@ -102,7 +101,21 @@ class Once:
         return None if row is None else JSONResponse(row.body, row.status, {"Idempotency-Replayed": "true"})
 
 
-OnceDep = Annotated[Once, Depends(Once)]
+async def _once(
+    request: Request,
+    idempotency_key: Annotated[
+        str | None,
+        Header(
+            min_length=1,
+            max_length=255,
+            description="Any text, fresh for each new request: a repeated request with it does nothing twice.",
+        ),
+    ] = None,
+) -> Once:
+    return Once(f"{request.method} {request.url.path}", idempotency_key)
+
+
+OnceDep = Annotated[Once, Depends(_once)]
 
 
 def _fingerprint(content: Any) -> str:

@@ -1,4 +1,4 @@
-"""What is measured in a capture when it arrives."""
+"""What is measured in a capture, and what is noted where nothing can be."""
 
 import logging
 from collections.abc import Callable
@@ -52,4 +52,9 @@ def measure(session: Session, capture: Capture, read: Callable[[str], bytes]) ->
         log.exception("measuring capture %s failed unexpectedly", capture.id)
         reason = f"measuring it failed by an error of the program itself ({type(error).__name__})"
         to_do = "The capture is kept; report this with its file."
+    return unmeasured(capture, reason, to_do)
+
+
+def unmeasured(capture: Capture, reason: str, to_do: str) -> Measured:
+    """Return what is noted of a capture in which nothing was measured, and why."""
     return Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=to_do)

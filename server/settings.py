@@ -43,6 +43,10 @@ class Settings(BaseSettings):
     max_archive_bytes: Annotated[int, Field(gt=0)] = 2048 * MEBIBYTE
     max_files_per_capture: Annotated[int, Field(gt=0)] = 5000
 
+    measuring_processes: Annotated[int, Field(ge=1, le=64)] = 2
+    measuring_timeout_s: Annotated[float, Field(gt=0)] = Field(
+        default=60.0, description="A capture that takes longer to measure is kept without."
+    )
     workers: Annotated[int, Field(ge=1, le=64)] = 1
     warm_up: bool = Field(default=True, description="Compile and import what solving needs at start-up.")
     job_timeout_s: Annotated[float, Field(gt=0)] = 3600.0

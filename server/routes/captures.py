@@ -11,8 +11,20 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, InputError, TooLargeError
 from calib_core.records import Capture, Session, Step, parse_capture
-from server.deps import CaptureId, Cursor, IfMatch, Limit, Once, OnceDep, SessionId, SettingsDep, StoreDep
-from server.measuring import check_poses, measure
+from server.deps import (
+    CaptureId,
+    Cursor,
+    IfMatch,
+    Limit,
+    MeasuringDep,
+    Once,
+    OnceDep,
+    SessionId,
+    SettingsDep,
+    StoreDep,
+)
+from server.measuring import check_poses
+from server.measuring_processes import Measuring
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.sources.simulated import next_capture
 from server.store.blobs import chunks_to_end
@@ -59,6 +71,7 @@ def add(
     ],
     once: OnceDep,
     store: StoreDep,
+    measuring: MeasuringDep,
     settings: SettingsDep,
     files: Annotated[
         list[UploadFile], File(description="The record's `files`, by name or in their order; none for centres.")
@@ -78,11 +91,13 @@ def add(
         )
     data.pop("measured", None)  # of a record that came from here
     contents = named_files(data, [(file.filename or "", file.file.read()) for file in files])
-    return _store(store, once, session_id, parse_capture(data, "record"), contents)
+    return _store(store, measuring, once, session_id, parse_capture(data, "record"), contents)
 
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
-def take_simulated(session_id: SessionId, once: OnceDep, store: StoreDep, step: Step | None = None) -> Response:
+def take_simulated(
+    session_id: SessionId, once: OnceDep, store: StoreDep, measuring: MeasuringDep, step: Step | None = None
+) -> Response:
     """Let the simulated cell take its next capture, one of `step` where some are left."""
     content = f"next {step}" if step else "next"
     answered = once.answered(store, content)
@@ -96,11 +111,12 @@ def take_simulated(session_id: SessionId, once: OnceDep, store: StoreDep, step: 
             )
         device, taken = dict(row.simulated), capture_ids(db, session_id)
     capture, contents = next_capture(device["scenario"], device["seed"], taken, step)
-    return _store(store, once, session_id, capture, contents, content=content)
+    return _store(store, measuring, once, session_id, capture, contents, content=content)
 
 
 def _store(
     store: Store,
+    measuring: Measuring,
     once: Once,
     session_id: str,
     capture: Capture,
@@ -116,7 +132,7 @@ def _store(
         session = empty_session(session_row(db, session_id))
         require_free(db, session_id, capture, digests)
     check_poses(session, capture)
-    measured = measure(session, capture, contents.__getitem__)
+    measured = measuring.measure(session, capture, contents.__getitem__)
     for part in contents.values():
         store.blobs.put(part)
     sizes = {name: len(part) for name, part in contents.items()}
@@ -124,7 +140,7 @@ def _store(
     def act(db: Transaction) -> Data:
         row = locked_session(db, session_id)
         _require_same_cell(row, session)
-        return capture_data(add_capture(db, row, capture, measured, digests, sizes))
+        return add_capture(db, row, capture, measured, digests, sizes)
 
     answer, _ = once.run(store, content, 201, act)
     return answer
@@ -149,7 +165,12 @@ def get(session_id: SessionId, capture_id: CaptureId, store: StoreDep) -> Respon
 
 @router.patch("/captures/{capture_id}", response_model=StoredCapture)
 def change(
-    session_id: SessionId, capture_id: CaptureId, body: CaptureChanges, store: StoreDep, if_match: IfMatch = None
+    session_id: SessionId,
+    capture_id: CaptureId,
+    body: CaptureChanges,
+    store: StoreDep,
+    measuring: MeasuringDep,
+    if_match: IfMatch = None,
 ) -> Response:
     """Correct a capture's record; its files stay as they came."""
     changes = {name: value for name, value in body.model_dump(exclude_unset=True).items() if name != "measured"}
@@ -159,7 +180,7 @@ def change(
         record, revision = before.record, before.revision
     capture = _changed(record, changes)
     check_poses(stored.session, capture)
-    measured = measure(stored.session, capture, stored.read)
+    measured = measuring.measure(stored.session, capture, stored.read)
     with store.write() as db:
         session = locked_session(db, session_id)
         _require_same_cell(session, stored.session)

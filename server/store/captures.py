@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from sqlalchemy import delete, select
+from sqlalchemy import delete, insert, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, NotFoundError
@@ -49,7 +49,8 @@ def require_free(db: Transaction, session_id: str, capture: Capture, digests: Ma
     ------
     ConflictError
     """
-    if db.get(CaptureRow, (session_id, capture.id)) is not None:
+    there = select(CaptureRow.position).where(CaptureRow.session_id == session_id, CaptureRow.id == capture.id)
+    if db.scalar(there) is not None:
         raise ConflictError(
             "a capture id that is new in this session",
             f"'{capture.id}', which is there already",
@@ -78,25 +79,37 @@ def add_capture(
     measured: Measured,
     digests: Mapping[str, str],
     sizes: Mapping[str, int],
-) -> CaptureRow:
-    """Store a capture; `digests` and `sizes` belong to the names in its `files`. Raises ConflictError."""
+) -> Data:
+    """Store a capture and return it; `digests` and `sizes` belong to the names in its `files`.
+
+    Raises
+    ------
+    ConflictError
+    """
     require_free(db, session.id, capture, digests)
     session.last_position += 1
-    row = CaptureRow(
-        session_id=session.id,
-        id=capture.id,
-        position=session.last_position,
-        created=now(),
-        record=capture.to_json(),
-        measured=measured.to_json(),
+    record, seen = capture.to_json(), measured.to_json()
+    # Plain inserts: they are the busiest ones, and the unit of work would double their cost.
+    db.execute(
+        insert(CaptureRow),
+        {
+            "session_id": session.id,
+            "id": capture.id,
+            "position": session.last_position,
+            "created": now(),
+            "record": record,
+            "measured": seen,
+        },
     )
-    db.add(row)
+    if digests:
+        keys = {"session_id": session.id, "capture_id": capture.id}
+        db.execute(
+            insert(FileRow),
+            [{**keys, "name": name, "sha256": digest, "size": sizes[name]} for name, digest in digests.items()],
+        )
     touch(session)
     record_event(db, session, "capture", {"action": "added", "capture": capture.id})
-    db.flush()  # the files' rows refer to this one
-    for name, digest in digests.items():
-        db.add(FileRow(session_id=session.id, capture_id=capture.id, name=name, sha256=digest, size=sizes[name]))
-    return row
+    return {**record, "measured": seen}
 
 
 def change_capture(

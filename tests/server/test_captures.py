@@ -9,7 +9,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.routes import captures
+from server.measuring_processes import Measuring
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload
 
 POSE = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]
@@ -229,13 +229,13 @@ def test_a_cell_that_changes_while_a_capture_is_measured_is_noticed(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = make_session(client)
-    measure = captures.measure
+    measure = Measuring.measure
 
     def change_meanwhile(*given: Any) -> Any:
         monkeypatch.undo()
         client.patch(f"/sessions/{session}", json={"cell": {"sphere_diameter_mm": 41.0}})
         return measure(*given)
 
-    monkeypatch.setattr(captures, "measure", change_meanwhile)
+    monkeypatch.setattr(Measuring, "measure", change_meanwhile)
     assert_problem(upload(client, session, record(), arc_csv()), 409, "again")
     assert upload(client, session, record(), arc_csv()).status_code == 201
