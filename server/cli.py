@@ -299,7 +299,7 @@ def _command_demo(options: argparse.Namespace) -> int:
     from server.commands.demo import demo
     from server.commands.serve import serve
 
-    status = demo(options.seed)
+    status = demo(options.seed, None if options.no_serve else options.data)
     return status if options.no_serve or status else serve(options.host, options.port, options.data)
 
 

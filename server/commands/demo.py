@@ -1,12 +1,14 @@
 """`scancell demo`: the whole chain on the simulated cell, each result beside the truth."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib_core.frames import RigidTransform
-from calib_core.records import ChainResult, TcpResult, TurntableResult
+from calib_core.records import ChainResult, MergeResult, Result, TcpResult, TurntableResult
 from calib_core.session.pipeline import run
 from calib_core.simulation import simulate
 from server.commands.progress import progress_bar
@@ -15,21 +17,51 @@ from server.commands.summary import with_uncertainty
 _SIGMAS_OF_95 = 1.96
 
 
-def demo(seed: int) -> int:
-    """Simulate, solve, and print each step's result beside the known truth; return 1 where a verdict is `fail`."""
-    simulated = simulate("turntable", seed)
-    count = len(simulated.session.captures)
+def demo(seed: int, data: Path | None) -> int:
+    """Simulate, solve, and print each step's result beside the known truth; return 1 where a verdict is `fail`.
+
+    The session is kept in the workbench's store at `data`, with all its results; nowhere where it is None.
+    """
+    simulated = simulate("cell", seed)
+    steps = Counter(capture.step for capture in simulated.session.captures)
     print(
-        f"Simulated cell, seed {seed}: {count} profiles of a sphere, beside the turntable and on it; random errors"
+        f"Simulated cell, seed {seed}: {steps['tcp']} captures of a still sphere, {steps['turntable']} of one on "
+        f"the turntable, {steps['scan']} scans of a part; random errors"
     )
+    made: dict[str, bytes] = {}
+
+    def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
+        made[name] = b"".join(pieces)
+
     with progress_bar() as progress:
-        results = run(simulated.session, simulated.files.__getitem__, "all", progress)
+        results = run(simulated.session, simulated.files.__getitem__, "all", progress, store)
     for result in results.values():
-        if isinstance(result, TcpResult):
-            print("\n".join(_tcp(result, simulated.truth)), flush=True)
-        elif isinstance(result, TurntableResult | ChainResult):
-            print("\n".join(_table(result, simulated.truth)), flush=True)
-    return 1 if any(result.verdict == "fail" for result in results.values()) else 0
+        print("\n".join(_lines(result, results, simulated.truth, made)), flush=True)
+    failed = any(result.verdict == "fail" for result in results.values())
+    if data is not None:
+        from server.commands.demo_session import keep_session
+
+        name = keep_session(simulated, results, made, data)
+        print(f"\nThe workbench has it as the session '{name}'", flush=True)
+    return 1 if failed else 0
+
+
+def _lines(
+    result: Result, results: Mapping[str, Result], truth: dict[str, Any], made: Mapping[str, bytes]
+) -> Iterator[str]:
+    match result:
+        case TcpResult():
+            yield from _tcp(result, truth)
+        case TurntableResult() | ChainResult():
+            yield from _table(result, truth)
+        case MergeResult():
+            from server.commands.demo_merge import merge_lines
+
+            chain = results["chain"]
+            assert isinstance(chain, ChainResult)
+            yield from merge_lines(result, chain, truth, made)
+        case _:
+            yield f"\n{result.method} — verdict {result.verdict}"
 
 
 def _table(result: TurntableResult | ChainResult, truth: dict[str, Any]) -> Iterator[str]:
