@@ -7,9 +7,11 @@ from types import FrameType
 import uvicorn
 
 from server.app import create_app
+from server.auth.logins import require_admin
+from server.auth.slow_heads import SlowHeads
 from server.events import Hub
 from server.settings import Settings
-from server.store.folder import owned
+from server.store.claim import claimed
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
 
@@ -23,7 +25,8 @@ class WorkbenchServer(uvicorn.Server):
     def __init__(self, settings: Settings) -> None:
         app = create_app(settings)
         self._hub: Hub = app.state.hub
-        self._data = settings.data
+        self._settings = settings
+        self._slow_heads = SlowHeads(settings.head_timeout_s)
         config = uvicorn.Config(
             app,
             host=settings.host,
@@ -33,13 +36,25 @@ class WorkbenchServer(uvicorn.Server):
             ws_max_size=_MAX_MESSAGE_BYTES,
             ws_per_message_deflate=False,
             timeout_graceful_shutdown=5,
+            proxy_headers=bool(settings.trusted_proxies),
+            forwarded_allow_ips=settings.trusted_proxies,
+            ssl_certfile=settings.tls_certificate,
+            ssl_keyfile=settings.tls_key,
         )
         super().__init__(config)
 
     def run(self, sockets: list[socket] | None = None) -> None:
-        """Serve; raises InputError or ConflictError if the data folder cannot be used."""
-        with owned(self._data):
+        """Serve; raises InputError or ConflictError if the store cannot be used, or nobody could log in."""
+        with claimed(self._settings):
+            if self._settings.login_required:
+                require_admin(self._settings)
             super().run(sockets)
+
+    async def on_tick(self, counter: int) -> bool:
+        """Look about ten times a second after what must be done by the clock; returns whether to stop."""
+        if counter % 10 == 0:
+            self._slow_heads.close_old(self.server_state.connections)
+        return await super().on_tick(counter)
 
     def stop(self) -> None:
         """End the streams, then everything else; may be called from any thread."""
@@ -58,4 +73,5 @@ class WorkbenchServer(uvicorn.Server):
     def address(self) -> str:
         """Where it is served, once it has started."""
         host, port = self.servers[0].sockets[0].getsockname()[:2]
-        return f"http://{f'[{host}]' if ':' in host else host}:{port}"
+        scheme = "https" if self.config.is_ssl else "http"
+        return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"

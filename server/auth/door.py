@@ -22,8 +22,7 @@ from server.origin import is_safe
 from server.settings import Settings, is_loopback
 from server.store.audit import Act, acting
 
-_PAGES = ("/", "/docs")
-_SESSION_PAGE = "/sessions/"
+_NO_PAGES = ("/api/", "/scenes/", "/openapi.json")
 _LOOPBACK_FACTOR = 10.0
 """How many times more often a program on this machine may ask."""
 
@@ -185,9 +184,7 @@ def _act(scope: Scope) -> Act:
 
 
 def _is_page(scope: Scope) -> bool:
-    path: str = scope["path"]
-    of_session = path.startswith(_SESSION_PAGE) and "/" not in path.removeprefix(_SESSION_PAGE)
-    return scope["type"] == "http" and scope["method"] == "GET" and (path in _PAGES or of_session)
+    return scope["type"] == "http" and scope["method"] == "GET" and not scope["path"].startswith(_NO_PAGES)
 
 
 def _refusals(scope: Scope) -> Refusals:

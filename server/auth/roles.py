@@ -67,6 +67,8 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_SESSION}/results/{{stage}}/history/{{number}}",
         f"GET {_SESSION}/timeline",
         f"GET {_SESSION}/timeline/{{place}}",
+        f"GET {_SESSION}/clouds",
+        f"GET {_SESSION}/clouds/{{name}}",
         f"GET {_API}/compare/{{stage}}",
         f"GET {_API}/jobs/{{job_id}}/answer",
         f"GET {_SESSION}/exports/{{name}}",
@@ -77,6 +79,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /scenes/{session}",
         "GET /scenes/{session}/",
         "GET /scenes/{session}/legend",
+        "GET /scenes/{session}/picture",
         "WS /scenes/{session}",
         "WS /scenes/{session}/",
         # Lights a capture up in the scene; nothing of it is stored.
