@@ -11,6 +11,39 @@ export interface ArchiveFacts {
   report: boolean;
 }
 
+export interface AtWorkpiece {
+  of: "tool" | "table" | "both";
+  where?: string;
+  point_mm: number[];
+  sigmas_mm: number[];
+  worst_sigma_mm: number;
+}
+
+export interface AuditEntry {
+  number: number;
+  at: string;
+  who: string;
+  role: string;
+  token: string | null;
+  address: string;
+  method: string;
+  path: string;
+  outcome: "done" | "refused";
+}
+
+export interface AuditPage {
+  items: AuditEntry[];
+  next: string | null;
+}
+
+export interface AxisDifference {
+  axis: string;
+  unit: "deg" | "mm";
+  difference: number;
+  sigma: number;
+  sigmas: number | null;
+}
+
 export interface Board {
   kind: "chessboard" | "charuco" | "circles" | "asymmetric-circles";
   columns: number;
@@ -162,10 +195,47 @@ export interface ChainResult {
   residuals: (TcpResidual | TurntableResidual)[];
 }
 
+export interface Change {
+  kind: "cell" | "added" | "removed" | "left-out" | "taken-back" | "changed" | "file";
+  what: string;
+  left?: string;
+  right?: string;
+}
+
+export interface Comparison {
+  stage: string;
+  left: Side;
+  right: Side;
+  shared: number;
+  changes: Change[] | null;
+  frames: FrameDifference[];
+  figures: FigureDifference[];
+  residuals: RowDifference[];
+}
+
 export interface EncoderScaleError {
   error: number;
   sigma: number;
   applied: boolean;
+}
+
+export interface FigureDifference {
+  name: string;
+  left: number | null;
+  right: number | null;
+}
+
+export interface FrameDifference {
+  frame: string;
+  angle_deg: number;
+  shift_mm: number;
+  axes: AxisDifference[];
+  distance: number;
+  degrees_of_freedom: number;
+  chance: number;
+  point_mm: number[];
+  at_workpiece_mm: number;
+  at_workpiece_sigma_mm: number;
 }
 
 export interface Guide {
@@ -271,6 +341,26 @@ export interface LaserPlaneResult {
   residuals: LaserPlaneResidual[];
 }
 
+export interface LoginRequest {
+  token: string;
+}
+
+export interface MadeToken {
+  id: string;
+  name: string;
+  role: "read" | "capture" | "admin";
+  created: string;
+  expires: string | null;
+  revoked: string | null;
+  token: string | null;
+}
+
+export interface Me {
+  name: string;
+  role: "read" | "capture" | "admin" | null;
+  login: "token" | "cookie" | "not-needed" | "missing";
+}
+
 export interface Measured {
   capture: string;
   kind: "frame" | "profile" | "cloud" | "sweep" | "center";
@@ -292,10 +382,60 @@ export interface Measured {
   profiles?: number | null;
 }
 
+export interface MergeResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  points?: number;
+  kept?: number;
+  stray?: number;
+  mixed?: number;
+  grazing?: number;
+  overlap_pairs?: number;
+  overlap_mean_mm?: number | null;
+  overlap_rms_mm?: number | null;
+  expected_overlap_rms_mm?: number | null;
+  shift_mm?: number | null;
+  turn_deg?: number | null;
+}
+
+export interface MergeResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "merge";
+  frame: "turntable" | "base";
+  cloud: string | null;
+  points: number;
+  scanned_points: number;
+  voxel_mm: number;
+  overlap_rms_mm: number | null;
+  expected_overlap_rms_mm: number | null;
+  overlap_pairs: number;
+  registered_overlap_rms_mm?: number | null;
+  mesh: string | null;
+  triangles?: number;
+  low_mm: number[];
+  high_mm: number[];
+  residuals: MergeResidual[];
+}
+
 export interface MergeSettings {
   voxel_mm?: number;
   mesh?: "poisson" | "grid" | "none";
   registration?: boolean;
+}
+
+export interface MomentOfSession {
+  place: number;
+  session: Session;
+  captures: StoredCapture[];
+  results: Record<string, CameraResult | LaserPlaneResult | TcpResult | TurntableResult | ChainResult | MergeResult>;
+  numbers: Record<string, number>;
+  guide: Guide;
+  frames: Record<string, unknown> | null;
 }
 
 export interface NewSession {
@@ -303,6 +443,25 @@ export interface NewSession {
   name?: string;
   cell?: Cell | null;
   simulated?: SimulatedCell | null;
+}
+
+export interface NewToken {
+  name: string;
+  role: "read" | "capture" | "admin";
+  days?: number | null;
+}
+
+export interface PastResult {
+  number: number;
+  created: string;
+  stage: string;
+  verdict: "pass" | "warn" | "fail";
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  captures: number;
+  used: number;
+  figures: Record<string, number>;
 }
 
 export interface PlaneInCamera {
@@ -338,16 +497,57 @@ export interface Problem {
   where: string;
 }
 
+export interface Recomputed {
+  replay: Replay;
+  stages: Record<string, Comparison>;
+}
+
+export interface Replay {
+  session: string;
+  software: string;
+  tolerance: number;
+  equal: boolean;
+  stages: StageReplay[];
+}
+
+export interface ReplayDifference {
+  path: string;
+  stored?: unknown;
+  fresh?: unknown;
+  relative?: number | null;
+}
+
+export interface ResultHistory {
+  items: PastResult[];
+}
+
 export interface Robot {
   position_sigma_mm?: number | null;
   orientation_sigma_deg?: number | null;
   brand?: string | null;
 }
 
+export interface RowDifference {
+  capture: string;
+  left_used?: boolean | null;
+  right_used?: boolean | null;
+  left_reason?: string | null;
+  right_reason?: string | null;
+  left?: Record<string, number | null>;
+  right?: Record<string, number | null>;
+}
+
 export interface Scanner {
   kind?: "frame" | "profile" | "cloud" | "sweep" | "center" | null;
   point_sigma_mm?: number | null;
   z_axis?: "away" | "toward" | null;
+}
+
+export interface Session {
+  format?: "scancell-session/1";
+  name?: string;
+  cell: Cell;
+  captures?: Capture[];
 }
 
 export interface SessionChanges {
@@ -370,9 +570,30 @@ export interface SessionSummary {
   verdicts: Record<string, "pass" | "warn" | "fail">;
 }
 
+export interface Side {
+  session: string;
+  name?: string;
+  number?: number | null;
+  created?: string | null;
+  verdict: string;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+}
+
 export interface SimulatedCell {
   scenario?: string;
   seed?: number;
+}
+
+export interface StageReplay {
+  stage: string;
+  equal: boolean;
+  numbers?: number;
+  largest_relative?: number;
+  difference_count?: number;
+  differences?: ReplayDifference[];
+  why?: string[];
 }
 
 export interface StoredCapture {
@@ -390,6 +611,17 @@ export interface StoredCapture {
   excluded?: boolean;
   side?: 1 | -1 | null;
   measured: Measured;
+}
+
+export interface StoredCloudFile {
+  name: string;
+  bytes: number;
+  sha256: string;
+  formats: string[];
+}
+
+export interface StoredCloudFiles {
+  items: StoredCloudFile[];
 }
 
 export interface StoredSession {
@@ -425,6 +657,7 @@ export interface StoredTcpResult {
   confidence_95?: Record<string, number>;
   residuals: TcpResidual[];
   stale: boolean;
+  at_workpiece?: AtWorkpiece[];
 }
 
 export interface TableCircle {
@@ -485,6 +718,37 @@ export interface TcpResult {
 export interface TimedPose {
   t_s: number;
   pose: number[];
+}
+
+export interface Timeline {
+  items: TimelineItem[];
+}
+
+export interface TimelineItem {
+  place: number;
+  kind: "capture" | "result" | "failed" | "cancelled" | "now";
+  at: string;
+  capture?: string | null;
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan" | null;
+  removed?: boolean;
+  stage?: string | null;
+  number?: number | null;
+  verdict?: "pass" | "warn" | "fail" | null;
+  software?: string | null;
+  message?: string | null;
+}
+
+export interface TokenRecord {
+  id: string;
+  name: string;
+  role: "read" | "capture" | "admin";
+  created: string;
+  expires: string | null;
+  revoked: string | null;
+}
+
+export interface TokenRecords {
+  items: TokenRecord[];
 }
 
 export interface Turntable {

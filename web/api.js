@@ -1,8 +1,9 @@
 // The one file that speaks HTTP. Types come from the server's OpenAPI document (api-types.d.ts).
 
-/** @import {Capture, CaptureOut, Guide, Job, Page, ParsedPose, ProblemBody, Results, SessionBody, SessionOut, SessionSummary, ToolFrame} from "./model.js" */
+/** @import {Capture, CaptureOut, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolFrame} from "./model.js" */
 
 const ROOT = "/api/v1";
+const LOGIN = "/login";
 const PATIENCE_MS = [400, 1200, 3000];
 
 /** A request that the server refused, or that never reached it; `message` says what to do. */
@@ -37,6 +38,12 @@ async function problemOf(response) {
   return new Problem({ ...fallback, ...(await response.json()) });
 }
 
+/** The login is over, or there was none: the login page leads back to here. */
+export function toLogin() {
+  const { pathname, search, hash } = window.location;
+  window.location.assign(`/login?next=${encodeURIComponent(pathname + search + hash)}`);
+}
+
 /**
  * Ask, and ask again while the server cannot be reached; a POST carries its key, so that it counts once.
  * @param {string} path
@@ -50,6 +57,11 @@ async function request(path, init = {}) {
     try {
       const response = await fetch(ROOT + path, { ...init, headers });
       if (response.ok) return response;
+      if (response.status === 429 && wait) {
+        await pause(1000 * Number(response.headers.get("Retry-After") ?? 1));
+        continue;
+      }
+      if (response.status === 401 && path !== LOGIN) toLogin();
       throw await problemOf(response);
     } catch (error) {
       if (error instanceof Problem) throw error;
@@ -57,9 +69,38 @@ async function request(path, init = {}) {
       await pause(wait);
     }
   }
-  throw new Problem({
+  throw unreachable();
+}
+
+function unreachable() {
+  return new Problem({
     type: "about:blank", title: "No connection", status: 0,
     detail: "The server cannot be reached. Nothing is lost; start it again or check the network, then repeat the last step.",
+  });
+}
+
+/**
+ * Send a large file; `progress` hears which share of it has gone out. fetch cannot tell that, so this is the older way.
+ * @param {string} path
+ * @param {File} file
+ * @param {string} type
+ * @param {(share: number) => void} progress
+ * @returns {Promise<any>}
+ */
+function sendFile(path, file, type, progress) {
+  return new Promise((resolve, reject) => {
+    const sending = new XMLHttpRequest();
+    sending.open("POST", ROOT + path);
+    sending.setRequestHeader("Content-Type", type);
+    sending.setRequestHeader("Idempotency-Key", idempotencyKey());
+    sending.upload.onprogress = ({ loaded, total }) => progress(total ? loaded / total : 0);
+    sending.onerror = () => reject(unreachable());
+    sending.onload = () => {
+      const answer = new Response(sending.response || null, { status: sending.status, headers: { "content-type": sending.getResponseHeader("content-type") ?? "" } });
+      if (answer.ok) resolve(answer.json());
+      else void problemOf(answer).then(reject);
+    };
+    sending.send(file);
   });
 }
 
@@ -112,11 +153,22 @@ const session = (id) => `/sessions/${encodeURIComponent(id)}`;
 const capture = (id, captureId) => `${session(id)}/captures/${encodeURIComponent(captureId)}`;
 
 export const api = {
+  /** Who asks, and what they may. @returns {Promise<Me>} */
+  me: () => get("/me"),
+
+  /** @param {string} token @returns {Promise<Me>} */
+  logIn: async (token) => (await request(LOGIN, json("POST", { token }))).json(),
+
+  logOut: async () => void (await request("/logout", json("POST"))),
+
   /** @returns {Promise<SessionSummary[]>} */
   sessions: () => all("/sessions"),
 
   /** @param {SessionBody} body @returns {Promise<SessionOut>} */
   createSession: async (body) => (await request("/sessions", json("POST", body))).json(),
+
+  /** @param {File} file @param {(share: number) => void} progress @returns {Promise<SessionOut>} */
+  importArchive: (file, progress) => sendFile("/archives", file, "application/zip", progress),
 
   /** @param {string} id @returns {Promise<SessionOut>} */
   session: (id) => get(session(id)),
@@ -179,6 +231,30 @@ export const api = {
 
   /** @param {string} jobId */
   cancelJob: async (jobId) => void (await request(`/jobs/${encodeURIComponent(jobId)}/cancel`, json("POST"))),
+
+  /** What happened, in order. @param {string} id @returns {Promise<TimelineItem[]>} */
+  timeline: async (id) => (await get(`${session(id)}/timeline`)).items,
+
+  /** The session as it stood then. @param {string} id @param {number} place @returns {Promise<Moment>} */
+  moment: (id, place) => get(`${session(id)}/timeline/${place}`),
+
+  /** All results that a stage ever had. @param {string} id @param {string} stage @returns {Promise<PastResult[]>} */
+  history: async (id, stage) => (await get(`${session(id)}/results/${encodeURIComponent(stage)}/history`)).items,
+
+  /** Each side is a session, or `session:number` of a result. @param {string} stage @param {string} left @param {string} right @returns {Promise<Comparison>} */
+  compare: (stage, left, right) => get(`/compare/${encodeURIComponent(stage)}?${new URLSearchParams({ left, right })}`),
+
+  /** Solve everything afresh to compare. @param {string} id @returns {Promise<Job>} */
+  recompute: async (id) => (await request(`${session(id)}/replay`, json("POST"))).json(),
+
+  /** @param {string} jobId @returns {Promise<Recomputed>} */
+  jobAnswer: (jobId) => get(`/jobs/${encodeURIComponent(jobId)}/answer`),
+
+  /** @param {string} id */
+  reportAddress: (id) => `${ROOT}${session(id)}/report`,
+
+  /** @param {string} id */
+  archiveAddress: (id) => `${ROOT}${session(id)}/archive`,
 
   /** The tool frame in every convention, with its uncertainty. @param {string} id @returns {Promise<ToolFrame>} */
   toolFrame: (id) => get(`${session(id)}/exports/json`),

@@ -1,5 +1,7 @@
 // Server-sent events that come back by themselves, with growing pauses, and say when they did.
 
+import { requireLogin } from "./me.js";
+
 const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 15000;
 
@@ -30,6 +32,7 @@ export function follow(address, names, heard, changed) {
     source.onerror = () => {
       source?.close();
       changed(opened ? "reconnecting" : "connecting", false);
+      void requireLogin();
       timer = window.setTimeout(open, pause);
       pause = Math.min(pause * 2, LONGEST_PAUSE_MS);
     };

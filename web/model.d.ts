@@ -1,11 +1,14 @@
 // The names that the page uses for what the API gives and takes.
 
 import type {
-  CameraResult as CameraRecord, Capture, Cell, ChainResult as ChainRecord, Guide, GuideNow, GuideStep, Job, LaserPlaneResult as LaserPlaneRecord, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResult as CameraRecord, Capture, Cell, ChainResult as ChainRecord, Guide, GuideNow, GuideStep, Job, LaserPlaneResult as LaserPlaneRecord, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TableCircle, TcpResidual, TcpResult as TcpRecord, TurntableResidual, TurntableResult as TurntableRecord,
+  AtWorkpiece, Change, Comparison, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, StageReplay, TimelineItem,
 } from "./api-types.js";
 
-export type { Capture, Guide, GuideNow, GuideStep, Job, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
+export type { Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
+export type { AtWorkpiece, Change, Comparison, FrameDifference, PastResult, Recomputed, RowDifference, StageReplay, TimelineItem };
+export type Moment = MomentOfSession;
 export type CaptureOut = StoredCapture;
 export type SessionOut = StoredSession;
 export type SessionBody = NewSession;
@@ -20,7 +23,7 @@ export interface Page<T> {
 }
 
 /** A stored result, and whether captures or cell have changed since. */
-type Stored<T> = T & { stale?: boolean };
+type Stored<T> = T & { stale?: boolean; at_workpiece?: AtWorkpiece[] };
 export type TcpResult = Stored<TcpRecord>;
 export type TurntableResult = Stored<TurntableRecord>;
 export type ChainResult = Stored<ChainRecord>;
