@@ -1,12 +1,14 @@
-// Addresses of the page: `/` and `/sessions/{id}`. The server serves the same document for both.
+// Addresses of the page: `/`, `/sessions/{id}`, its `/review`, and `/compare`. The server serves one document for all.
 
-/** @typedef {{ page: "start" } | { page: "session", id: string } | { page: "unknown" }} Place */
+/** @typedef {{ page: "start" | "compare" } | { page: "session" | "review", id: string } | { page: "unknown" }} Place */
 
 /** @returns {Place} */
 export function place(path = window.location.pathname) {
   if (path === "/" || path === "/index.html") return { page: "start" };
-  const match = /^\/sessions\/([^/]+)\/?$/.exec(path);
-  return match?.[1] ? { page: "session", id: decodeURIComponent(match[1]) } : { page: "unknown" };
+  if (path === "/compare") return { page: "compare" };
+  const match = /^\/sessions\/([^/]+?)(\/review)?\/?$/.exec(path);
+  if (!match?.[1]) return { page: "unknown" };
+  return { page: match[2] ? "review" : "session", id: decodeURIComponent(match[1]) };
 }
 
 /** @param {string} path */
@@ -22,8 +24,10 @@ export function go(path) {
 export function route(show) {
   let shown = "";
   const update = () => {
-    if (window.location.pathname === shown) return;
-    shown = window.location.pathname;
+    const { pathname, search } = window.location;
+    const now = place(pathname).page === "compare" ? pathname + search : pathname;
+    if (now === shown) return;
+    shown = now;
     show(place());
   };
   window.addEventListener("popstate", update);
@@ -33,7 +37,7 @@ export function route(show) {
     if (!link || !plain || link.origin !== window.location.origin || link.target || link.download) return;
     if (place(link.pathname).page === "unknown" || link.hash) return;
     event.preventDefault();
-    go(link.pathname);
+    go(link.pathname + link.search);
   });
   update();
 }

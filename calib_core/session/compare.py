@@ -195,7 +195,7 @@ def changes(
     found += [Change(kind="added", what=name) for name in after if name not in before]
     for name in before.keys() & after.keys():
         found += _capture_changes(before[name], after[name], files)
-    order = {name: k for k, name in enumerate([*before, *after])}
+    order = {name: k for k, name in enumerate(dict.fromkeys([*before, *after]))}
     return sorted(found, key=lambda change: (change.kind != "cell", order.get(change.what.split(" ")[0], 0)))
 
 

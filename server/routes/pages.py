@@ -11,6 +11,8 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/")
 @router.get("/sessions/{session_id}")
+@router.get("/sessions/{session_id}/review")
+@router.get("/compare")
 def page(settings: SettingsDep) -> Response:
     """Return the page; which session it shows stands in its address."""
     return FileResponse(settings.web / "index.html", headers={"Cache-Control": "no-cache"})

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
@@ -80,7 +79,7 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
     numbers = {item["stage"]: item["number"] for item in before if item["kind"] == "result"}
     earlier = [past[item["number"]] for item in before if item["kind"] == "result"]
     later = [past[item["number"]] for item in items[place:] if item["kind"] == "result"]
-    ids = [item["capture"] for item in before if item["kind"] == "capture"]
+    ids = list(dict.fromkeys(item["capture"] for item in before if item["kind"] == "capture"))
     session = _session_then(stored.session, ids, _sessions(earlier), _sessions(later))
     digests: dict[str, str] = {}
     for result in past.values():
@@ -89,7 +88,7 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
     then = StoredSession(
         id=stored.id,
         session=session,
-        measured={c.id: stored.measured.get(c.id) or _unmeasured(c.id, c.kind) for c in session.captures},
+        measured=_measured_then(stored, session, before),
         results={stage: past[number].record for stage, number in numbers.items()},
         digests=digests,
         outputs=stored.outputs,
@@ -145,17 +144,20 @@ _Item = tuple[tuple[str, int, int], Data]
 
 def _captures(db: Transaction, session_id: str, past: Sequence[PastResult]) -> Iterator[_Item]:
     rows = db.scalars(select(CaptureRow).where(CaptureRow.session_id == session_id).order_by(CaptureRow.position))
-    there: set[str] = set()
+    since: dict[str, str] = {}
     for row in rows:
-        there.add(row.id)
+        since[row.id] = row.created
         data = {"kind": "capture", "at": row.created, "capture": row.id, "step": row.record["step"]}
         yield (row.created, 0, row.position), {**data, "verdict": row.measured["verdict"], "removed": False}
+    told: set[str] = set()
     for result in past:
         for position, capture in enumerate(result.session.captures if result.session else ()):
-            if capture.id not in there:
-                there.add(capture.id)
-                data = {"kind": "capture", "at": result.created, "capture": capture.id, "step": capture.step}
-                yield (result.created, 0, position), {**data, "verdict": "warn", "removed": True}
+            # Another capture of this name may have come since.
+            if capture.id in told or since.get(capture.id, "~") <= result.created:
+                continue
+            told.add(capture.id)
+            data = {"kind": "capture", "at": result.created, "capture": capture.id, "step": capture.step}
+            yield (result.created, 0, position), {**data, "verdict": "warn", "removed": True}
 
 
 def _results(past: Sequence[PastResult]) -> Iterator[_Item]:
@@ -191,5 +193,12 @@ def _session_then(
     return nearest.model_copy(update={"captures": there})
 
 
-def _unmeasured(capture: str, kind: Any) -> Measured:
-    return Measured(capture=capture, kind=kind, verdict="warn", reason=_REMOVED)
+def _measured_then(stored: StoredSession, session: Session, before: Sequence[Data]) -> dict[str, Measured]:
+    """Return what was measured; of a capture that was removed it is not known any more."""
+    removed = {item["capture"]: item["removed"] for item in before if item["kind"] == "capture"}
+    return {
+        capture.id: Measured(capture=capture.id, kind=capture.kind, verdict="warn", reason=_REMOVED)
+        if removed[capture.id]
+        else stored.measured[capture.id]
+        for capture in session.captures
+    }

@@ -14,7 +14,7 @@ const LEFT = 48;
 const BOTTOM = 26;
 const TOP = 16;
 /** The 95 % quantile of the distance of three independent standard normal numbers. */
-const BAND = 2.795;
+export const BAND = 2.795;
 const LEAST_TOP = 4;
 
 /**

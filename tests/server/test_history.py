@@ -1,0 +1,147 @@
+"""A session's past: time line, moments, the history of results, comparisons, recomputing."""
+
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.server.live_server import assert_problem, simulated_session, wait_for
+
+
+def solve(client: httpx.Client, session: str, stage: str = "tcp") -> dict[str, Any]:
+    return wait_for(client, client.post(f"/sessions/{session}/solve/{stage}").json()["id"])
+
+
+@pytest.fixture(scope="module")
+def session(shared_client: httpx.Client) -> str:
+    """Eleven captures, a solve; one left out, one taken anew, a solve; one more left out, one removed."""
+    client = shared_client
+    session = simulated_session(client, captures=11)
+    assert solve(client, session)["status"] == "done"
+    client.patch(f"/sessions/{session}/captures/p03", json={"excluded": True})
+    client.delete(f"/sessions/{session}/captures/p10")
+    client.post(f"/sessions/{session}/sources/simulated/capture")
+    assert solve(client, session)["status"] == "done"
+    client.patch(f"/sessions/{session}/captures/p04", json={"excluded": True})
+    client.delete(f"/sessions/{session}/captures/p11")
+    return session
+
+
+def test_the_time_line_has_everything_in_order(client: httpx.Client, session: str) -> None:
+    items = client.get(f"/sessions/{session}/timeline").json()["items"]
+    assert [item["place"] for item in items] == list(range(len(items)))
+    assert [item["at"] for item in items] == sorted(item["at"] for item in items)
+    told = [item.get("capture") or item.get("stage") or item["kind"] for item in items]
+    # Those removed since stand before the solve that used them.
+    assert set(told[:11]) == {f"p{k:02d}" for k in range(1, 12)}
+    assert told[11:] == ["tcp", "p10", "tcp", "now"]
+    assert [item["capture"] for item in items if item.get("removed")] == ["p10", "p11"]
+
+
+def test_each_moment_is_as_it_was(client: httpx.Client, session: str) -> None:
+    def at(place: int) -> dict[str, Any]:
+        return client.get(f"/sessions/{session}/timeline/{place}").json()
+
+    def left_out(moment: dict[str, Any]) -> list[str]:
+        return [c["id"] for c in moment["captures"] if c.get("excluded")]
+
+    three = at(2)
+    assert len(three["captures"]) == 3
+    assert (three["results"], three["frames"]) == ({}, None)
+    assert three["guide"]["current"]["action"] == "capture"
+    first = at(11)
+    assert len(first["captures"]) == 11
+    assert left_out(first) == []
+    assert first["results"]["tcp"]["stale"] is False
+    assert first["frames"]["conventions"]["fanuc"]["numbers"]
+    removed = next(c for c in first["captures"] if c["id"] == "p10")
+    assert "removed since" in removed["measured"]["reason"]
+    second = at(13)
+    assert left_out(second) == ["p03"]
+    assert len(second["captures"]) == 11
+    now = at(14)
+    assert left_out(now) == ["p03", "p04"]
+    assert len(now["captures"]) == 10
+    assert now["results"]["tcp"]["stale"] is True
+    assert first["numbers"]["tcp"] < second["numbers"]["tcp"] == now["numbers"]["tcp"]
+
+
+def test_every_result_is_kept(client: httpx.Client, session: str) -> None:
+    items = client.get(f"/sessions/{session}/results/tcp/history").json()["items"]
+    assert len(items) == 2
+    assert items[0]["number"] > items[1]["number"]
+    assert (items[1]["captures"], items[0]["captures"]) == (11, 11)
+    assert items[0]["figures"]["surface_rms_mm"] > 0
+    old = client.get(f"/sessions/{session}/results/tcp/history/{items[1]['number']}").json()
+    latest = client.get(f"/sessions/{session}/results/tcp").json()
+    assert old["inputs_sha256"] == items[1]["inputs_sha256"] != latest["inputs_sha256"]
+    assert latest["at_workpiece"][0]["worst_sigma_mm"] > 0
+
+
+def test_two_solves_side_by_side(client: httpx.Client, session: str) -> None:
+    new, old = (i["number"] for i in client.get(f"/sessions/{session}/results/tcp/history").json()["items"])
+    found = client.get("/compare/tcp", params={"left": f"{session}:{old}", "right": f"{session}:{new}"}).json()
+    assert [(change["kind"], change["what"]) for change in found["changes"]] == [("left-out", "p03")]
+    assert found["shared"] == 10
+    (frame,) = found["frames"]
+    assert 0 < frame["distance"] < 4
+    assert frame["at_workpiece_mm"] < 4 * frame["at_workpiece_sigma_mm"]
+    row = next(r for r in found["residuals"] if r["capture"] == "p03")
+    assert (row["left_used"], row["right_used"]) == (True, False)
+
+
+def test_two_sessions_side_by_side(client: httpx.Client, session: str) -> None:
+    other = simulated_session(client, captures=14, seed=8)
+    assert solve(client, other)["status"] == "done"
+    found = client.get("/compare/tcp", params={"left": session, "right": other}).json()
+    assert found["shared"] == 0
+    assert (found["left"]["session"], found["right"]["session"]) == (session, other)
+    # Another seed is another cell: its scanner sits elsewhere by far more than the uncertainty.
+    assert found["frames"][0]["distance"] > 20
+    assert found["frames"][0]["chance"] < 1e-6
+
+
+def test_recomputing_gives_the_stored_numbers_and_changes_nothing(client: httpx.Client) -> None:
+    session = simulated_session(client, captures=14)
+    solve(client, session)
+    before = client.get(f"/sessions/{session}/timeline").json()
+    job = client.post(f"/sessions/{session}/replay").json()
+    assert wait_for(client, job["id"])["status"] == "done"
+    answer = client.get(f"/jobs/{job['id']}/answer").json()
+    assert answer["replay"]["equal"] is True
+    assert answer["replay"]["stages"][0]["largest_relative"] <= 1e-9
+    assert answer["stages"]["tcp"]["frames"][0]["at_workpiece_mm"] == 0
+    after = client.get(f"/sessions/{session}/timeline").json()
+    assert [i for i in after["items"] if i["kind"] != "now"] == [i for i in before["items"] if i["kind"] != "now"]
+
+
+def test_a_failed_solve_is_on_the_time_line(client: httpx.Client) -> None:
+    session = simulated_session(client, captures=1)
+    assert solve(client, session)["status"] == "failed"
+    item = client.get(f"/sessions/{session}/timeline").json()["items"][1]
+    assert (item["kind"], item["stage"]) == ("failed", "tcp")
+    assert item["message"]
+
+
+def test_an_imported_archive_has_a_past_too(client: httpx.Client, session: str) -> None:
+    archive = client.get(f"/sessions/{session}/archive", params={"scene": False}).content
+    made = client.post("/archives", content=archive, headers={"Content-Type": "application/zip"}).json()["id"]
+    items = client.get(f"/sessions/{made}/timeline").json()["items"]
+    assert [item["kind"] for item in items][-2:] == ["result", "now"]
+    moment = client.get(f"/sessions/{made}/timeline/{len(items) - 2}").json()
+    assert len(moment["captures"]) == 10
+    assert moment["results"]["tcp"]["stale"] is True  # p04 was left out after the solve, as it was there
+
+
+def test_what_is_not_there_says_so(client: httpx.Client, session: str) -> None:
+    assert_problem(client.get(f"/sessions/{session}/timeline/99"), 404, "time line")
+    assert_problem(client.get("/sessions/none/timeline"), 404)
+    assert_problem(client.get(f"/sessions/{session}/results/tcp/history/999999"), 404, "history")
+    assert_problem(client.get("/sessions/none/results/tcp/history"), 404)
+    assert_problem(client.get("/compare/tcp", params={"left": f"{session}:x", "right": session}), 422, "SESSION")
+    assert_problem(client.get("/compare/camera", params={"left": session, "right": session}), 404, "not solved")
+    job = client.post(f"/sessions/{session}/solve/tcp").json()["id"]
+    wait_for(client, job)
+    assert_problem(client.get(f"/jobs/{job}/answer"), 404)
+    empty = simulated_session(client)
+    assert_problem(client.post(f"/sessions/{empty}/replay"), 409, "Solve the session first")

@@ -1,0 +1,199 @@
+// Two results side by side: what was changed, how far the frames lie apart in units of their uncertainty and at the
+// workpiece in mm, the figures, and the residuals.
+
+import { h, s } from "../dom.js";
+import { fixed, integer, plusMinus, significant, small } from "../format.js";
+import { mark } from "../icons.js";
+import { maybe, t } from "../texts.js";
+import { K } from "../steps/parts.js";
+import { BAND } from "./residual-plot.js";
+
+/** @import {Change, Comparison, FrameDifference, RowDifference} from "../model.js" */
+
+const RARE = 0.05;
+const WIDTH = 560;
+const HEIGHT = 184;
+const LEFT = 48;
+const BOTTOM = 26;
+const TOP = 16;
+
+/**
+ * @param {Comparison} comparison
+ * @param {{ left: string, right: string }} names of the sides
+ */
+export function comparisonSections(comparison, names) {
+  return [
+    ...comparison.frames.map((frame) => frameSection(frame, comparison, names)),
+    changesSection(comparison),
+    figuresSection(comparison, names),
+    residualsSection(comparison, names),
+  ].filter((section) => section !== null);
+}
+
+/** @param {string} title @param {...(Node | string | null | false)} parts */
+function panel(title, ...parts) {
+  return h("section", { class: "panel", "aria-label": title }, h("h2", {}, title), ...parts.filter((part) => part));
+}
+
+/** @param {string[]} heads */
+function head(...heads) {
+  return h("thead", {}, h("tr", {}, ...heads.map((text, index) => h("th", { scope: "col", class: index > 0 && "right" }, text))));
+}
+
+/** @param {string} name @param {...(string | Node)} cells */
+function line(name, ...cells) {
+  return h("tr", {}, h("th", { scope: "row" }, name), ...cells.map((cell) => h("td", { class: "right" }, cell)));
+}
+
+/** @param {FrameDifference} frame @param {Comparison} comparison @param {{ left: string, right: string }} names */
+function frameSection(frame, { shared }, names) {
+  const far = frame.chance < RARE;
+  const same = frame.distance === 0;
+  const verdict = same ? "pass" : far ? "warn" : "pass";
+  const rows = frame.axes.map((axis) => line(
+    maybe(`comparison.axis_${axis.axis}`, axis.axis), signed(axis.difference, axis.sigma * K, axis.unit), plusMinusOr(axis.sigma * K, axis.unit),
+    typeof axis.sigmas === "number" ? `${fixed(axis.sigmas, 1)} σ` : "–"));
+  return panel(
+    t("comparison.frame", { frame: maybe(`comparison.${frame.frame}`, frame.frame) }),
+    h("p", {}, mark(verdict, same ? t("comparison.same") : t(far ? "comparison.apart" : "comparison.agree", {
+      distance: fixed(frame.distance, 1), freedom: frame.degrees_of_freedom, chance: chanceWords(frame.chance),
+    }))),
+    frame.frame !== "camera_from_laser" && h("p", { class: "workpiece" }, t("comparison.at_workpiece", {
+      distance: small(frame.at_workpiece_mm), sigma: small(frame.at_workpiece_sigma_mm * K),
+      point: frame.point_mm.map((value) => fixed(value, 0)).join(", "), where: t(frame.frame === "tool0_from_laser" ? "workpiece.in_laser" : "workpiece.in_table"),
+    })),
+    h("table", { class: "number compare" },
+      head(t("compare.what"), t("comparison.difference", names), t("comparison.combined"), t("comparison.in_sigmas")), h("tbody", {}, ...rows)),
+    h("p", { class: "soft small" }, shared ? t("comparison.shared", { shared }) : t("comparison.independent")),
+  );
+}
+
+/** @param {number} chance */
+function chanceWords(chance) {
+  return chance < 0.001 ? t("comparison.tiny") : `${significant(chance * 100, 2)} %`;
+}
+
+/** @param {number} value @param {number} uncertainty @param {"deg" | "mm"} unit */
+function signed(value, uncertainty, unit) {
+  const digits = uncertainty > 0 ? Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(uncertainty)))) : 4;
+  return `${value > 0 ? "+" : ""}${fixed(value, digits)}${unit === "deg" ? "°" : " mm"}`;
+}
+
+/** @param {number} uncertainty @param {"deg" | "mm"} unit */
+function plusMinusOr(uncertainty, unit) {
+  return uncertainty > 0 ? plusMinus(uncertainty, unit === "deg" ? "°" : "mm") : "–";
+}
+
+/** @param {Comparison} comparison */
+function changesSection({ changes, left, right }) {
+  const about = [];
+  if (left.software !== right.software) about.push(t("comparison.software", { left: left.software, right: right.software }));
+  if (left.method !== right.method) about.push(t("comparison.method", { left: left.method, right: right.method }));
+  if (left.session !== right.session && !changes?.length) return about.length ? panel(t("comparison.changes"), list(about)) : null;
+  const words = changes ? changes.map(changeWords) : [];
+  const nothing = !words.length && !about.length;
+  return panel(
+    t("comparison.changes"),
+    changes === null && h("p", { class: "soft" }, t("comparison.unknown")),
+    nothing && changes !== null && h("p", { class: "soft" }, t("comparison.nothing")),
+    list([...about, ...words]),
+  );
+}
+
+/** @param {string[]} sentences */
+function list(sentences) {
+  return h("ul", { class: "changes" }, ...sentences.map((sentence) => h("li", {}, sentence)));
+}
+
+/** @param {Change} change */
+function changeWords({ kind, what, left = "", right = "" }) {
+  return t(/** @type {"change.cell"} */ (`change.${kind}`), { what, left, right });
+}
+
+/** @param {Comparison} comparison @param {{ left: string, right: string }} names */
+function figuresSection({ figures, left, right }, names) {
+  const rows = figures.filter((one) => typeof one.left === "number" || typeof one.right === "number").map((one) => {
+    const { words, unit } = named(one.name);
+    const show = (/** @type {number | null | undefined} */ value) => (typeof value === "number" ? `${Number.isInteger(value) && !unit ? integer(value) : significant(value, 4)}${unit}` : "–");
+    const difference = typeof one.left === "number" && typeof one.right === "number" ? one.right - one.left : null;
+    return line(words, show(one.left), show(one.right), difference === null ? "–" : difference === 0 ? "0" : `${difference > 0 ? "+" : ""}${significant(difference, 2)}${unit}`);
+  });
+  return panel(
+    t("comparison.figures"),
+    h("table", { class: "number compare" }, head(t("compare.what"), names.left, names.right, t("compare.difference")),
+      h("tbody", {}, line(t("result.verdict"), verdict(left.verdict), verdict(right.verdict), ""), ...rows)));
+}
+
+/** @param {string} one */
+const verdict = (one) => mark(one, maybe(`verdict.${one}`, one));
+
+/** @param {string} name of a record's field, whose ending is its unit */
+function named(name) {
+  const unit = /** @type {const} */ ([["_mm", "\u202fmm"], ["_deg", "°"], ["_rad", "\u202frad"], ["_px", "\u202fpx"]]).find(([ending]) => name.endsWith(ending));
+  const bare = unit ? name.slice(0, -unit[0].length) : name;
+  return { words: maybe(`figure.${name}`, bare.replaceAll("_", " ")), unit: unit?.[1] ?? "" };
+}
+
+/** @param {Comparison} comparison @param {{ left: string, right: string }} names */
+function residualsSection({ residuals }, names) {
+  if (!residuals.length) return null;
+  const figure = ["mahalanobis", "rms_px", "line_rms_mm"].find((one) => residuals.some((row) => typeof row.left?.[one] === "number")) ?? "mahalanobis";
+  const show = (/** @type {RowDifference} */ row, /** @type {"left" | "right"} */ side) => {
+    const used = side === "left" ? row.left_used : row.right_used;
+    if (used === null || used === undefined) return t("comparison.absent");
+    const value = row[side]?.[figure];
+    const words = typeof value === "number" ? valueWords(figure, value) : "–";
+    const reason = side === "left" ? row.left_reason : row.right_reason;
+    return used ? words : h("span", { title: reason ?? "" }, `${words} `, mark("fail", t("captures.rejected")));
+  };
+  return panel(
+    t("comparison.residuals"),
+    h("p", { class: "soft small" }, t(figure === "mahalanobis" ? "comparison.residuals_what" : "comparison.residuals_plain")),
+    figure === "mahalanobis" && pairPlot(residuals, names),
+    h("table", { class: "number compare" }, head(t("column.id"), names.left, names.right),
+      h("tbody", {}, ...residuals.map((row) => line(row.capture, show(row, "left"), show(row, "right"))))),
+  );
+}
+
+/** @param {string} figure @param {number} value */
+function valueWords(figure, value) {
+  if (figure === "mahalanobis") return `${fixed(value, 1)} σ`;
+  return figure === "rms_px" ? `${fixed(value, 3)} px` : small(value);
+}
+
+/** @param {RowDifference[]} rows @param {{ left: string, right: string }} names */
+function pairPlot(rows, names) {
+  const values = rows.flatMap((row) => [row.left?.["mahalanobis"], row.right?.["mahalanobis"]]).filter((value) => typeof value === "number");
+  const top = Math.min(12, Math.max(4, Math.ceil(Math.max(0, ...values) + 0.5)));
+  const width = Math.max(WIDTH, LEFT + rows.length * 16);
+  const x = (/** @type {number} */ index) => LEFT + ((index + 0.5) * (width - LEFT)) / rows.length;
+  const y = (/** @type {number} */ value) => TOP + (HEIGHT - TOP - BOTTOM) * (1 - Math.min(value / top, 1));
+  const every = Math.ceil(rows.length / 14);
+  return h(
+    "div", { class: "plot-holder" },
+    s("svg", { class: "residual-plot pair-plot", viewBox: `0 0 ${width} ${HEIGHT}`, style: `max-width: ${width}px`, role: "img", "aria-label": t("comparison.plot", names) },
+      s("rect", { class: "band", x: LEFT, y: y(BAND), width: width - LEFT, height: y(0) - y(BAND) }),
+      ...[0, 2, 4, 6, 8, 10, 12].filter((value) => value <= top).flatMap((value) => [
+        s("path", { class: "grid", d: `M${LEFT} ${y(value).toFixed(1)}H${width}` }),
+        s("text", { class: "tick", x: LEFT - 8, y: y(value) + 4, "text-anchor": "end" }, value ? `${value} σ` : "0"),
+      ]),
+      ...rows.flatMap((row, index) => (index % every ? [] : [s("text", { class: "tick", x: x(index), y: HEIGHT - 8, "text-anchor": "middle" }, row.capture)])),
+      ...rows.flatMap((row, index) => pair(row, x(index), y))),
+    h("p", { class: "legend small" },
+      h("span", { class: "key key-hollow" }, names.left), h("span", { class: "key key-used" }, names.right),
+      h("span", { class: "key key-out" }, t("residuals.out")), h("span", { class: "key key-band" }, t("residuals.band"))),
+  );
+}
+
+/** @param {RowDifference} row @param {number} x @param {(value: number) => number} y */
+function pair(row, x, y) {
+  return /** @type {const} */ (["left", "right"]).flatMap((side) => {
+    const value = row[side]?.["mahalanobis"];
+    if (typeof value !== "number") return [];
+    const at = x + (side === "left" ? -3 : 3);
+    const used = side === "left" ? row.left_used : row.right_used;
+    return [used
+      ? s("circle", { class: side === "left" ? "dot hollow" : "dot", cx: at, cy: y(value), r: 4 })
+      : s("path", { class: "cross", d: `M${at - 4} ${y(value) - 4}l8 8m0 -8l-8 8` })];
+  });
+}

@@ -1,0 +1,106 @@
+// Two results side by side: two sessions, or two solves of one. What is compared stands in the address.
+
+import { api, Problem } from "../api.js";
+import { comparisonSections } from "../components/comparison.js";
+import { attempt } from "../components/toasts.js";
+import { h } from "../dom.js";
+import { when } from "../format.js";
+import { maybe, t } from "../texts.js";
+
+/** @import {Comparison, PastResult, SessionSummary} from "../model.js" */
+
+const STAGES = ["tcp", "turntable", "chain", "camera", "laser-plane", "merge"];
+const SIDES = /** @type {const} */ (["left", "right"]);
+
+export class ComparePage extends HTMLElement {
+  /** @type {HTMLElement | null} */ top = null;
+  #query = new URLSearchParams(window.location.search);
+  #answer = h("div", { class: "comparison", "aria-live": "polite" });
+  #stage = h("select", { id: "compare-stage", onchange: () => void this.#changed("stage", this.#stage.value) });
+  /** @type {Record<"left" | "right", { session: HTMLSelectElement, solve: HTMLSelectElement }>} */
+  #chosen = { left: this.#side("left"), right: this.#side("right") };
+
+  connectedCallback() {
+    document.title = t("comparison.page_title");
+    this.#stage.append(...STAGES.map((stage) => h("option", { value: stage, selected: stage === this.#value("stage", "tcp") }, maybe(`step.${stage}`, stage))));
+    this.append(
+      h("h1", {}, t("comparison.title")), h("p", { class: "soft" }, t("comparison.lead")),
+      h("form", { class: "compare-form panel", onsubmit: (/** @type {Event} */ event) => event.preventDefault() },
+        field("compare-stage", t("comparison.stage"), this.#stage),
+        ...SIDES.flatMap((side) => [
+          field(`compare-${side}`, t(`comparison.${side}`), this.#chosen[side].session),
+          field(`compare-${side}-solve`, t(`comparison.${side}_solve`), this.#chosen[side].solve)])),
+      this.#answer);
+    void attempt(async () => {
+      const sessions = await api.sessions();
+      for (const side of SIDES) this.#offer(side, sessions);
+      await this.#refresh();
+    });
+  }
+
+  /** @param {string} name @param {string} otherwise */
+  #value(name, otherwise = "") {
+    return this.#query.get(name) ?? otherwise;
+  }
+
+  /** @param {"left" | "right"} side */
+  #side(side) {
+    const changed = () => void this.#changed(side, session.value + (solve.value ? `:${solve.value}` : ""));
+    const session = h("select", { id: `compare-${side}`, onchange: () => void this.#changed(side, session.value) });
+    const solve = h("select", { id: `compare-${side}-solve`, onchange: changed });
+    return { session, solve };
+  }
+
+  /** @param {"left" | "right"} side @param {SessionSummary[]} sessions */
+  #offer(side, sessions) {
+    const [id] = this.#value(side).split(":");
+    const solved = sessions.filter((session) => Object.keys(session.verdicts).length || session.id === id);
+    this.#chosen[side].session.replaceChildren(
+      h("option", { value: "" }, t("comparison.choose")),
+      ...solved.map((session) => h("option", { value: session.id, selected: session.id === id }, `${session.name || session.id} · ${when(session.created)}`)));
+  }
+
+  /** @param {string} name @param {string} value */
+  async #changed(name, value) {
+    this.#query.set(name, value);
+    window.history.replaceState(null, "", `/compare?${this.#query}`);
+    await attempt(() => this.#refresh());
+  }
+
+  async #refresh() {
+    const stage = this.#value("stage", "tcp");
+    await Promise.all(SIDES.map((side) => this.#offerSolves(side, stage)));
+    const [left, right] = SIDES.map((side) => this.#value(side));
+    if (!left || !right) return this.#answer.replaceChildren(h("p", { class: "soft" }, t("comparison.two")));
+    try {
+      const comparison = await api.compare(stage, left, right);
+      this.#answer.replaceChildren(...comparisonSections(comparison, names(comparison)));
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+      this.#answer.replaceChildren(h("p", { class: "reason reason-fail", role: "alert" }, error.message));
+    }
+  }
+
+  /** @param {"left" | "right"} side @param {string} stage */
+  async #offerSolves(side, stage) {
+    const [id, number] = this.#value(side).split(":");
+    /** @type {PastResult[]} */
+    const items = id ? await api.history(id, stage) : [];
+    this.#chosen[side].solve.replaceChildren(
+      h("option", { value: "" }, t("comparison.latest")),
+      ...items.map((item) => h("option", { value: item.number, selected: String(item.number) === number }, `${when(item.created)} · ${maybe(`verdict.${item.verdict}`, item.verdict)} · ${t("evidence.used_of", { used: item.used, all: item.captures })}`)));
+  }
+}
+
+/** @param {Comparison} comparison */
+function names({ left, right }) {
+  if (left.session === right.session) return { left: t("comparison.solved", { when: when(left.created) }), right: t("comparison.solved", { when: when(right.created) }) };
+  return { left: left.name || left.session, right: right.name || right.session };
+}
+
+/** @param {string} id @param {string} label @param {HTMLElement} control */
+function field(id, label, control) {
+  return h("div", { class: "field" }, h("label", { for: id }, label), control);
+}
+
+customElements.define("sc-compare", ComparePage);

@@ -1,0 +1,63 @@
+// A session as it was: its time line on top, and below it what was known at the place that is chosen. Read-only.
+
+import { api } from "../api.js";
+import { RailElement } from "../components/rail.js";
+import { RecomputeElement } from "../components/recompute.js";
+import { ResultElement } from "../components/result.js";
+import { ReviewCapturesElement } from "../components/review-captures.js";
+import { ReviewLogElement } from "../components/review-log.js";
+import { SceneElement } from "../components/scene.js";
+import { TimelineElement } from "../components/timeline.js";
+import { attempt } from "../components/toasts.js";
+import { h, make } from "../dom.js";
+import { mark } from "../icons.js";
+import { ReviewState } from "../review-state.js";
+import { t } from "../texts.js";
+import { cellWords } from "../cell-words.js";
+
+export class ReviewPage extends HTMLElement {
+  sessionId = "";
+  /** @type {HTMLElement | null} */ top = null;
+  /** @type {ReviewState | null} */ #state = null;
+  #name = h("h1", { class: "session-name" });
+  #cell = h("p", { class: "soft small" });
+
+  connectedCallback() {
+    const state = new ReviewState(this.sessionId);
+    this.#state = state;
+    const id = encodeURIComponent(this.sessionId);
+    this.top?.replaceChildren(
+      h("div", { class: "session-title" }, this.#name, this.#cell, mark("pass", t("review.read_only"))),
+      h("nav", { class: "review-links row", "aria-label": t("review.links") },
+        h("a", { href: `/sessions/${id}` }, t("review.session")), h("a", { href: api.reportAddress(this.sessionId), target: "_blank" }, t("result.report")),
+        h("a", { href: api.archiveAddress(this.sessionId), download: "" }, t("review.archive")),
+        h("button", { type: "button", onclick: () => window.print() }, t("review.print"))));
+    this.append(
+      make(TimelineElement, { state }),
+      h("div", { class: "review" },
+        make(RailElement, { state }),
+        h("div", { class: "review-work" },
+          make(ResultElement, { state }), make(ReviewCapturesElement, { state }), make(RecomputeElement, { sessionId: this.sessionId }), make(ReviewLogElement, { state })),
+        make(SceneElement, { state })));
+    state.watch(["session", "problem"], () => this.#update(state));
+    void attempt(() => state.start());
+  }
+
+  disconnectedCallback() {
+    this.#state?.stop();
+  }
+
+  /** @param {ReviewState} state */
+  #update({ session, problem }) {
+    if (problem && !session) {
+      this.replaceChildren(h("section", { class: "lost" }, h("h1", {}, problem.body.title ?? ""), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back"))));
+      return;
+    }
+    if (!session) return;
+    this.#name.textContent = session.name || session.id;
+    this.#cell.textContent = (session.simulated ? `${t("cell.simulated")} · ` : "") + cellWords(session.cell);
+    document.title = t("review.title", { name: session.name || session.id });
+  }
+}
+
+customElements.define("sc-review", ReviewPage);
