@@ -3,8 +3,6 @@
 What was solved is remembered by what it was solved from, so that fourteen frames of a sphere calibrate once.
 """
 
-import hashlib
-import json
 import threading
 from collections.abc import Callable
 from typing import TypeVar
@@ -17,23 +15,15 @@ from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.optics.triangulate import ProfileCalibration, profile_from_frame
 from calib_core.records import CameraResult, Capture, LaserPlaneResult, Session, Stage
-from calib_core.session.images import decode_image
+from calib_core.session.boards import read_frame
 from calib_core.session.measure import ReadFile
 
 FloatArray = NDArray[np.float64]
-Image = NDArray[np.uint8] | NDArray[np.uint16]
-
 _Solved = TypeVar("_Solved", CameraResult, LaserPlaneResult)
 
 _REMEMBERED = 8
 _lock = threading.Lock()
-_solved: dict[str, CameraResult | LaserPlaneResult] = {}
-
-
-def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:
-    """Return one of a capture's frames; raises InputError or TooLargeError where its file is of no use."""
-    name = capture.files[place]
-    return decode_image(read(name), name)
+_solved: dict[tuple[Stage, str], CameraResult | LaserPlaneResult] = {}
 
 
 def read_profile_frame(session: Session, capture: Capture, read: ReadFile) -> FloatArray:
@@ -143,16 +133,17 @@ def _solve_once(
     from calib_core.session.stage_tcp import StageInput
 
     inputs = inputs_sha256(session, stage, read)
-    key = hashlib.sha256(json.dumps([stage, inputs]).encode()).hexdigest()
     with _lock:
-        found = _solved.get(key)
+        found = _solved.get((stage, inputs))
     if isinstance(found, kind):
         return found
-    result = solve(
-        StageInput(session, stage_captures(session, stage), read, inputs, lambda _fraction, _what: None)
-    )
+    return solve(StageInput(session, stage_captures(session, stage), read, inputs, lambda _fraction, _what: None))
+
+
+def remembered(stage: Stage, inputs_sha256: str, result: _Solved) -> _Solved:
+    """Return a stage's result, kept in memory for the later stages that rest on it."""
     with _lock:
         while len(_solved) >= _REMEMBERED:
             _solved.pop(next(iter(_solved)))
-        _solved[key] = result
+        _solved[stage, inputs_sha256] = result
     return result

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from calib_core.errors import InputError, MeasurementError
-from calib_core.optics.board import BoardView, find_board
+from calib_core.errors import MeasurementError
+from calib_core.optics.board import BoardView
 from calib_core.records import Capture, Measured, Session
-from calib_core.session.frames import read_frame, stripe_of
+from calib_core.session.boards import board_in, board_of
+from calib_core.session.frames import stripe_of
 from calib_core.session.measure import ReadFile
 
 _PREVIEW_POINTS = 200
@@ -22,16 +23,9 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
     TooLargeError
         If an image has too many pixels.
     """
-    board = session.cell.board
-    if board is None:
-        raise InputError(
-            "the calibration board",
-            "nothing",
-            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
-            "cell.board",
-        )
+    board = board_of(session.cell)
     try:
-        view = find_board(read_frame(capture, read), board)
+        view = board_in(capture, board, read)
         pixels = view.points_px
         if capture.step == "laser-plane":
             pixels = stripe_of(capture, read).pixels

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib_core.errors import InputError, MeasurementError, MotionError
-from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.board import BoardView
 from calib_core.optics.camera import CameraOptions, CameraSolution, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
@@ -20,8 +20,8 @@ from calib_core.records import (
     Capture,
     Verdict,
 )
-from calib_core.session.images import decode_image
-from calib_core.session.measure import ReadFile
+from calib_core.session.boards import board_in, board_of
+from calib_core.session.frames import remembered
 from calib_core.session.stage_tcp import SOFTWARE
 
 if TYPE_CHECKING:
@@ -43,14 +43,7 @@ def solve_camera_stage(given: "StageInput") -> CameraResult:
     MotionError
         If the views do not determine a camera.
     """
-    board = given.session.cell.board
-    if board is None:
-        raise InputError(
-            "the calibration board",
-            "nothing",
-            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
-            "cell.board",
-        )
+    board = board_of(given.session.cell)
     captures = [c for c in given.captures if c.kind == "frame" and not c.excluded]
     views, failed = _find_all(given, captures, board)
     if not views:
@@ -61,7 +54,7 @@ def solve_camera_stage(given: "StageInput") -> CameraResult:
         raise MeasurementError(first.need, got, first.to_do, first_name)
     image_size = _one_size(views)
     solution = _calibrate(given, views, image_size, failed, board)
-    return _result(given, solution, views, failed, image_size)
+    return remembered("camera", given.inputs_sha256, _result(given, solution, views, failed, image_size))
 
 
 def camera_from_result(result: CameraResult) -> CameraModel:
@@ -74,12 +67,6 @@ def camera_from_result(result: CameraResult) -> CameraModel:
     return CameraModel(plain.camera_matrix, plain.distortion, result.model, result.image_size, segments)
 
 
-def board_frame(capture: Capture, read: ReadFile) -> np.ndarray:
-    """Return the frame of a capture that shows the board: its first file."""
-    name = capture.files[0]
-    return decode_image(read(name), name)
-
-
 def _find_all(
     given: "StageInput", captures: list[Capture], board: Board
 ) -> tuple[dict[str, BoardView], dict[str, MeasurementError]]:
@@ -88,7 +75,7 @@ def _find_all(
     for number, capture in enumerate(captures):
         given.progress(_FINDING_SHARE * number / len(captures), f"Finding the board in {capture.id}")
         try:
-            views[capture.id] = find_board(board_frame(capture, given.read), board)
+            views[capture.id] = board_in(capture, board, given.read)
         except MeasurementError as error:
             failed[capture.id] = error
     return views, failed

@@ -3,7 +3,6 @@
 import numpy as np
 
 from calib_core.errors import InputError, MeasurementError, MotionError
-from calib_core.optics.board import find_board
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
@@ -26,7 +25,8 @@ from calib_core.records import (
     PlaneInCamera,
     Verdict,
 )
-from calib_core.session.frames import camera_of, read_frame, stripe_of
+from calib_core.session.boards import board_in, board_of
+from calib_core.session.frames import camera_of, remembered, stripe_of
 from calib_core.session.stage_tcp import SOFTWARE, StageInput
 
 _FINDING_SHARE = 0.6
@@ -46,7 +46,7 @@ def solve_laser_plane_stage(given: StageInput) -> LaserPlaneResult:
         If the boards do not fix a plane.
     """
     camera, result = camera_of(given.session, given.read)
-    return solve_laser_plane(given, camera, result)
+    return remembered("laser-plane", given.inputs_sha256, solve_laser_plane(given, camera, result))
 
 
 def solve_laser_plane(
@@ -77,21 +77,14 @@ def solve_laser_plane(
 
 
 def _find_all(given: StageInput, camera: CameraModel) -> tuple[list[PlaneView], dict[str, MeasurementError]]:
-    board = given.session.cell.board
-    if board is None:
-        raise InputError(
-            "the calibration board",
-            "nothing",
-            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
-            "cell.board",
-        )
+    board = board_of(given.session.cell)
     captures = [c for c in given.captures if c.kind == "frame" and not c.excluded]
     views: list[PlaneView] = []
     failed: dict[str, MeasurementError] = {}
     for number, capture in enumerate(captures):
         given.progress(_FINDING_SHARE * number / len(captures), f"Finding board and stripe in {capture.id}")
         try:
-            view = find_board(read_frame(capture, given.read), board)
+            view = board_in(capture, board, given.read)
             _require_size(camera, view.image_size, capture)
             views.append(PlaneView(capture.id, view, stripe_of(capture, given.read)))
         except MeasurementError as error:

@@ -12,6 +12,7 @@ Mask = NDArray[np.bool_]
 _MARGIN_PITCHES = 1.5
 _BLACK = 0.08
 _SHADE_GAP_MM = 1e-3
+_ERF_IS_ONE = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,17 +135,16 @@ class BoardSurface:
 
     def _on_board(self, hit: Hit) -> FloatArray:
         m = self.camera_from_board
-        return ((hit.points_mm - m[:3, 3]) @ m[:3, :3])[..., :2]
+        x, y, z = np.moveaxis(hit.points_mm - m[:3, 3], -1, 0)
+        return np.stack([x * a + y * b + z * c for a, b, c in m[:3, :2].T], axis=-1)
 
     def _wave(self, u: FloatArray, blur_px: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
         """Return the sign that changes at every edge, and 1 between the outermost edges; both blurred, (H, W)."""
-        from scipy.special import erf
-
-        blur_mm = blur_px * _slope(u)
+        width = np.sqrt(2) * (blur_px * _slope(u))
         edge = np.clip(np.rint(u / self.pitch_mm), 0, count - 1)  # at the outermost edges the margin begins
-        across = erf((u - edge * self.pitch_mm) / (np.sqrt(2) * blur_mm))
-        low = erf((u + self.pitch_mm) / (np.sqrt(2) * blur_mm))
-        high = erf((count * self.pitch_mm - u) / (np.sqrt(2) * blur_mm))
+        across = _error_function((u - edge * self.pitch_mm) / width)
+        low = _error_function((u + self.pitch_mm) / width)
+        high = _error_function((count * self.pitch_mm - u) / width)
         inside = 0.25 * (1 + low) * (1 + high)
         return np.where(edge % 2 == 0, across, -across) * inside, inside
 
@@ -209,3 +209,13 @@ def _slope(values: FloatArray) -> FloatArray:
     """Return how fast values (H, W) change from pixel to pixel."""
     down, right = np.gradient(values)
     return np.hypot(down, right)
+
+
+def _error_function(x: FloatArray) -> FloatArray:
+    """Return erf(x), worked out only where it is not ±1."""
+    from scipy.special import erf
+
+    result = np.sign(x)
+    near = np.abs(x) < _ERF_IS_ONE
+    result[near] = erf(x[near])
+    return result

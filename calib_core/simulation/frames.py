@@ -118,17 +118,19 @@ def light(
     image = np.zeros(rays.shape[:2])
     grain = _speckle(rays.shape[:2], exposure.speckle, rng) if sheet is not None else None
     for surface in surfaces:
-        hit = surface.meet(rays)
-        near = hit.depth_mm < depth
-        if not near.any():
+        whole = surface.meet(rays)
+        part = _where_finite(whole.depth_mm)
+        if part is None:
             continue
+        hit = Hit(whole.depth_mm[part], whole.points_mm[part], whole.normals[part])
+        near = hit.depth_mm < depth[part]
         blur = _blur_px(hit, exposure)
         white = surface.white(hit, blur)
         seen = exposure.ambient * white
         if sheet is not None and grain is not None:
-            seen = seen + white * grain * _stripe(hit, sheet, blur) * _is_lit(hit, sheet, surfaces)
-        depth = np.where(near, hit.depth_mm, depth)
-        image = np.where(near, seen, image)
+            seen = seen + white * grain[part] * _stripe(hit, sheet, blur) * _is_lit(hit, sheet, surfaces)
+        depth[part] = np.where(near, hit.depth_mm, depth[part])
+        image[part] = np.where(near, seen, image[part])
     cosine = 1.0 / np.linalg.norm(rays, axis=-1)
     return image * (1 - exposure.vignetting * (1 - cosine**4))
 
@@ -144,6 +146,18 @@ def sense(image: FloatArray, exposure: Exposure, rng: np.random.Generator) -> Im
     columns = own.integers(0, image.shape[1], exposure.hot_pixels)
     grey[rows, columns] += own.uniform(60.0, 250.0, exposure.hot_pixels) * unit
     return np.clip(np.rint(grey), 0, largest).astype(np.uint8 if exposure.bits == 8 else np.uint16)
+
+
+def _where_finite(depth_mm: FloatArray) -> tuple[slice, slice] | None:
+    """Return the rows and columns in which a surface is seen, and two around for slopes; None if it is not."""
+    seen = np.isfinite(depth_mm)
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    if not rows.size:
+        return None
+    return (
+        slice(max(int(rows[0]) - 2, 0), int(rows[-1]) + 3),
+        slice(max(int(columns[0]) - 2, 0), int(columns[-1]) + 3),
+    )
 
 
 def _blur_px(hit: Hit, exposure: Exposure) -> FloatArray:

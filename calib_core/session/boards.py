@@ -1,0 +1,69 @@
+"""The board in a capture's frame, found once: as the frame comes in, for the camera and for the plane of light."""
+
+import hashlib
+import threading
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, MeasurementError
+from calib_core.optics.board import BoardView, find_board
+from calib_core.records import Board, Capture, Cell
+from calib_core.session.images import decode_image
+from calib_core.session.measure import ReadFile
+
+Image = NDArray[np.uint8] | NDArray[np.uint16]
+
+_REMEMBERED = 256
+_lock = threading.Lock()
+_found: dict[str, BoardView | MeasurementError] = {}
+
+
+def board_of(cell: Cell) -> Board:
+    """Return the cell's board; raises InputError where it names none."""
+    if cell.board is None:
+        raise InputError(
+            "the calibration board",
+            "nothing",
+            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
+            "cell.board",
+        )
+    return cell.board
+
+
+def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:
+    """Return one of a capture's frames; raises InputError or TooLargeError where its file is of no use."""
+    name = capture.files[place]
+    return decode_image(read(name), name)
+
+
+def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
+    """Return the board in a capture's first frame, from memory where the same bytes were searched for it before.
+
+    Raises
+    ------
+    InputError
+        If the file is of no use.
+    TooLargeError
+        If the image has too many pixels.
+    MeasurementError
+        If the frame does not show the board.
+    """
+    name = capture.files[0]
+    data = read(name)
+    key = hashlib.sha256(data).hexdigest() + board.model_dump_json()
+    with _lock:
+        found = _found.get(key)
+    if found is None:
+        image = decode_image(data, name)
+        try:
+            found = find_board(image, board)
+        except MeasurementError as error:
+            found = error
+        with _lock:
+            while len(_found) >= _REMEMBERED:
+                _found.pop(next(iter(_found)))
+            _found[key] = found
+    if isinstance(found, MeasurementError):
+        raise MeasurementError(found.need, found.got, found.to_do, found.where)
+    return found
