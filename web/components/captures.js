@@ -120,7 +120,7 @@ function columns() {
 }
 
 /** @param {CaptureOut} capture */
-function thumbnail(capture) {
+export function thumbnail(capture) {
   const plot = profilePlot(capture.measured, { width: 48, height: 28, scale: false, most: 60 });
   plot.removeAttribute("role");
   plot.removeAttribute("aria-label");
@@ -129,7 +129,7 @@ function thumbnail(capture) {
 }
 
 /** @param {CaptureOut} capture */
-function pose({ pose: numbers, step }) {
+export function pose({ pose: numbers, step }) {
   if (!numbers) return step === "camera" || step === "laser-plane" ? null : h("span", { class: "soft" }, t("captures.no_pose"));
   const text = numbers.map((number) => fixed(number, Math.abs(number) < 4 ? 3 : 1)).join("  ");
   return h("span", { class: "number", title: numbers.join(" ") }, text);
@@ -139,7 +139,7 @@ function pose({ pose: numbers, step }) {
  * @param {CaptureOut} capture
  * @param {Residual | undefined} residual
  */
-function status(capture, residual) {
+export function status(capture, residual) {
   if (capture.excluded) return mark("todo", t("captures.excluded"));
   if (residual?.used === false) return mark("fail", t("captures.rejected"));
   if (residual) return mark("pass", t("captures.used"));
