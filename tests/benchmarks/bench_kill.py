@@ -1,0 +1,159 @@
+"""`kill -9` at random moments: no acknowledged capture lost, no half state visible, it starts again each time."""
+
+import shutil
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from harness import Row
+from kill_load import Findings, check, load
+from kill_server import OLD_CONTENT, ServerProcess, old_store
+
+from calib_core.session.archive import pack
+from calib_core.session.folder import save_session, write_result
+from calib_core.session.pipeline import solve_stage
+from calib_core.simulation import simulate
+
+_MIGRATIONS_PER_LOAD = 4  # of five kills, one falls into a start that migrates an old store
+
+
+@dataclass
+class Counts:
+    """What happened in all rounds."""
+
+    kills: int = 0
+    acknowledged: int = 0
+    unanswered: int = 0
+    imports: int = 0
+    jobs: int = 0
+    migrations: int = 0
+    starts_failed: int = 0
+    start_s: list[float] = field(default_factory=list[float])
+    found: Findings = field(default_factory=Findings)
+
+
+def run(full: bool) -> list[Row]:
+    """Kill the server 300 times (8 without --full)."""
+    counts = kill_rounds(300 if full else 8, seed=5)
+    lost, half = len(counts.found.lost), len(counts.found.half)
+    under = f"{counts.acknowledged} captures, {counts.imports} imports, {counts.jobs} solves"
+    for said in (counts.found.lost + counts.found.half)[:20]:
+        print(f"    {said}", flush=True)
+    return [
+        Row(f"kill -9, of these {counts.migrations} while migrating", "", f"{counts.kills}"),
+        Row("acknowledged meanwhile", "", under),
+        Row("acknowledged captures and imports lost", "0", f"{lost}", lost == 0),
+        Row("half states seen", "0", f"{half}", half == 0),
+        Row("unanswered uploads sent again, each stored once", "", f"{counts.unanswered}"),
+        Row("starts that did not succeed by themselves", "0", f"{counts.starts_failed}", not counts.starts_failed),
+        Row("start after a kill, median", "", f"{np.median(counts.start_s):.1f} s"),
+    ]
+
+
+def kill_rounds(kills: int, seed: int, longest_s: float = 3.0) -> Counts:
+    """Kill a server under load, and starts that migrate, at random moments; look at what is left each time.
+
+    Parameters
+    ----------
+    kills : int
+    seed : int
+        Of the moments.
+    longest_s : float
+        Load lasts at most so long.
+    """
+    random = np.random.default_rng(seed)
+    counts = Counts()
+    archive, captures = _archive()
+    with tempfile.TemporaryDirectory(prefix="scancell-kill-") as folder:
+        data = Path(folder) / "data"
+        server = ServerProcess(data).wait()
+        try:
+            while counts.kills < kills:
+                if counts.kills % (_MIGRATIONS_PER_LOAD + 1) == _MIGRATIONS_PER_LOAD:
+                    _migration_round(counts, Path(folder) / "old", random)
+                else:
+                    server = _load_round(counts, server, data, archive, captures, random.uniform(0.05, longest_s))
+        finally:
+            server.kill()
+        counts.found.half += _leftovers(data)
+    return counts
+
+
+def _load_round(
+    counts: Counts, server: ServerProcess, data: Path, archive: bytes, captures: int, moment_s: float
+) -> ServerProcess:
+    number = counts.kills
+    with load(server.client, number, archive, captures) as known:
+        if number % 2:  # every other time once it is in full work, not over its first request
+            known.first.wait(timeout=30)
+        time.sleep(moment_s)
+        server.kill()
+    counts.kills += 1
+    server = _started(counts, data)
+    with server.client() as client:
+        counts.acknowledged += len(known.acknowledged)
+        counts.unanswered += len(known.sent) - len(known.acknowledged)
+        counts.imports += len(known.imported)
+        counts.jobs += len(known.jobs)
+        counts.found.merge(check(client, known, number, captures))
+    return server
+
+
+def _started(counts: Counts, data: Path) -> ServerProcess:
+    start_s = time.monotonic()
+    while True:
+        try:
+            server = ServerProcess(data).wait()
+        except AssertionError as error:
+            counts.starts_failed += 1
+            counts.found.half.append(str(error))
+            if counts.starts_failed > 3:
+                raise
+        else:
+            counts.start_s.append(time.monotonic() - start_s)
+            return server
+
+
+def _migration_round(counts: Counts, data: Path, random: np.random.Generator) -> None:
+    sessions = old_store(data, 4000)
+    server = ServerProcess(data)
+    log = data / "scancell.db-wal"
+    end_s = time.monotonic() + 30
+    while not (log.exists() and log.stat().st_size) and time.monotonic() < end_s:
+        time.sleep(0.001)
+    time.sleep(random.uniform(0.0, 0.4))
+    server.kill()
+    counts.kills += 1
+    counts.migrations += 1
+    server = _started(counts, data)
+    try:
+        with server.client() as client:
+            for session in sessions[:: len(sessions) // 20]:
+                file = client.get(f"/sessions/{session}/captures/p1/files/p1.csv")
+                if file.content != OLD_CONTENT:
+                    counts.found.lost.append(f"after a migration, {session}: {file.status_code} {file.text[:200]}")
+            found = client.get("/sessions", params={"search": "ZELLE 39", "limit": 1000}).json()["items"]
+            if len(found) != 111:  # 39, 390 to 399, 3900 to 3999
+                counts.found.half.append(f"after a migration a search finds {len(found)} of 111")
+    finally:
+        server.kill()
+        shutil.rmtree(data)
+
+
+def _leftovers(data: Path) -> list[str]:
+    """Return what interrupted uploads left, after one more start has cleaned up."""
+    ServerProcess(data).wait().kill()
+    return [f"left behind: {path.name}" for path in (data / "blobs" / "arriving").iterdir()]
+
+
+def _archive() -> tuple[bytes, int]:
+    """Return the archive of a solved simulated session, and how many captures it has."""
+    simulated = simulate("tcp", 3)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "session"
+        save_session(folder, simulated.session, simulated.files)
+        write_result(folder, "tcp", solve_stage(simulated.session, "tcp", simulated.files.__getitem__))
+        pack(folder, Path(name) / "a.zip")
+        return (Path(name) / "a.zip").read_bytes(), len(simulated.session.captures)
