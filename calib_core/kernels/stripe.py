@@ -1,6 +1,6 @@
-"""The laser stripe's hot loops: where each column is brightest, and where exactly the peak stands.
+"""The laser stripe's second look at single columns, and what is asked of all columns together.
 
-Both work along columns (the stripe runs from left to right); one that runs from top to bottom is turned first.
+All work along columns (the stripe runs from left to right); one that runs from top to bottom is turned first.
 """
 
 from typing import Any
@@ -10,7 +10,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 ImageArray = NDArray[Any]  # uint8 or uint16
-WordArray = NDArray[Any]  # uint16 or uint32
 FloatArray = NDArray[np.float64]
 TableArray = NDArray[np.float32]
 CodeArray = NDArray[np.uint8]
@@ -18,161 +17,6 @@ CodeArray = NDArray[np.uint8]
 OK, WEAK, SATURATED, DOUBLE, SHAPE, ALONE = 0, 1, 2, 3, 4, 5
 _MOST_STEPS = 8
 _LARGEST_STEP_PX = 1.5
-
-
-# Two neighbouring pixels lie in one word.  Shifts are constants so that the compiler packs many words at a time.
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _row_sums_8(words: WordArray, come: int, gone: int, ring: WordArray, place: int, before: int) -> None:
-    for j in range(ring.shape[1]):
-        more = np.uint16(np.uint16(words[come, j] & 0xFF) + np.uint16(words[come, j] >> 8))
-        less = np.uint16(np.uint16(words[gone, j] & 0xFF) + np.uint16(words[gone, j] >> 8))
-        ring[place, j] = np.uint16(ring[before, j] + more - less)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _row_sums_16(words: WordArray, come: int, gone: int, ring: WordArray, place: int, before: int) -> None:
-    for j in range(ring.shape[1]):
-        more = np.uint32(np.uint32(words[come, j] & 0xFFFF) + np.uint32(words[come, j] >> 16))
-        less = np.uint32(np.uint32(words[gone, j] & 0xFFFF) + np.uint32(words[gone, j] >> 16))
-        ring[place, j] = np.uint32(ring[before, j] + more - less)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def seed_columns(
-    words: WordArray, bits: int, rows: int, band: int, ring: WordArray, best: WordArray, place: NDArray[np.uint16]
-) -> None:
-    """Find in each pair of columns and each band of rows the box that rises highest above both its sides.
-
-    Every second row is looked at.  A box next to the image's edge is compared with its inner side alone.
-
-    Parameters
-    ----------
-    words : (H, W // 2)
-        The image, two neighbouring pixels as one word.
-    bits : int
-        Of one pixel.
-    rows, band : int
-        Heights of the box and of the bands, in looked-at rows.  The sides are as high as the box, one row from it.
-    ring : (2 (rows + 1) + 1, W // 2)
-        Scratch.
-    best, place : (bands, W // 2)
-        Written: the rise (grey values summed over the box), and the row of the box's middle.
-    """
-    count = (words.shape[0] + 1) // 2
-    reach = rows + 1
-    size = ring.shape[0]
-    best[:] = 0
-    place[:] = 0
-    ring[:] = 0
-    for k in range(count + reach):
-        here = k % size
-        if k < rows:  # the box fills; the ring's other rows are still zero
-            before = (k - 1 + size) % size
-            for j in range(ring.shape[1]):
-                word = words[2 * k, j]
-                ring[here, j] = ring[before, j] + (
-                    (word & 0xFF) + (word >> 8) if bits == 8 else (word & 0xFFFF) + (word >> 16)
-                )
-        elif k < count:
-            before = (k - 1) % size
-            if bits == 8:
-                _row_sums_8(words, 2 * k, 2 * (k - rows), ring, here, before)
-            else:
-                _row_sums_16(words, 2 * k, 2 * (k - rows), ring, here, before)
-        end = k - reach
-        if end < rows - 1:
-            continue
-        above = (end - reach) % size if end - reach >= rows - 1 else here
-        below = here if k < count else above
-        middle = 2 * end - (rows - 1)
-        b = middle // (2 * band)
-        row = np.uint16(middle)
-        m = end % size
-        for j in range(ring.shape[1]):
-            side = max(ring[above, j], ring[below, j])
-            rise = ring.dtype.type(ring[m, j] - min(ring[m, j], side))
-            place[b, j] = row if rise > best[b, j] else place[b, j]
-            best[b, j] = max(rise, best[b, j])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def choose_seeds(
-    best: WordArray,
-    place: NDArray[np.uint16],
-    least_rise: float,
-    apart_px: int,
-    rivalry: float,
-    reach: int,
-    columns: int,
-) -> tuple[NDArray[np.int64], CodeArray]:
-    """Choose each pair of columns' peak among its bands' peaks.
-
-    A peak wins alone where every other that is `apart_px` away rises less than `rivalry` of it.  Otherwise the
-    column is double, unless the columns beside it, which are not, bear out exactly one of its peaks.
-
-    Returns
-    -------
-    row : (columns,)
-        Row of the seed for every column, −1 where there is none.
-    code : (columns,)
-        OK, WEAK or DOUBLE.
-    """
-    bands, width = best.shape
-    row = np.full(width, -1, dtype=np.int64)
-    code = np.full(width, WEAK, dtype=np.uint8)
-    highest = best[0].copy()
-    where = place[0].copy()
-    for b in range(1, bands):
-        for j in range(width):
-            where[j] = place[b, j] if best[b, j] > highest[j] else where[j]
-            highest[j] = max(best[b, j], highest[j])
-    for j in range(width):
-        if highest[j] >= least_rise:
-            row[j], code[j] = where[j], OK
-    for b in range(bands):
-        for j in range(width):
-            if (
-                best[b, j] > rivalry * highest[j]
-                and code[j] == OK
-                and abs(np.int64(place[b, j]) - row[j]) > apart_px
-            ):
-                code[j] = DOUBLE
-    sure = code == OK
-    for j in range(width):
-        if code[j] != DOUBLE:
-            continue
-        top = row[j]
-        ceiling = float(highest[j])
-        borne_out = -1
-        count = 0
-        for b in range(bands):
-            here = np.int64(place[b, j])
-            if best[b, j] <= rivalry * ceiling or (here != top and abs(here - top) <= apart_px):
-                continue
-            if _supporters(row, sure, j, int(here), reach) >= reach // 2:
-                borne_out = here
-                count += 1
-        if count == 1:
-            row[j] = borne_out
-            code[j] = OK
-    rows = np.empty(columns, dtype=np.int64)
-    codes = np.empty(columns, dtype=np.uint8)
-    for i in range(columns):
-        j = min(i // 2, width - 1)
-        rows[i], codes[i] = row[j], code[j]
-    return rows, codes
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _supporters(row: NDArray[np.int64], sure: NDArray[np.bool_], column: int, here: int, reach: int) -> int:
-    """Count the sure columns within `reach` whose stripe could run through row `here` of `column`."""
-    count = 0
-    for i in range(max(0, column - reach), min(row.shape[0], column + reach + 1)):
-        if i != column and sure[i] and abs(row[i] - here) <= 2 + 1.5 * abs(i - column):
-            count += 1
-    return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -241,15 +85,16 @@ def _shape_sums(window: TableArray, shift: int, even: TableArray) -> tuple[float
 @njit(cache=True, nogil=True, error_model="numpy")
 def measure_columns(
     image: ImageArray,
-    columns: NDArray[np.int64],
-    seeds: NDArray[np.int64],
+    columns: NDArray[np.int32],
+    seeds: NDArray[np.int32],
+    clean: NDArray[np.bool_],
     tables: TableArray,
     figures: FloatArray,
     limits: FloatArray,
     out: FloatArray,
     code: CodeArray,
 ) -> None:
-    """Find where the odd filter's response to each column's peak is zero: Newton's steps on tabulated filters.
+    """Look a second time at the columns that were not clean: Newton's steps on tabulated filters, one by one.
 
     A column that does not look like the peak's shape is looked at again without its hot pixels.
 
@@ -263,11 +108,12 @@ def measure_columns(
         and the peak's shape g(u).
     figures : (phases + 1, 5)
         Per phase: Σg, Σ(g − mean)², Σh², Σh²g, Σ−g·(−dh/du).
-    limits : (7,)
+    clean : (N,)
+        The columns that need no second look.
+    limits : (6,)
         Variance of the surroundings, growth of the variance with the light, grey value by which a hot pixel stands
-        out of its neighbours, grey value of a saturated pixel, most saturated pixels, least amplitude, whether to
-        remove hot pixels at once.
-    out : (N, 5)
+        out of its neighbours, grey value of a saturated pixel, most saturated pixels, least amplitude.
+    out : (5, N)
         Written: centre, its standard deviation, amplitude, sum of squared residuals of the shape, background.
     code : (N,)
         Only columns with OK are looked at; written: OK, WEAK, SATURATED or SHAPE.
@@ -277,19 +123,16 @@ def measure_columns(
     half, margin = taps // 2, 3
     window = np.empty(min(taps + 2 * margin, height), dtype=np.float32)
     variance, light, hot, saturation = limits[0], limits[1], limits[2], limits[3]
-    beside = np.nan
     for n in range(columns.shape[0]):
-        out[n, 0] = np.nan
-        if code[n] != OK:
+        if code[n] != OK or clean[n]:
             continue
         # The column before is mostly nearer to the answer than the seed, which saves a step.
+        beside = out[0, n - 1] if n > 0 else np.nan
         start = beside if abs(beside - seeds[n]) <= 2.0 else float(seeds[n])
         top = max(0, min(int(start + 0.5) - half - margin, height - window.shape[0]))
-        clean = limits[6] > 0.0
-        if clean:
-            _gather_clean(image, top, columns[n], hot, window)
-        else:
-            _gather(image, top, columns[n], window)
+        out[0, n] = np.nan
+        second = False
+        _gather(image, top, columns[n], window)
         mean = form = amplitude = residual = lit = expected = 0.0
         while True:
             shift, phase, center, slope = _newton(window, half, start - top, tables)
@@ -301,21 +144,20 @@ def measure_columns(
                 residual = max(0.0, square - total * mean - amplitude * amplitude * energy)
                 lit = max(amplitude, 0.0)
                 expected = taps * variance + light * lit * form
-                if clean or residual < 2.0 * expected:
+                if second or residual < 2.0 * expected:
                     break
-            elif clean:
+            elif second:
                 break
             _gather_clean(image, top, columns[n], hot, window)
-            clean = True
+            second = True
         code[n] = WEAK
         if center != center:
             continue
-        beside = top + center
-        out[n, 0] = beside
-        out[n, 1] = np.sqrt(variance * figures[phase, 2] + light * lit * figures[phase, 3]) / -slope
-        out[n, 2] = amplitude
-        out[n, 3] = residual
-        out[n, 4] = mean - amplitude * form / taps
+        out[0, n] = top + center
+        out[1, n] = np.sqrt(variance * figures[phase, 2] + light * lit * figures[phase, 3]) / -slope
+        out[2, n] = amplitude
+        out[3, n] = residual
+        out[4, n] = mean - amplitude * form / taps
         if amplitude < limits[5]:
             continue
         saturated = 0
@@ -332,7 +174,7 @@ def measure_columns(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def stack_profile(
-    image: ImageArray, columns: NDArray[np.int64], centers: FloatArray, bins_per_px: int, reach: int, hot: float
+    image: ImageArray, columns: NDArray[np.int32], centers: FloatArray, bins_per_px: int, reach: int, hot: float
 ) -> tuple[FloatArray, FloatArray]:
     """Lay the peaks of several columns over each other.
 
@@ -371,35 +213,54 @@ def mark_alone(centers: FloatArray, code: CodeArray, reach: int, least: int) -> 
         Of every column.
     """
     width = centers.shape[0]
-    alone = np.zeros(width, dtype=np.bool_)
+    place = np.empty(width, np.float32)
     for j in range(width):
-        if code[j] != OK:
-            continue
-        count = 0
-        for apart in range(1, reach + 1):  # the nearest first: they mostly settle it
-            for i in (j - apart, j + apart):
-                if 0 <= i < width and code[i] == OK and abs(centers[i] - centers[j]) <= 1.5 + 1.5 * apart:
-                    count += 1
-            if count >= least:
-                break
-        alone[j] = count < least
+        place[j] = centers[j] if code[j] == OK else np.float32(np.inf)
+    beside = np.zeros(width, np.uint8)
+    joined = np.empty(width, np.uint8)
+    for apart in range(1, min(reach, width - 1) + 1):
+        near = np.float32(1.5 + 1.5 * apart)
+        ahead, beside_ahead = place[apart:], beside[apart:]
+        for j in range(width - apart):
+            joined[j] = abs(place[j] - ahead[j]) <= near  # never where one is infinite: ∞ − ∞ is not a number
+            beside[j] += joined[j]
+        for j in range(width - apart):
+            beside_ahead[j] += joined[j]
     counts = np.zeros(ALONE + 1, dtype=np.int64)
     for j in range(width):
-        if alone[j]:
+        if code[j] == OK and beside[j] < least:
             code[j] = ALONE
         counts[code[j]] += 1
     return counts
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def neighbour_differences(image: ImageArray, samples: int) -> FloatArray:
+def surroundings_variance(image: ImageArray, samples: int) -> float:
+    """Return the variance of the grey values where nothing is seen, from neighbouring pixels' differences."""
+    differences = np.abs(_neighbour_differences(image, samples))
+    limit = 4.5 * max(0.5, np.partition(differences, samples // 2)[samples // 2])
+    total, count = 0.0, 0
+    for difference in differences:
+        if difference <= limit:
+            total += difference * difference
+            count += 1
+    return total / count / 2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _neighbour_differences(image: ImageArray, samples: int) -> FloatArray:
     """Return the differences (samples,) of pixels to their right neighbours, taken evenly over the image."""
     height, width = image.shape
     differences = np.empty(samples)
     usable = height * (width - 1)
     step = max(1, (usable // samples) | 1)
+    down, across = step // (width - 1), step % (width - 1)
+    i, j = 0, 0
     for n in range(samples):
-        place = (n * step) % usable
-        i, j = place // (width - 1), place % (width - 1)
         differences[n] = float(image[i, j + 1]) - float(image[i, j])
+        i, j = i + down, j + across
+        if j >= width - 1:
+            i, j = i + 1, j - (width - 1)
+        if i >= height:
+            i -= height
     return differences

@@ -20,8 +20,6 @@ FloatArray = NDArray[np.float64]
 _PHASES = 32
 _USUAL_WIDTH_PX = 2.0
 _SAMPLED_COLUMNS = 48
-_NOISE_SAMPLES = 512
-_QUANTISATION_VARIANCE = 1 / 12
 _REASONS: tuple[str, ...] = ("used", "weak", "saturated", "double", "irregular", "isolated")
 
 
@@ -109,8 +107,11 @@ class StripeCenters:
 
 @dataclass(frozen=True, eq=False)
 class _Filters:
-    """Tabulated filters of one peak width and noise ratio: what `kernels.stripe.measure_columns` takes."""
+    """Filters of one peak width and noise ratio: what `kernels.stripe_peaks` and `kernels.stripe` take."""
 
+    width_px: float
+    short: NDArray[np.float32]
+    whole: NDArray[np.float32]
     tables: NDArray[np.float32]
     figures: FloatArray
     energy: float
@@ -119,6 +120,16 @@ class _Filters:
     @property
     def taps(self) -> int:
         return int(self.tables.shape[2])
+
+    @property
+    def first_look(self) -> tuple[NDArray[np.float32], NDArray[np.float32], int, float, FloatArray]:
+        return self.short, self.whole, self.taps, self.width_px, self.figures
+
+    @property
+    def both_looks(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], int, float, NDArray[np.float32], FloatArray]:
+        return self.short, self.whole, self.taps, self.width_px, self.tables, self.figures
 
 
 def find_stripe(
@@ -150,9 +161,10 @@ def find_stripe(
         If no stripe can be measured in it, with the reason.
     """
     chosen = options or StripeOptions()
-    chosen = replace(
-        chosen, axis=axis or chosen.axis, width_px=width_px or chosen.width_px, color=color or chosen.color
-    )
+    if axis or width_px or color:
+        chosen = replace(
+            chosen, axis=axis or chosen.axis, width_px=width_px or chosen.width_px, color=color or chosen.color
+        )
     view = view_of(image, dark, chosen.axis, chosen.color, chosen.saturation)
     box = chosen.width_px or _USUAL_WIDTH_PX
     codes, found = _measure(view.image, view.saturation, chosen, box)
@@ -175,108 +187,46 @@ def _measure(
     start_width: float,
 ) -> tuple[NDArray[np.uint8], StripeCenters]:
     """Find one centre per column; return each column's code and the good centres."""
-    from calib_core.kernels import stripe as kernel
+    from calib_core.kernels import stripe_frame as kernel
+    from calib_core.kernels.stripe_peaks import measure_peaks
 
-    variance = _surroundings_variance(image)
-    seeds, codes = _seeds(image, start_width, variance, options)
-    columns = np.arange(image.shape[1])
-    good = np.flatnonzero(codes == kernel.OK)
-    width, rows = start_width, np.empty((image.shape[1], 5))
-    if len(good):
-        sample = good[:: max(1, len(good) // _SAMPLED_COLUMNS)]
-        look = _Look(image, variance, saturation, options)
-        width, light, amplitude = _peak_shape(look, sample, seeds[sample], start_width)
-        filters = _filters(round(width, 2), _noise_ratio(light * amplitude / variance))
-        rows = look.measure(columns, seeds, codes, filters, light, width)
-    counts = kernel.mark_alone(rows[:, 0], codes, 5, 3).tolist()
-    left_out = {reason: n for reason, n in zip(_REASONS[1:], counts[1:], strict=True) if n}
-    good = np.flatnonzero(codes == kernel.OK)
-    kept = rows[good].T.copy()
+    filters = _filters(round(start_width, 2), 0.0)
+    height, width = image.shape
+    bits, word = (8, np.uint16) if image.dtype == np.uint8 else (16, np.uint32)
+    words = (image if width % 2 == 0 else np.ascontiguousarray(image[:, :-1])).view(word)
+    rows = max(3, min(round(1.5 * start_width), 60, height // 10))
+    step = max(1, int(1.5 * start_width))
+    variance, seeds, codes, columns, peaks = kernel.survey(
+        image, words, bits, rows, step, options.rivalry, _SAMPLED_COLUMNS, *filters.first_look
+    )
+    hot = 6.0 * variance**0.5 + 0.02 * saturation
+    if not options.width_px and len(columns):
+        width_px = _peak_width(image, columns, peaks[0], start_width, hot)
+        filters = _filters(round(width_px, 2), 0.0)
+        limits = np.array([variance, 0.0, 1e9, 0.0])
+        sought = np.ones(len(columns), dtype=bool)
+        peaks, _ = measure_peaks(image, columns, seeds[columns], sought, *filters.first_look, limits)
+    light, amplitude = kernel.noise_growth(peaks, variance, filters.taps, filters.mean_shape)
+    filters = _filters(filters.width_px, _noise_ratio(light * amplitude / variance))
+    least = options.least_snr * (variance / filters.energy) ** 0.5
+    limits = np.array([variance, light, hot, saturation, 3.0 * filters.width_px, least])
+    centers, counts = kernel.measure(image, seeds, codes, *filters.both_looks, limits)
+    left_out = {reason: n for reason, n in zip(_REASONS[1:], counts[1:].tolist(), strict=True) if n}
+    column, row, sigma, amplitudes = centers
     return codes, StripeCenters(
-        good.astype(float), kept[0], kept[1], kept[2], "columns", width, variance**0.5, left_out
+        column, row, sigma, amplitudes, "columns", filters.width_px, variance**0.5, left_out
     )
 
 
-def _seeds(
-    image: ImageArray, width_px: float, variance: float, options: StripeOptions
-) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-    """Return each column's row to start from, (W,), and its code, (W,)."""
+def _peak_width(
+    image: ImageArray, columns: NDArray[np.int32], centers: FloatArray, start_width_px: float, hot: float
+) -> float:
+    """Return the width (px) of the peaks of some columns, laid over each other."""
     from calib_core.kernels import stripe as kernel
 
-    height, width = image.shape
-    bits = 8 * image.dtype.itemsize
-    word = np.uint16 if bits == 8 else np.uint32
-    words = (image if width % 2 == 0 else np.ascontiguousarray(image[:, :-1])).view(word)
-    rows = max(3, min(round(1.5 * width_px), 60, height // 10))
-    band = max(32, 2 * rows)
-    bands = -(-height // (2 * band))
-    ring = np.empty((2 * rows + 3, words.shape[1]), dtype=word)
-    best = np.empty((bands, words.shape[1]), dtype=word)
-    place = np.empty((bands, words.shape[1]), dtype=np.uint16)
-    kernel.seed_columns(words, bits, rows, band, ring, best, place)
-    least_rise = 4.0 * float(np.sqrt(4.0 * rows * variance))
-    return kernel.choose_seeds(best, place, least_rise, 2 * rows + 1, options.rivalry, 5, width)
-
-
-@dataclass(frozen=True, eq=False)
-class _Look:
-    """An image with what is known of its noise."""
-
-    image: ImageArray
-    variance: float
-    saturation: float
-    options: StripeOptions
-
-    @property
-    def hot(self) -> float:
-        """By how much a hot pixel stands out of its neighbours, grey values."""
-        return 6.0 * float(np.sqrt(self.variance)) + 0.02 * self.saturation
-
-    def measure(
-        self,
-        columns: NDArray[np.int64],
-        seeds: NDArray[np.int64],
-        codes: NDArray[np.uint8],
-        filters: _Filters,
-        light: float,
-        width_px: float,
-        first_look: bool = False,
-    ) -> FloatArray:
-        """Return the rows (N, 5) of `kernels.stripe.measure_columns`, which writes to `codes` too."""
-        from calib_core.kernels import stripe as kernel
-
-        least = self.options.least_snr * float(np.sqrt(self.variance / filters.energy))
-        saturated = 1e9 if first_look else 3.0 * width_px
-        limits = np.array(
-            [self.variance, light, self.hot, self.saturation, saturated, least, 1.0 if first_look else 0.0]
-        )
-        out = np.empty((len(columns), 5))
-        kernel.measure_columns(self.image, columns, seeds, filters.tables, filters.figures, limits, out, codes)
-        return out
-
-
-def _peak_shape(
-    look: _Look, columns: NDArray[np.int64], seeds: NDArray[np.int64], start_width_px: float
-) -> tuple[float, float, float]:
-    """Return the peak's width (px), the noise's growth with the light (grey), and the usual amplitude."""
-    from calib_core.kernels import stripe as kernel
-
-    width = start_width_px
-    filters = _filters(round(width, 2), 0.0)
-    rows = look.measure(columns, seeds, np.zeros(len(seeds), np.uint8), filters, 0.0, width, first_look=True)
-    if not look.options.width_px:
-        reach = int(np.ceil(5.0 * width)) + 2
-        sums, counts = kernel.stack_profile(look.image, columns, rows[:, 0], 2, reach, look.hot)
-        width = _width_of(sums, counts, reach)
-        filters = _filters(round(width, 2), 0.0)
-        rows = look.measure(columns, seeds, np.zeros(len(seeds), np.uint8), filters, 0.0, width, first_look=True)
-    fine = np.isfinite(rows[:, 0])
-    fine[fine] = rows[fine, 2] > 0
-    if not fine.any():
-        return width, 0.0, 1.0
-    excess = rows[fine, 3] / (filters.taps - 3) - look.variance
-    light = float(np.median(excess / rows[fine, 2])) / filters.mean_shape
-    return width, max(0.0, light), float(np.median(rows[fine, 2]))
+    reach = int(np.ceil(5.0 * start_width_px)) + 2
+    sums, counts = kernel.stack_profile(image, columns, centers, 2, reach, hot)
+    return _width_of(sums, counts, reach)
 
 
 def _width_of(sums: FloatArray, counts: FloatArray, reach: int) -> float:
@@ -325,23 +275,27 @@ def _filters(width_px: float, noise_ratio: float) -> _Filters:
     h = u * g * weight
     slope = -g * weight * (1.0 - (u / width_px) ** 2 * weight)
     energy = ((g - g.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-    figures = [g.sum(axis=1), energy, (h**2).sum(axis=1), (h**2 * g).sum(axis=1), -(slope * g).sum(axis=1)]
+    figures = np.stack(
+        [g.sum(axis=1), energy, (h**2).sum(axis=1), (h**2 * g).sum(axis=1), -(slope * g).sum(axis=1)], axis=1
+    )
+    middle = _PHASES // 2  # the centre on a whole row
+    turn = u[middle] / width_px**2
+    whole = np.stack([h[middle], slope[middle], g[middle], turn * g[middle], (turn**2 - width_px**-2) * g[middle]])
+    inner = min(half - 1, int(1.5 * width_px)) | 1  # odd: padded by one zero, its middle is easy to tell
     return _Filters(
+        width_px,
+        _padded(h[middle : middle + 1, half - inner : half + inner + 1]),
+        _padded(whole if noise_ratio else whole[:3]),
         np.stack([h, slope, g]).astype(np.float32),
-        np.ascontiguousarray(np.stack(figures, axis=1)),
+        figures,
         float(energy.mean()),
         float(g.mean()),
     )
 
 
-def _surroundings_variance(image: ImageArray) -> float:
-    """Return the variance of the grey values where nothing is seen, from neighbouring pixels' differences."""
-    from calib_core.kernels import stripe as kernel
-
-    differences = np.abs(kernel.neighbour_differences(image, _NOISE_SAMPLES))
-    limit = 4.5 * max(0.5, float(np.partition(differences, _NOISE_SAMPLES // 2)[_NOISE_SAMPLES // 2]))
-    usual = differences[differences <= limit]
-    return float(usual @ usual / len(usual)) / 2 + _QUANTISATION_VARIANCE
+def _padded(filters: FloatArray) -> NDArray[np.float32]:
+    """Return filters (F, taps) with zeros after their taps up to a multiple of four."""
+    return np.pad(filters, ((0, 0), (0, -filters.shape[1] % 4))).astype(np.float32)
 
 
 def _no_stripe(

@@ -98,7 +98,7 @@ def _without_room_light(image: ImageArray, channel: ImageArray, axis: Axis) -> I
 
 
 def _require_image(image: ImageArray, where: str) -> None:
-    if str(image.dtype) not in ("uint8", "uint16"):
+    if image.dtype != np.uint8 and image.dtype != np.uint16:
         raise InputError(
             "an image of 8 or 16 bit",
             f"numbers of type {image.dtype}",
