@@ -1,19 +1,23 @@
 // Building elements without a template language: `h` makes one, `keyed` keeps a list of them in step with data.
 
+import { only } from "./me.js";
+
+/** @import {Role} from "./me.js" */
 /** @typedef {Node | string | number | null | undefined | false} Child */
 /** @typedef {Record<string, unknown>} Props */
 
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
- * Set attributes, listeners (`onclick`) and properties (`.value`) of an element.
+ * Set attributes, listeners (`onclick`) and properties (`.value`) of an element; `needs` names the role that it takes.
  * @param {Element} element
  * @param {Props} props
  */
 function assign(element, props) {
   for (const [name, value] of Object.entries(props)) {
     if (value === undefined || value === null || value === false) continue;
-    if (name.startsWith("on")) element.addEventListener(name.slice(2), /** @type {EventListener} */ (value));
+    if (name === "needs") only(/** @type {Role} */ (value), element);
+    else if (name.startsWith("on")) element.addEventListener(name.slice(2), /** @type {EventListener} */ (value));
     else if (name.startsWith(".")) Reflect.set(element, name.slice(1), value);
     else element.setAttribute(name, value === true ? "" : String(value));
   }

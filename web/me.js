@@ -23,22 +23,26 @@ export const may = (role) => known.role !== null && RANKS[known.role] >= RANKS[r
 
 /**
  * Offer a control to those with a role alone; for others it stays where it is, disabled, and says why.
- * @template {HTMLElement} T
  * @param {Role} role
- * @param {T} control
- * @returns {T}
+ * @param {Element} control
  */
 export function only(role, control) {
-  if (may(role)) return control;
+  if (may(role)) return;
   const reason = t(`may.${role}`);
   control.setAttribute("aria-disabled", "true");
-  control.title = reason;
+  control.setAttribute("aria-description", reason);
+  control.addEventListener("pointerenter", () => control.setAttribute("title", reason));
   control.addEventListener("click", (event) => {
     event.preventDefault();
     event.stopImmediatePropagation();
     refused(reason);
   }, { capture: true });
-  return control;
+}
+
+/** Whether one may go on with something; says so where not. @param {Role} role */
+export function allowed(role) {
+  if (!may(role)) refused(t(`may.${role}`));
+  return may(role);
 }
 
 /** @type {(reason: string) => void} */

@@ -2,6 +2,7 @@
 
 import { api } from "../api.js";
 import { h } from "../dom.js";
+import { allowed, may } from "../me.js";
 import { t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { attempt, notify, say } from "./toasts.js";
@@ -10,8 +11,8 @@ import { attempt, notify, say } from "./toasts.js";
 
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
-  #capture = h("button", { type: "button", class: "capture", onclick: () => void this.capture() }, t("actions.capture"), h("kbd", { "aria-hidden": "true" }, t("key.space")));
-  #solve = h("button", { type: "button", class: "solve", onclick: () => void this.solve() }, t("actions.solve"), h("kbd", { "aria-hidden": "true" }, "S"));
+  #capture = h("button", { type: "button", class: "capture", needs: "capture", onclick: () => void this.capture() }, t("actions.capture"), h("kbd", { "aria-hidden": "true" }, t("key.space")));
+  #solve = h("button", { type: "button", class: "solve", needs: "capture", onclick: () => void this.solve() }, t("actions.solve"), h("kbd", { "aria-hidden": "true" }, "S"));
   #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
   #progress = h("div", { class: "job", hidden: true });
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
@@ -44,7 +45,7 @@ export class ActionsElement extends StateElement {
     this.#capture.classList.toggle("primary", !ready && !solved);
     this.#solve.classList.toggle("primary", ready);
     this.#files.className = simulated || ready || solved ? "plain wide" : "primary";
-    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working));
+    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working || !may("capture")));
     this.#showJob();
     if (job && job.id === this.#followed) this.#ended();
   }
@@ -57,7 +58,7 @@ export class ActionsElement extends StateElement {
     this.#progress.replaceChildren(
       h("progress", { max: 1, value: job.progress, "aria-label": t("actions.solving") }),
       h("span", { class: "small" }, job.message || t("actions.solving")),
-      h("button", { type: "button", onclick: cancel }, t("actions.cancel")),
+      h("button", { type: "button", needs: "capture", onclick: cancel }, t("actions.cancel")),
     );
   }
 
@@ -75,7 +76,7 @@ export class ActionsElement extends StateElement {
 
   /** Let the simulated cell take its next capture. */
   async capture() {
-    if (this.#capturing || this.#capture.hidden) return;
+    if (this.#capturing || this.#capture.hidden || !allowed("capture")) return;
     this.#capturing = true;
     this.#capture.setAttribute("aria-disabled", "true");
     this.state.show("measure");
@@ -90,7 +91,7 @@ export class ActionsElement extends StateElement {
   }
 
   async solve() {
-    if (this.state.working || !this.state.captures.length) return;
+    if (this.state.working || !this.state.captures.length || !allowed("capture")) return;
     await attempt(async () => {
       const job = await api.solve(this.state.id, this.state.guide?.current.stage ?? "tcp");
       this.#followed = job.id;
@@ -106,7 +107,7 @@ function captureStep(step) {
 
 /** @param {string} text @param {() => void} action */
 function wayIn(text, action) {
-  return h("button", { type: "button", class: "plain wide", onclick: action }, text);
+  return h("button", { type: "button", class: "plain wide", needs: "capture", onclick: action }, text);
 }
 
 customElements.define("sc-actions", ActionsElement);

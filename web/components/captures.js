@@ -79,7 +79,7 @@ export class CapturesElement extends StateElement {
       h("td", { class: "right number" }, typeof residual?.rms_px === "number" ? `±${fixed(residual.rms_px, 2)} px` : rms === null || rms === undefined ? "–" : `±${small(rms)}`),
       h("td", { class: "state" }, status(capture, residual)),
       h("td", { class: "use" }, this.#toggle(capture)),
-      h("td", { class: "right" }, h("button", { type: "button", class: "plain icon remove", "aria-label": t("captures.remove", { capture: capture.id }), title: t("captures.remove", { capture: capture.id }), onclick: () => this.#remove(capture) }, icon("trash"))),
+      h("td", { class: "right" }, h("button", { type: "button", class: "plain icon remove", needs: "capture", "aria-label": t("captures.remove", { capture: capture.id }), title: t("captures.remove", { capture: capture.id }), onclick: () => this.#remove(capture) }, icon("trash"))),
     ];
   }
 
@@ -88,13 +88,13 @@ export class CapturesElement extends StateElement {
     if (capture.step !== "turntable" && typeof capture.table_deg !== "number") return null;
     const angle = typeof capture.table_deg === "number" ? `${fixed(capture.table_deg, Number.isInteger(capture.table_deg) ? 0 : 3)}°` : t("captures.no_angle");
     const words = capture.mount ? `${angle} · ${capture.mount}` : angle;
-    return h("button", { type: "button", class: "plain table-place number", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: () => tableDialog(this.state.id, capture) }, words);
+    return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: () => tableDialog(this.state.id, capture) }, words);
   }
 
   /** @param {CaptureOut} capture */
   #toggle(capture) {
     const change = () => attempt(() => api.changeCapture(this.state.id, capture.id, { excluded: !capture.excluded }));
-    return h("input", { type: "checkbox", class: "toggle", "aria-label": t("captures.use", { capture: capture.id }), ".checked": !capture.excluded, onchange: change });
+    return h("input", { type: "checkbox", class: "toggle", needs: "capture", "aria-label": t("captures.use", { capture: capture.id }), ".checked": !capture.excluded, onchange: change });
   }
 
   /** @param {CaptureOut} capture */

@@ -14,7 +14,7 @@ const ASK_MS = 300;
 
 export class RecomputeElement extends HTMLElement {
   sessionId = "";
-  #go = h("button", { type: "button", onclick: () => void this.#run() }, t("recompute.go"));
+  #go = h("button", { type: "button", needs: "capture", onclick: () => void this.#run() }, t("recompute.go"));
   #progress = h("div", { class: "job", hidden: true });
   #answer = h("div", { class: "recomputed" });
   #working = false;

@@ -13,6 +13,8 @@ class ToastsElement extends HTMLElement {
   #list = h("ol", { class: "toasts" });
 
   connectedCallback() {
+    this.setAttribute("role", "region");
+    this.setAttribute("aria-label", t("notices"));
     if (!this.firstChild) this.append(this.#spoken, this.#alarm, this.#list);
   }
 

@@ -5,6 +5,7 @@ export const en = Object.freeze({
   "close": "Close",
   "cancel": "Cancel",
   "undo": "Undo",
+  "notices": "Notices",
   "copied": "Copied",
   "key.space": "Space",
 

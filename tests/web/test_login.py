@@ -1,0 +1,154 @@
+"""A server that demands a login, in a real browser: in, about, out; and what somebody sees who may only look."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from tests.server.access import bearer, guarded, site_of
+from tests.server.live_server import simulated_session
+from tests.web.browsing import Watched, leave_out_the_scene
+from tests.web.test_accessible import violations
+
+pytestmark = pytest.mark.browser
+
+REASON = "Capturing, changing and solving take a token with the role capture."
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Client, dict[str, str], str]]:
+    with guarded(tmp_path_factory.mktemp("login")) as (client, tokens):
+        client.headers.update(bearer(tokens["capture"]))
+        session = simulated_session(client, captures=2)
+        yield client, tokens, session
+
+
+@pytest.fixture(params=["light", "dark"])
+def context(request: pytest.FixtureRequest, browser: Browser, served) -> Iterator[BrowserContext]:
+    context = browser.new_context(
+        base_url=site_of(served[0]), color_scheme=request.param, bypass_csp=True, reduced_motion="reduce"
+    )
+    leave_out_the_scene(context)
+    yield context
+    context.close()
+
+
+def log_in(page: Page, token: str) -> None:
+    page.get_by_label("Token").fill(token)
+    page.get_by_role("button", name="Log in").click()
+
+
+def test_in_and_out(browser: Browser, served, axe: str) -> None:
+    client, tokens, session = served
+    context = browser.new_context(base_url=site_of(client))
+    leave_out_the_scene(context)
+    page = context.new_page()
+    watched = Watched(page)
+    page.goto(f"/sessions/{session}")
+    expect(page).to_have_url(f"{site_of(client)}/login?next=%2Fsessions%2F{session}")
+    expect(page.get_by_label("Token")).to_be_focused()
+    log_in(page, "scancell_wrong")
+    expect(page.get_by_role("alert")).to_contain_text("Check that all of it was pasted")
+    assert [line for line in watched.complaints if "401" not in line] == []
+    watched.complaints.clear()
+    page.get_by_label("Token").fill(tokens["capture"])
+    page.get_by_label("Token").press("Enter")
+    expect(page).to_have_url(f"{site_of(client)}/sessions/{session}")
+    expect(page.locator(".captures tbody tr")).to_have_count(2)
+    assert page.evaluate("document.cookie") == ""
+    page.keyboard.press("Space")
+    expect(page.locator(".captures tbody tr")).to_have_count(3)
+    page.get_by_role("button", name="More", exact=True).click()
+    expect(page.get_by_role("group", name="More")).to_contain_text("one who may capture")
+    page.get_by_role("button", name="Log out").click()
+    expect(page.get_by_label("Token")).to_be_visible()
+    page.goto("/")
+    expect(page.get_by_label("Token")).to_be_visible()
+    assert watched.complaints == []
+    assert watched.hosts == {site_of(client).removeprefix("http://")}
+    context.close()
+
+
+@pytest.mark.parametrize(
+    "next_page", ["https://evil.example/", "//evil.example/", "javascript:alert(1)", "/login"]
+)
+def test_the_login_leads_nowhere_else(browser: Browser, served, next_page: str) -> None:
+    client, tokens, _ = served
+    context = browser.new_context(base_url=site_of(client))
+    page = context.new_page()
+    page.goto(f"/login?next={next_page}")
+    log_in(page, tokens["read"])
+    expect(page).to_have_url(f"{site_of(client)}/")
+    page.goto("/login?next=/docs")  # who is logged in already goes on at once
+    expect(page).to_have_url(f"{site_of(client)}/docs")
+    context.close()
+
+
+def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, axe: str) -> None:
+    client, tokens, session = served
+    page = context.new_page()
+    page.goto("/login")
+    expect(page.get_by_label("Token")).to_be_visible()
+    page.get_by_text("I have no token").click()
+    assert violations(page, axe) == []
+    log_in(page, "wrong")
+    expect(page.get_by_role("alert")).to_be_visible()
+    assert violations(page, axe) == []
+    log_in(page, tokens["read"])
+    start = page.get_by_role("button", name="Start the simulated cell")
+    expect(start).to_have_attribute("aria-disabled", "true")
+    expect(start).to_have_accessible_description(f"You are logged in to look. {REASON}")
+    start.click(force=True)
+    expect(page.locator(".toast")).to_contain_text(REASON)
+    expect(page.get_by_role("button", name="Remove session").first).to_have_attribute("aria-disabled", "true")
+    page.get_by_role("button", name="More", exact=True).click()
+    assert violations(page, axe) == []
+    page.goto(f"/sessions/{session}")
+    expect(page.locator(".captures tbody tr").first).to_be_visible()
+    for name in ("Solve", "Capture", "Add files", "Paste poses"):
+        button = page.locator("sc-actions").get_by_role("button", name=name).first
+        expect(button).to_have_attribute("aria-disabled", "true")
+    before = len(client.get(f"/sessions/{session}/captures").json()["items"])
+    page.keyboard.press("Space")
+    expect(page.locator(".toast")).to_contain_text(REASON)
+    page.keyboard.press("s")
+    page.get_by_role("checkbox").first.click(force=True)
+    expect(page.get_by_role("checkbox").first).to_be_checked()
+    assert len(client.get(f"/sessions/{session}/captures").json()["items"]) == before
+    assert violations(page, axe) == []
+
+
+def test_a_revoked_token_ends_an_open_page(browser: Browser, served) -> None:
+    client, tokens, session = served
+    admin = bearer(tokens["admin"])
+    made = client.post("/tokens", json={"name": "guest", "role": "read"}, headers=admin).json()
+    context = browser.new_context(base_url=site_of(client))
+    leave_out_the_scene(context)
+    page = context.new_page()
+    page.goto(f"/login?next=/sessions/{session}")
+    log_in(page, made["token"])
+    expect(page.locator("sc-live")).to_contain_text("live")
+    start_s = time.monotonic()
+    client.delete(f"/tokens/{made['id']}", headers=admin)
+    expect(page.get_by_label("Token")).to_be_visible()
+    assert time.monotonic() - start_s < 15
+    context.close()
+
+
+def test_the_scene_needs_the_login_too(browser: Browser, served, tmp_path: Path) -> None:
+    client, tokens, session = served
+    context = browser.new_context(base_url=site_of(client))
+    page = context.new_page()
+    watched = Watched(page)
+    assert page.goto(f"/scenes/{session}/").status == 401
+    watched.complaints.clear()
+    page.goto(f"/login?next=/sessions/{session}")
+    log_in(page, tokens["read"])
+    scene = page.frame_locator("iframe")
+    expect(scene.locator("#scancell-legend")).not_to_be_empty()
+    expect(scene.locator("canvas").first).to_be_visible()
+    assert [line for line in watched.complaints if "Content Security" in line] == []
+    context.close()
