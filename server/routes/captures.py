@@ -9,7 +9,7 @@ from fastapi import APIRouter, File, Form, Response, UploadFile
 from fastapi.responses import JSONResponse, StreamingResponse
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import ConflictError, InputError, TooLargeError
+from calib_core.errors import CalibrationError, ConflictError, InputError, TooLargeError
 from calib_core.records import Capture, Session, Step, parse_capture
 from server.deps import (
     CaptureId,
@@ -27,9 +27,9 @@ from server.measuring import check_poses
 from server.measuring_processes import Measuring
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.sources.simulated import next_capture
+from server.store.arrivals import Arrival, add_captures, require_free, session_record
 from server.store.blobs import chunks_to_end
 from server.store.captures import (
-    add_capture,
     capture_data,
     capture_ids,
     capture_row,
@@ -37,7 +37,6 @@ from server.store.captures import (
     file_digest,
     list_captures,
     remove_capture,
-    require_free,
 )
 from server.store.database import Store
 from server.store.models import Data, SessionRow
@@ -129,18 +128,20 @@ def _store(
     if answered is not None:
         return answered
     with store.read() as db:
-        session = empty_session(session_row(db, session_id))
+        record = session_record(db, session_id)
         require_free(db, session_id, capture, digests)
+    session = empty_session(record, session_id)
     check_poses(session, capture)
     measured = measuring.measure(session, capture, contents.__getitem__)
     for part in contents.values():
         store.blobs.put(part)
-    sizes = {name: len(part) for name, part in contents.items()}
+    arrival = Arrival(capture, measured, digests, {name: len(part) for name, part in contents.items()})
 
     def act(db: Transaction) -> Data:
-        row = locked_session(db, session_id)
-        _require_same_cell(row, session)
-        return add_capture(db, row, capture, measured, digests, sizes)
+        (stored,) = add_captures(db, session_id, [arrival], record)
+        if isinstance(stored, CalibrationError):
+            raise stored
+        return stored
 
     answer, _ = once.run(store, content, 201, act)
     return answer
@@ -195,7 +196,7 @@ def change(
 
 def _require_same_cell(row: SessionRow, session: Session) -> None:
     """Refuse what was measured for a cell that was changed meanwhile."""
-    if empty_session(row).cell != session.cell:
+    if empty_session(row.record, row.id).cell != session.cell:
         raise ConflictError("a cell that rests", "one that was just changed", "Send the request again.", "cell")
 
 

@@ -8,7 +8,7 @@ from typing import IO
 
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import ConflictError, InputError
+from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import Capture, Measured, Session
 from calib_core.session.archive import ArchivedSession, pack_files, plain_name, read_archive
 from calib_core.session.bag import PAYLOAD, Content, open_bag
@@ -17,8 +17,8 @@ from calib_core.session.folder import SESSION_FILE, to_json_bytes
 from calib_core.session.pipeline import STAGES
 from calib_core.session.stored_results import output_names
 from server.measuring import check_poses, measure
+from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
-from server.store.captures import add_capture
 from server.store.models import Data, SessionRow
 from server.store.sessions import STORE_FIELDS, Output, StoredSession, create_session
 from server.store.solves import store_result
@@ -101,10 +101,19 @@ def add_import(db: Transaction, found: Import) -> SessionRow:
     record = {name: value for name, value in found.session.to_json().items() if name not in STORE_FIELDS}
     del record["captures"]
     row = create_session(db, record, None)
-    for capture in found.session.captures:
-        digests = {name: found.digests[name] for name in capture.files}
-        sizes = {name: found.sizes[name] for name in capture.files}
-        add_capture(db, row, capture, found.measured[capture.id], digests, sizes)
+    arrivals = [
+        Arrival(
+            capture,
+            found.measured[capture.id],
+            {name: found.digests[name] for name in capture.files},
+            {name: found.sizes[name] for name in capture.files},
+        )
+        for capture in found.session.captures
+    ]
+    for answer in add_captures(db, row.id, arrivals, record):
+        if isinstance(answer, CalibrationError):
+            raise answer
+    db.refresh(row)
     for stage, result in found.results.items():
         store_result(db, row, stage, result, outputs=found.outputs.get(stage))
     return row

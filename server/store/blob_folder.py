@@ -3,8 +3,8 @@
 import os
 import tempfile
 import time
-from collections.abc import Generator, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import IO
@@ -23,6 +23,9 @@ class FolderBlobs(Blobs):
         self._folder = folder
         self._arriving = folder / "arriving"
         self._arriving.mkdir(parents=True, exist_ok=True)
+        for first in range(256):  # all at once, so that no blob has to wait until its folder's name is on the disk
+            (folder / f"{first:02x}").mkdir(exist_ok=True)
+        _sync_folder(folder)
 
     def path(self, digest: str) -> Path:
         """Return where the blob with a SHA-256 (64 hex digits) lies."""
@@ -36,6 +39,23 @@ class FolderBlobs(Blobs):
                 file.write(content)
                 self._place(file, path, digest)
         return digest
+
+    def put_all(self, contents: Sequence[bytes]) -> list[str]:
+        """Store many files durably: all are written before the first is forced to the disk, which takes them along."""
+        digests = [sha256(content).hexdigest() for content in contents]
+        with ExitStack() as stack:
+            written: dict[str, tuple[IO[bytes], Path]] = {}
+            for digest, content in zip(digests, contents, strict=True):
+                if digest not in written and not self._renewed(digest):
+                    written[digest] = stack.enter_context(self._new_file())
+                    written[digest][0].write(content)
+                    written[digest][0].flush()
+            for digest, (file, path) in written.items():
+                os.fsync(file.fileno())
+                path.replace(self.path(digest))
+            for folder in {self.path(digest).parent for digest in written}:
+                _sync_folder(folder)
+        return digests
 
     def put_pieces(self, pieces: Pieces) -> tuple[str, int]:
         """Store bytes that come in pieces; return their SHA-256 and their number."""
@@ -128,12 +148,10 @@ class FolderBlobs(Blobs):
 
     def _place(self, file: IO[bytes], path: Path, digest: str) -> None:
         target = self.path(digest)
-        target.parent.mkdir(exist_ok=True)
         file.flush()
         os.fsync(file.fileno())
         path.replace(target)
         _sync_folder(target.parent)
-        _sync_folder(self._folder)
 
     @contextmanager
     def _locked(self) -> Generator[None]:

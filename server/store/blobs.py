@@ -1,7 +1,7 @@
 """Files by the SHA-256 of their content, each written once and never changed: what every place for them can do."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -34,6 +34,10 @@ class Blobs(ABC):
     @abstractmethod
     def put(self, content: bytes) -> str:
         """Store bytes durably and return their SHA-256 (64 hex digits)."""
+
+    def put_all(self, contents: Sequence[bytes]) -> list[str]:
+        """Store many files durably and return the SHA-256 of each."""
+        return [self.put(content) for content in contents]
 
     @abstractmethod
     def put_pieces(self, pieces: Pieces) -> tuple[str, int]:

@@ -1,14 +1,12 @@
 """Captures of a session: immutable files, a record that can be corrected, and what was measured."""
 
-from collections.abc import Mapping
-
-from sqlalchemy import delete, insert, select
+from sqlalchemy import delete, select
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import ConflictError, NotFoundError
-from calib_core.records import Capture, Measured
+from calib_core.errors import NotFoundError
+from calib_core.records import Measured
 from server.store.database import record_event
-from server.store.models import CaptureRow, Data, FileRow, SessionRow, now
+from server.store.models import CaptureRow, Data, FileRow, SessionRow
 from server.store.paging import Page, after_cursor, page_of
 from server.store.sessions import touch
 
@@ -40,76 +38,6 @@ def list_captures(db: Transaction, session_id: str, limit: int, cursor: str | No
     rows = list(db.scalars(query.order_by(CaptureRow.position).limit(limit + 1)))
     page = page_of(rows, limit, lambda row: [row.position])
     return {**page, "items": [capture_data(row) for row in page["items"]]}
-
-
-def require_free(db: Transaction, session_id: str, capture: Capture, digests: Mapping[str, str]) -> None:
-    """Refuse a capture whose id is taken, or whose file name stands for other bytes in this session.
-
-    Raises
-    ------
-    ConflictError
-    """
-    there = select(CaptureRow.position).where(CaptureRow.session_id == session_id, CaptureRow.id == capture.id)
-    if db.scalar(there) is not None:
-        raise ConflictError(
-            "a capture id that is new in this session",
-            f"'{capture.id}', which is there already",
-            "Give the capture another id, or remove the stored one first.",
-            capture.id,
-        )
-    taken = db.execute(
-        select(FileRow.name, FileRow.sha256, FileRow.capture_id).where(
-            FileRow.session_id == session_id, FileRow.name.in_(digests)
-        )
-    )
-    for name, digest, owner in taken:
-        if digest != digests[name]:
-            raise ConflictError(
-                "file names that are new in this session",
-                f"{name}, which capture '{owner}' has with other content",
-                "Name the file otherwise in the record's `files`.",
-                capture.id,
-            )
-
-
-def add_capture(
-    db: Transaction,
-    session: SessionRow,
-    capture: Capture,
-    measured: Measured,
-    digests: Mapping[str, str],
-    sizes: Mapping[str, int],
-) -> Data:
-    """Store a capture and return it; `digests` and `sizes` belong to the names in its `files`.
-
-    Raises
-    ------
-    ConflictError
-    """
-    require_free(db, session.id, capture, digests)
-    session.last_position += 1
-    record, seen = capture.to_json(), measured.to_json()
-    # Plain inserts: they are the busiest ones, and the unit of work would double their cost.
-    db.execute(
-        insert(CaptureRow),
-        {
-            "session_id": session.id,
-            "id": capture.id,
-            "position": session.last_position,
-            "created": now(),
-            "record": record,
-            "measured": seen,
-        },
-    )
-    if digests:
-        keys = {"session_id": session.id, "capture_id": capture.id}
-        db.execute(
-            insert(FileRow),
-            [{**keys, "name": name, "sha256": digest, "size": sizes[name]} for name, digest in digests.items()],
-        )
-    touch(session)
-    record_event(db, session, "capture", {"action": "added", "capture": capture.id})
-    return {**record, "measured": seen}
 
 
 def change_capture(

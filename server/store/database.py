@@ -88,4 +88,9 @@ def record_event(db: Session, session: SessionRow, kind: str, data: dict[str, An
     session.last_event += 1
     row = EventRow(session_id=session.id, id=session.last_event, kind=kind, data=data, created=now())
     db.add(row)
-    db.info.setdefault(_EVENTS, []).append(row)
+    publish_later(db, row)
+
+
+def publish_later(db: Session, event: EventRow) -> None:
+    """Have listeners told of an event once the transaction that stores it is on the disk."""
+    db.info.setdefault(_EVENTS, []).append(event)

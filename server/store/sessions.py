@@ -111,10 +111,15 @@ def locked_session(db: Transaction, session_id: str) -> SessionRow:
 
 def _required(row: SessionRow | None, session_id: str) -> SessionRow:
     if row is None:
-        raise NotFoundError(
-            "the name of a session", repr(session_id), "List the sessions: it may have been removed.", "session"
-        )
+        raise no_such_session(session_id)
     return row
+
+
+def no_such_session(session_id: str) -> NotFoundError:
+    """Return what is said where a session is not there."""
+    return NotFoundError(
+        "the name of a session", repr(session_id), "List the sessions: it may have been removed.", "session"
+    )
 
 
 def require_revision(row: SessionRow | CaptureRow, if_match: str | None) -> None:
@@ -170,9 +175,9 @@ def session_data(db: Transaction, row: SessionRow) -> Data:
     }
 
 
-def empty_session(row: SessionRow) -> Session:
-    """Return a session's record without its captures: all that measuring one of them needs."""
-    return parse_session({**row.record, "captures": []}, row.id)
+def empty_session(record: Data, session_id: str) -> Session:
+    """Return the session of a stored record, without captures: all that measuring one of them needs."""
+    return parse_session({**record, "captures": []}, session_id)
 
 
 def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSession:

@@ -1,0 +1,187 @@
+"""Captures on their way into a session, one or many at once.
+
+The busiest path of all: its statements are made once and run as they are, without the unit of work, which would
+cost several times as much.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import bindparam, insert, select, update
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import CalibrationError, ConflictError
+from calib_core.records import Capture, Measured
+from server.store.database import publish_later
+from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, now
+from server.store.sessions import no_such_session
+
+_SESSION = select(SessionRow.record, SessionRow.last_event, SessionRow.last_position).where(
+    SessionRow.id == bindparam("session_id")
+)
+_LOCKED_SESSION = _SESSION.with_for_update()
+_TAKEN_IDS = select(CaptureRow.id).where(
+    CaptureRow.session_id == bindparam("session_id"), CaptureRow.id.in_(bindparam("ids", expanding=True))
+)
+_TAKEN_NAMES = select(FileRow.name, FileRow.sha256, FileRow.capture_id).where(
+    FileRow.session_id == bindparam("session_id"), FileRow.name.in_(bindparam("names", expanding=True))
+)
+_TOUCH = (
+    update(SessionRow)
+    .where(SessionRow.id == bindparam("session"))
+    .values(
+        revision=SessionRow.revision + bindparam("count"),
+        last_event=bindparam("event"),
+        last_position=bindparam("place"),
+        updated=bindparam("moment"),
+    )
+)
+_ADD_CAPTURES, _ADD_FILES, _ADD_EVENT = insert(CaptureRow), insert(FileRow), insert(EventRow)
+
+
+_Named = tuple[Capture, Mapping[str, str]]
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A capture with the SHA-256 and size in bytes of each of its files, by name."""
+
+    capture: Capture
+    measured: Measured
+    digests: Mapping[str, str]
+    sizes: Mapping[str, int]
+
+
+def session_record(db: Transaction, session_id: str) -> Data:
+    """Return a session's record without captures; raises NotFoundError."""
+    found = db.connection().execute(_SESSION, {"session_id": session_id}).first()
+    return _required(found, session_id)[0]
+
+
+def require_free(db: Transaction, session_id: str, capture: Capture, digests: Mapping[str, str]) -> None:
+    """Refuse a capture whose id is taken, or whose file name stands for other bytes in this session.
+
+    Raises
+    ------
+    ConflictError
+    """
+    (reason,) = _refusals(db, session_id, [(capture, digests)])
+    if reason is not None:
+        raise reason
+
+
+def _refusals(db: Transaction, session_id: str, arriving: Sequence[_Named]) -> list[CalibrationError | None]:
+    """Return for each capture why it cannot be stored, None where it can."""
+    run = db.connection().execute
+    ids = {"session_id": session_id, "ids": [capture.id for capture, _ in arriving]}
+    taken_ids = set(run(_TAKEN_IDS, ids).scalars())
+    names = [name for _, digests in arriving for name in digests]
+    taken_names: dict[str, tuple[str, str]] = {}
+    if names:
+        for name, digest, owner in run(_TAKEN_NAMES, {"session_id": session_id, "names": names}):
+            taken_names[name] = (digest, owner)
+    reasons: list[CalibrationError | None] = []
+    for capture, digests in arriving:
+        reason = _refusal(capture, digests, taken_ids, taken_names)
+        reasons.append(reason)
+        if reason is None:  # the following ones must differ from this one too
+            taken_ids.add(capture.id)
+            taken_names.update({name: (digest, capture.id) for name, digest in digests.items()})
+    return reasons
+
+
+def _refusal(
+    capture: Capture, digests: Mapping[str, str], taken_ids: set[str], taken_names: Mapping[str, tuple[str, str]]
+) -> CalibrationError | None:
+    if capture.id in taken_ids:
+        return ConflictError(
+            "a capture id that is new in this session",
+            f"'{capture.id}', which is there already",
+            "Give the capture another id, or remove the stored one first.",
+            capture.id,
+        )
+    for name, digest in digests.items():
+        known, owner = taken_names.get(name, (digest, ""))
+        if known != digest:
+            return ConflictError(
+                "file names that are new in this session",
+                f"{name}, which capture '{owner}' has with other content",
+                "Name the file otherwise in the record's `files`.",
+                capture.id,
+            )
+    return None
+
+
+def add_captures(
+    db: Transaction, session_id: str, arriving: Sequence[Arrival], measured_for: Data
+) -> list[Data | CalibrationError]:
+    """Store captures in their order and return each with what was measured in it, or why it is refused.
+
+    Parameters
+    ----------
+    db : Transaction
+    session_id : str
+    arriving : sequence of Arrival
+        Their files are blobs already.
+    measured_for : dict
+        The session's record that they were measured for.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such session.
+    ConflictError
+        If its cell was changed meanwhile.
+    """
+    db.flush()  # what this transaction did before comes first
+    run, moment = db.connection().execute, now()
+    found = run(_LOCKED_SESSION, {"session_id": session_id}).first()
+    record, event, position = _required(found, session_id)
+    if record["cell"] != measured_for["cell"]:
+        raise ConflictError("a cell that rests", "one that was just changed", "Send the request again.", "cell")
+    reasons = _refusals(db, session_id, [(a.capture, a.digests) for a in arriving])
+    answers: list[Data | CalibrationError] = []
+    captures: list[Data] = []
+    files: list[Data] = []
+    for a, reason in zip(arriving, reasons, strict=True):
+        if reason is not None:
+            answers.append(reason)
+            continue
+        data, seen = a.capture.to_json(), a.measured.to_json()
+        keys = {"session_id": session_id, "capture_id": a.capture.id}
+        place = position + len(captures) + 1
+        captures.append(
+            {
+                "session_id": session_id,
+                "id": a.capture.id,
+                "position": place,
+                "created": moment,
+                "record": data,
+                "measured": seen,
+            }
+        )
+        files += [{**keys, "name": name, "sha256": d, "size": a.sizes[name]} for name, d in a.digests.items()]
+        answers.append({**data, "measured": seen})
+    if captures:
+        run(_ADD_CAPTURES, captures)
+        if files:
+            run(_ADD_FILES, files)
+        told = EventRow(session_id=session_id, id=event + 1, kind="capture", data=_added(captures), created=moment)
+        run(_ADD_EVENT, {name: getattr(told, name) for name in ("session_id", "id", "kind", "data", "created")})
+        publish_later(db, told)
+        touched = {"session": session_id, "count": len(captures), "event": event + 1, "moment": moment}
+        run(_TOUCH, {**touched, "place": position + len(captures)})
+    return answers
+
+
+def _added(captures: Sequence[Data]) -> Data:
+    """Return the one event that tells of all: by name where it is one, else how many and the last one's name."""
+    data: Data = {"action": "added", "capture": captures[-1]["id"]}
+    return data if len(captures) == 1 else {**data, "count": len(captures)}
+
+
+def _required(found: Any, session_id: str) -> tuple[Data, int, int]:
+    if found is None:
+        raise no_such_session(session_id)
+    return found
