@@ -284,3 +284,17 @@ def test_too_many_requests_wait(tmp_path: Path) -> None:
         assert answer.headers["retry-after"] == "1"
         # A token has a bucket of its own.
         assert client.get("/me", headers=bearer(tokens["read"])).status_code == 200
+
+
+def test_the_description_says_how_to_log_in_and_what_each_operation_takes(
+    client: httpx.Client, tokens: dict[str, str]
+) -> None:
+    described = client.get(site_of(client) + "/openapi.json", headers=bearer(tokens["read"])).json()
+    assert described["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
+    for path, operations in described["paths"].items():
+        for method, operation in operations.items():
+            role = role_that_should_do(method.upper(), path)
+            assert operation["x-role"] == role, path
+            assert [next(iter(way)) for way in operation["security"]] == (
+                [] if role == "nobody" else ["token", "login"]
+            )
