@@ -4,9 +4,10 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from calib_core.errors import InputError
 from calib_core.records import input_error
 from server.store.blobs import BlobPlace
 
@@ -67,6 +68,15 @@ class Settings(BaseSettings):
     head_timeout_s: Annotated[float, Field(gt=0)] = 20.0
     body_timeout_s: Annotated[float, Field(gt=0)] = 30.0
     answer_timeout_s: Annotated[float, Field(gt=0)] = 300.0
+
+    @model_validator(mode="after")
+    def _require_both_of_tls(self) -> "Settings":
+        for name, path in (("tls_certificate", self.tls_certificate), ("tls_key", self.tls_key)):
+            if path is None and (self.tls_certificate or self.tls_key):
+                raise InputError("tls_certificate and tls_key together", "one of them", f"Set {name} too.", name)
+            if path is not None and not path.is_file():
+                raise InputError("a PEM file", "none in its place", "Check the path.", f"{name}: {path}")
+        return self
 
     def __init__(self, **values: Any) -> None:
         """Take values given here, then those of the environment; raises InputError."""

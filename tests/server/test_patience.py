@@ -1,0 +1,199 @@
+"""Time-outs, and what stands between this server and the network: proxies, encryption, names."""
+
+import asyncio
+import datetime
+import json
+import socket
+import ssl
+import time
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+from hypothesis import given
+from hypothesis import strategies as st
+
+from server.auth.buckets import Buckets
+from server.patience import Patience
+from server.serve import WorkbenchServer
+from server.settings import Settings
+from tests.server.access import bearer, guarded, make_tokens
+from tests.server.live_server import make_session, serving
+
+HEAD = b"GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+
+
+def connected(client: httpx.Client) -> socket.socket:
+    connection = socket.create_connection(("127.0.0.1", client.base_url.port or 0))
+    connection.settimeout(10)
+    return connection
+
+
+def seconds_until_closed(connection: socket.socket) -> float:
+    start_s = time.monotonic()
+    while connection.recv(65536):
+        pass
+    return time.monotonic() - start_s
+
+
+def test_heads_that_do_not_come_end_the_connection_and_streams_go_on(start: Any) -> None:
+    with start(head_timeout_s=1.0) as client:
+        session = make_session(client)
+        with client.stream("GET", f"/sessions/{session}/events", timeout=10) as stream:
+            lines = stream.iter_lines()
+            next(lines)
+            with connected(client) as silent, connected(client) as slow, connected(client) as again:
+                slow.sendall(HEAD)
+                again.sendall(HEAD + b"\r\n")
+                assert again.recv(65536).startswith(b"HTTP/1.1 200")
+                again.sendall(HEAD[:20])
+                for connection in (silent, slow, again):
+                    assert seconds_until_closed(connection) < 5
+            client.patch(f"/sessions/{session}", json={"name": "still heard"})
+            assert any("changed" in line for line in lines)
+
+
+def test_a_body_that_stops_is_told_so(start: Any) -> None:
+    with start(body_timeout_s=0.5) as client, connected(client) as connection:
+        connection.sendall(
+            b"POST /api/v1/sessions HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+            b"Content-Length: 100\r\n\r\n{"
+        )
+        answer = connection.recv(65536)
+        assert answer.startswith(b"HTTP/1.1 408")
+        assert b"application/problem+json" in answer
+        assert b"whose body stopped" in answer
+
+
+@pytest.mark.parametrize("begins", [True, False])
+def test_an_answer_must_begin_in_time(tmp_path: Path, begins: bool) -> None:
+    ended: list[str] = []
+
+    async def slow(scope: Any, receive: Any, send: Any) -> None:
+        assert (await receive())["type"] == "http.request"
+        if begins:
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+        await asyncio.sleep(0.3)
+        if not begins:
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": b"done"})
+        ended.append("ended")
+
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    async def receive() -> Any:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    patience = Patience(slow, Settings(data=tmp_path, answer_timeout_s=0.1))
+    asyncio.run(patience({"type": "http", "path": "/x", "method": "POST"}, receive, send))
+    assert ended == ["ended"]  # a route that writes comes to its end, whoever waits for it
+    assert sent[0]["status"] == (200 if begins else 504)
+    assert len(sent) == 2
+    if not begins:
+        assert "Idempotency-Key" in json.loads(sent[1]["body"])["detail"]
+
+
+def test_what_a_proxy_says_counts_only_where_it_is_trusted(tmp_path: Path) -> None:
+    forwarded = {"X-Forwarded-Proto": "https", "X-Forwarded-For": "203.0.113.9"}
+    with guarded(tmp_path / "a") as (client, tokens):
+        answer = client.post("/login", json={"token": tokens["read"]}, headers=forwarded)
+        assert "Secure" not in answer.headers["set-cookie"]
+    with guarded(tmp_path / "b", trusted_proxies=["127.0.0.1"]) as (client, tokens):
+        answer = client.post("/login", json={"token": tokens["read"]}, headers=forwarded)
+        cookie = answer.headers["set-cookie"]
+        assert cookie.startswith("__Host-scancell-")
+        assert "Secure" in cookie
+        own = {"Cookie": cookie.split(";")[0], **forwarded}
+        assert client.get("/me", headers=own).json()["login"] == "cookie"
+        rows = client.get("/audit", headers=bearer(tokens["admin"])).json()["items"]
+        assert rows[0]["address"] == "203.0.113.9"
+
+
+def certificate(folder: Path) -> tuple[Path, Path]:
+    """Write a certificate of 127.0.0.1 that signs itself, and its key."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "scancell test")])
+    now = datetime.datetime.now(datetime.UTC)
+    made = (
+        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number())
+        .not_valid_before(now - datetime.timedelta(hours=1))
+        .not_valid_after(now + datetime.timedelta(hours=1))
+        .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    plain = serialization.NoEncryption()
+    pem = serialization.Encoding.PEM
+    (folder / "key.pem").write_bytes(key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain))
+    (folder / "certificate.pem").write_bytes(made.public_bytes(pem))
+    return folder / "certificate.pem", folder / "key.pem"
+
+
+def test_beyond_this_machine_with_encryption(tmp_path: Path) -> None:
+    """The whole of it: all addresses, https, a login; under every address, under foreign names not."""
+    public, private = certificate(tmp_path)
+    data, files = tmp_path / "data", {"tls_certificate": public, "tls_key": private}
+    tokens = make_tokens(Settings(data=data))
+    settings = Settings(host="0.0.0.0", port=0, data=data, warm_up=False, allowed_hosts=["cell4.example"], **files)
+    with serving(settings) as plain:
+        port = plain.base_url.port
+        trusted = ssl.create_default_context(cafile=public)
+        with httpx.Client(base_url=f"https://127.0.0.1:{port}/api/v1", verify=trusted, trust_env=False) as client:
+            assert client.get("/sessions").status_code == 401
+            answer = client.post("/login", json={"token": tokens["read"]})
+            cookie = answer.headers["set-cookie"]
+            assert cookie.startswith(f"__Host-scancell-{port}=")
+            assert "Secure" in cookie
+            assert client.get("/sessions").status_code == 200
+            for name, status in {
+                "10.1.2.3:8000": 200,
+                "cell4.example": 200,
+                "[fe80::1]:8000": 200,
+                "evil.example": 403,
+                "10.1.2.3.evil.example": 403,
+                "": 403,
+            }.items():
+                assert client.get("/health", headers={"Host": name}).status_code == status, name
+
+
+def test_only_files_that_are_there_encrypt(tmp_path: Path) -> None:
+    from calib_core.errors import InputError
+
+    for changes in ({"tls_certificate": tmp_path / "no.pem"}, {"tls_key": tmp_path / "no.pem"}):
+        with pytest.raises(InputError, match="tls"):
+            WorkbenchServer(Settings(data=tmp_path, **changes))
+
+
+@given(
+    steps=st.lists(st.tuples(st.floats(0, 3), st.sampled_from("ab")), max_size=60),
+    rate=st.floats(0.1, 10),
+    burst=st.integers(1, 5),
+)
+def test_a_bucket_never_gives_more_than_its_burst_and_its_rate(
+    steps: list[tuple[float, str]], rate: float, burst: int
+) -> None:
+    now_s = 0.0
+    buckets = Buckets(rate, burst, lambda: now_s)
+    given_to: dict[str, list[float]] = {"a": [], "b": []}
+    for pause_s, key in steps:
+        now_s += pause_s
+        wait_s = buckets.wait_s(key)
+        if wait_s == 0:
+            given_to[key].append(now_s)
+            continue
+        assert 0 < wait_s <= 1 / rate
+        now_s += wait_s * (1 + 1e-9)
+        assert buckets.wait_s(key) == 0
+        given_to[key].append(now_s)
+    for times in given_to.values():
+        for first, start_s in enumerate(times):
+            for last in range(first, len(times)):
+                assert last - first + 1 <= burst + rate * (times[last] - start_s) + 1e-6
