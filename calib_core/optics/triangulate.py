@@ -1,7 +1,8 @@
 """Pixels of the stripe to points of L: undistort, cut the ray with the plane of light."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,17 +69,20 @@ class ProfileCalibration:
         x, z = np.ascontiguousarray(rotation[:, 0]), np.ascontiguousarray(rotation[:, 2])
         return self.normal / self.distance_mm, x, z, np.array([x @ origin, z @ origin])
 
+    @cached_property
+    def _points_of(self) -> Callable[[FloatArray], FloatArray]:
+        from calib_core.kernels.triangulate import triangulate_pixels
+
+        camera = self.camera
+        constants = np.concatenate([camera.rays_from_pixels.ravel(), camera.distortion, *self._axes])
+        return partial(triangulate_pixels, camera.is_plain, constants)
+
     def points(self, pixels: ArrayLike) -> FloatArray:
         """Return the points (N, 3) of L, mm, of pixels (N, 2); NaN where a pixel has no ray or meets no plane."""
         p = np.ascontiguousarray(pixels, dtype=float).reshape(-1, 2)
-        plane, x_axis, z_axis, offsets = self._axes
         if not self.camera.segments:
-            from calib_core.kernels.triangulate import triangulate_pixels
-
-            camera = self.camera
-            return triangulate_pixels(
-                p, camera.rays_from_pixels, camera.distortion, camera.is_plain, plane, x_axis, z_axis, offsets
-            )
+            return self._points_of(p)
+        plane, x_axis, z_axis, offsets = self._axes
         rays = np.column_stack([self.camera.undistort(p), np.ones(len(p))])
         on_plane = rays / (rays @ plane)[:, None]
         return np.column_stack([on_plane @ x_axis - offsets[0], np.zeros(len(p)), on_plane @ z_axis - offsets[1]])
