@@ -175,6 +175,17 @@ def _workbench(add: _Add) -> None:
     command.add_argument("--no-serve", action="store_true", help="end after printing")
     command.add_argument("--seed", type=int, default=1, metavar="N", help="of the simulated cell (default 1)")
     _address(command)
+    command = add("doctor", "say what is wrong with what a server has stored", _command_doctor)
+    _data(command)
+    command.add_argument("--repair", action="store_true", help="mend what can be; no server may run")
+    command.add_argument("--backup", type=Path, metavar="DIR", help="where --repair takes damaged files from")
+    command.add_argument("--json", action="store_true", help="print one JSON object")
+    command = add("backup", "write all that a server has stored; it may run meanwhile", _command_backup)
+    _data(command)
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="new, or an earlier backup")
+    command = add("restore", "make a data folder (or a database) of a backup", _command_restore)
+    command.add_argument("backup", type=Path, metavar="BACKUP", help="the folder that `scancell backup` wrote")
+    _data(command)
     _tokens(add("token", "manage who may use a server that others can reach", _command_token_list))
     command = add("audit", "print who did what on a server, the newest first", _command_audit)
     command.add_argument("--limit", type=int, default=100, metavar="N", help="how many rows (%(default)s)")
@@ -293,6 +304,24 @@ def _command_serve(options: argparse.Namespace) -> int:
     from server.commands.serve import serve
 
     return serve(options.host, options.port, options.data)
+
+
+def _command_doctor(options: argparse.Namespace) -> int:
+    from server.commands.store import doctor
+
+    return doctor(options.data, options.repair, options.backup, options.json)
+
+
+def _command_backup(options: argparse.Namespace) -> int:
+    from server.commands.store import backup
+
+    return backup(options.data, options.out)
+
+
+def _command_restore(options: argparse.Namespace) -> int:
+    from server.commands.store import restore
+
+    return restore(options.backup, options.data)
 
 
 def _command_demo(options: argparse.Namespace) -> int:

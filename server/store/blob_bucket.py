@@ -48,6 +48,13 @@ class BucketBlobs(Blobs):
                 self._client.put_object(Bucket=self._bucket, Key=self._key(digest), Body=content)
         return digest
 
+    def mend(self, content: bytes) -> str:
+        """Store bytes durably whatever lies in their place, and return their SHA-256."""
+        digest = sha256(content).hexdigest()
+        with _named(self._bucket):
+            self._client.put_object(Bucket=self._bucket, Key=self._key(digest), Body=content)
+        return digest
+
     def put_pieces(self, pieces: Pieces) -> tuple[str, int]:
         """Store bytes that come in pieces; return their SHA-256 and their number."""
         with self.scratch() as file:
@@ -97,11 +104,11 @@ class BucketBlobs(Blobs):
                     if len(name) == 64:
                         yield name
 
-    def remove(self, digests: Iterable[str]) -> None:
+    def remove(self, digests: Iterable[str], young_s: float | None = None) -> None:
         """Remove blobs that nothing refers to, except young ones."""
         for digest in digests:
             with self._locks[int(digest[:2], 16)], _named(self._bucket):
-                if not self._is_young(digest, YOUNG_S):
+                if not self._is_young(digest, YOUNG_S if young_s is None else young_s):
                     self._client.delete_object(Bucket=self._bucket, Key=self._key(digest))
 
     def scratch(self) -> IO[bytes]:

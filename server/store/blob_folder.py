@@ -34,11 +34,7 @@ class FolderBlobs(Blobs):
     def put(self, content: bytes) -> str:
         """Store bytes durably and return their SHA-256."""
         digest = sha256(content).hexdigest()
-        if not self._renewed(digest):
-            with self._new_file() as (file, path):
-                file.write(content)
-                self._place(file, path, digest)
-        return digest
+        return digest if self._renewed(digest) else self.mend(content)
 
     def put_all(self, contents: Sequence[bytes]) -> list[str]:
         """Store many files durably: all are written before the first is forced to the disk, which takes them along."""
@@ -64,6 +60,14 @@ class FolderBlobs(Blobs):
             if not self._renewed(digest):
                 self._place(file, path, digest)
         return digest, size
+
+    def mend(self, content: bytes) -> str:
+        """Store bytes durably whatever lies in their place, and return their SHA-256."""
+        digest = sha256(content).hexdigest()
+        with self._new_file() as (file, path):
+            file.write(content)
+            self._place(file, path, digest)
+        return digest
 
     def read(self, digest: str) -> bytes:
         """Return a blob's bytes, compared with their SHA-256; raises NotFoundError, DamagedError."""
@@ -103,9 +107,9 @@ class FolderBlobs(Blobs):
             if len(folder.name) == 2 and folder.is_dir():
                 yield from sorted(path.name for path in folder.iterdir() if len(path.name) == 64)
 
-    def remove(self, digests: Iterable[str]) -> None:
+    def remove(self, digests: Iterable[str], young_s: float | None = None) -> None:
         """Remove blobs that nothing refers to, except young ones."""
-        oldest_s = time.time() - YOUNG_S
+        oldest_s = time.time() - (YOUNG_S if young_s is None else young_s)
         for digest in digests:
             path = self.path(digest)
             with self._locked():
@@ -126,9 +130,9 @@ class FolderBlobs(Blobs):
             path.unlink()
 
     def _renewed(self, digest: str) -> bool:
-        """Return whether a blob is there already, and make it young again: it is about to be referred to."""
+        """Return whether a blob is there and whole; it is made young again, for it is about to be referred to."""
         path = self.path(digest)
-        if not path.exists():
+        if self.damage(digest):
             return False
         with self._locked():
             try:

@@ -44,6 +44,10 @@ class Blobs(ABC):
         """Store bytes that come in pieces, never all of them in memory; return their SHA-256 and their number."""
 
     @abstractmethod
+    def mend(self, content: bytes) -> str:
+        """Store bytes durably whatever lies in their place, and return their SHA-256."""
+
+    @abstractmethod
     def read(self, digest: str) -> bytes:
         """Return a blob's bytes, compared with their SHA-256; raises NotFoundError, DamagedError."""
 
@@ -60,8 +64,8 @@ class Blobs(ABC):
         """Give the SHA-256 of every blob there is."""
 
     @abstractmethod
-    def remove(self, digests: Iterable[str]) -> None:
-        """Remove blobs that nothing refers to, except those younger than `YOUNG_S`."""
+    def remove(self, digests: Iterable[str], young_s: float | None = None) -> None:
+        """Remove blobs that nothing refers to, except those younger than `young_s`, left out `YOUNG_S`."""
 
     @abstractmethod
     def scratch(self) -> IO[bytes]:

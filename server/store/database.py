@@ -3,17 +3,16 @@
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy.orm import Session
 
-from calib_core.errors import InputError
 from server.settings import Settings
 from server.store.audit import note_act
 from server.store.blobs import open_blobs
 from server.store.engine import engine_of, reading
 from server.store.models import EventRow, SessionRow, now
+from server.store.schema import upgrade
 
 Publish = Callable[[EventRow], None]
 _EVENTS = "events"
@@ -40,19 +39,8 @@ class Store:
 
     def migrate(self) -> None:
         """Bring the tables to this version's form, all or nothing; raises InputError if a later one wrote them."""
-        from alembic import command
-        from alembic.config import Config
-        from alembic.util import CommandError
-
-        config = Config()
-        config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
         with self._writing.begin() as connection:
-            config.attributes["connection"] = connection
-            try:
-                command.upgrade(config, "heads")
-            except CommandError as error:  # it does not know the revision that it finds
-                to_do = "Use the version of scancell that wrote it, or a later one."
-                raise InputError("a store of this version or an earlier one", str(error), to_do, "store") from None
+            upgrade(connection)
 
     @contextmanager
     def read(self) -> Generator[Session]:

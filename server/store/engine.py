@@ -2,16 +2,23 @@
 
 import json
 from functools import partial
+from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event, make_url
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
 from calib_core.errors import InputError
 
 
-def engine_of(url: str) -> Engine:
-    """Return what speaks to the database at an address; it connects later. Raises InputError."""
+def engine_of(url: str, read_only: bool = False) -> Engine:
+    """Return what speaks to the database at an address; it connects later, `read_only` without changing a byte.
+
+    Raises
+    ------
+    InputError
+        If it is no such address, or the database's extra is not installed.
+    """
     try:
         address = make_url(url)
     except ArgumentError:
@@ -23,8 +30,8 @@ def engine_of(url: str) -> Engine:
         raise InputError("an address that begins with postgresql:// or sqlite:///", kind, to_do, "database_url")
     to_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
     if kind == "sqlite":
-        engine = create_engine(address, json_serializer=to_json)
-        event.listen(engine, "connect", _set_up_sqlite)
+        engine = create_engine(_read_only(address) if read_only else address, json_serializer=to_json)
+        event.listen(engine, "connect", _own_transactions if read_only else _set_up_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
         return engine
     try:
@@ -44,8 +51,20 @@ def reading(engine: Engine) -> Engine:
     return engine.execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
 
 
-def _set_up_sqlite(connection: Any, _: Any) -> None:
+def _read_only(address: URL) -> URL:
+    path = Path(address.database or "")
+    log = path.with_name(path.name + "-wal")
+    # Without a log there is nothing to share with a writer, and the folder may be one that cannot be written to.
+    mode = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
+    return make_url(f"sqlite:///{path.resolve().as_uri()}?{mode}&uri=true")
+
+
+def _own_transactions(connection: Any, _: Any) -> None:
     connection.isolation_level = None  # this module begins transactions itself
+
+
+def _set_up_sqlite(connection: Any, _: Any) -> None:
+    _own_transactions(connection, _)
     for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
         connection.execute(f"PRAGMA {pragma}").close()
 

@@ -9,18 +9,19 @@ import pytest
 
 from server.settings import Settings
 from tests.server.live_server import serving
+from tests.server.stores import new_place, published, settings, store  # noqa: F401 (fixtures)
 
 
 @pytest.fixture(scope="session")
 def shared_client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
-    settings = Settings(
+    shared = Settings(
         data=tmp_path_factory.mktemp("data"),
         port=0,
         warm_up=False,
         max_json_bytes=200_000,
         max_upload_bytes=2_000_000,
     )
-    with serving(settings) as client:
+    with serving(shared) as client:
         yield client
 
 

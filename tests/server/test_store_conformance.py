@@ -15,62 +15,14 @@ from server.serve import WorkbenchServer
 from server.settings import Settings
 from server.store import blob_bucket, blob_folder
 from server.store.blob_bucket import BucketBlobs
-from server.store.blob_folder import FolderBlobs
 from server.store.database import Store, record_event
 from server.store.engine import engine_of
 from server.store.models import Base, EventRow, SessionRow
 from server.store.sessions import create_session, list_sessions, locked_session, session_row
 from tests.server.live_server import assert_problem, make_session, serving, simulated_session, upload, wait_for
-from tests.server.postgres import new_database, running_postgres
-from tests.server.s3 import KEYS, running_s3, s3_client
+from tests.server.stores import NewPlace, alter
 
 CELL = {"cell": {"pose_convention": "ur"}}
-PLACES = ("sqlite and folder", "postgresql and s3")
-NewPlace = Callable[[Path], dict[str, Any]]
-
-
-@pytest.fixture(scope="module", params=PLACES)
-def new_place(request: pytest.FixtureRequest) -> Iterator[NewPlace]:
-    """Return settings of a fresh store of one kind, each time it is called."""
-    if request.param == PLACES[0]:
-        yield lambda data: {"data": data}
-        return
-    count = 0
-    with running_postgres() as postgres, running_s3() as s3, pytest.MonkeyPatch.context() as patch:
-        for name, value in KEYS.items():
-            patch.setenv(name, value)
-
-        def made(data: Path) -> dict[str, Any]:
-            nonlocal count
-            count += 1
-            s3_client(s3).create_bucket(Bucket=f"scancell-{count}")
-            address = new_database(postgres, f"store{count}")
-            return {
-                "data": data,
-                "database_url": address,
-                "blobs": f"s3://scancell-{count}/blobs",
-                "s3_endpoint": s3,
-            }
-
-        yield made
-
-
-@pytest.fixture
-def settings(new_place: NewPlace, tmp_path: Path) -> Settings:
-    return Settings(**new_place(tmp_path), port=0, warm_up=False)
-
-
-@pytest.fixture
-def published() -> list[EventRow]:
-    return []
-
-
-@pytest.fixture
-def store(settings: Settings, published: list[EventRow]) -> Iterator[Store]:
-    store = Store(settings, published.append)
-    store.migrate()
-    yield store
-    store.close()
 
 
 @pytest.fixture(scope="module")
@@ -172,12 +124,7 @@ def test_blobs_are_what_was_put(store: Store) -> None:
 
 def test_an_altered_blob_is_never_given_out(store: Store, settings: Settings) -> None:
     digest = store.blobs.put(b"points")
-    if isinstance(store.blobs, FolderBlobs):
-        store.blobs.path(digest).write_bytes(b"pointz")
-    else:
-        client = s3_client(str(settings.s3_endpoint))
-        bucket, _, prefix = str(settings.blobs).removeprefix("s3://").partition("/")
-        client.put_object(Bucket=bucket, Key=f"{prefix}/{digest[:2]}/{digest}", Body=b"pointz")
+    alter(settings, digest, b"pointz")
     for read in (store.blobs.read, store.blobs.open):
         with pytest.raises(DamagedError, match="backup"):
             read(digest)
@@ -296,5 +243,6 @@ def test_what_cannot_be_a_store_is_said(settings: Settings, tmp_path: Path) -> N
         assert "bucket" in refused(blobs="s3://nowhere")
         assert isinstance(Store(settings, print).blobs, BucketBlobs)
     else:
-        (tmp_path / "scancell.db").write_bytes(b"no database at all" * 100)
+        settings.data.mkdir(exist_ok=True)
+        (settings.data / "scancell.db").write_bytes(b"no database at all" * 100)
         assert "doctor" in refused()

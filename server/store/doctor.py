@@ -1,0 +1,237 @@
+"""What is wrong with a store, named by session and capture; nothing is changed unless it is asked for."""
+
+import json
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+import sqlalchemy as sa
+from sqlalchemy.exc import DBAPIError
+
+from calib_core.errors import CalibrationError, InputError
+from calib_core.records import Measured, parse_session
+from calib_core.session.stored_results import require_result
+from server.settings import Settings
+from server.store.blobs import Blobs, open_blobs
+from server.store.engine import engine_of, reading
+from server.store.schema import head_revision, stored_revision
+
+Kind = Literal["damage", "leftover", "note"]
+Row = dict[str, Any]
+
+# Tables by the columns that they have had since the first version: any store can be examined.
+_SESSIONS: Final = sa.table(
+    "sessions", sa.column("id"), sa.column("name"), sa.column("record", sa.Text), sa.column("last_event")
+)
+_CAPTURES: Final = sa.table(
+    "captures", sa.column("session_id"), sa.column("id"), sa.column("position"),
+    sa.column("record", sa.Text), sa.column("measured", sa.Text),
+)  # fmt: skip
+_FILES: Final = sa.table(
+    "files", sa.column("session_id"), sa.column("capture_id"), sa.column("name"), sa.column("sha256"),
+    sa.column("size"),
+)  # fmt: skip
+_OUTPUTS: Final = sa.table("outputs", sa.column("session_id"), sa.column("name"), sa.column("sha256"))
+_RESULTS: Final = sa.table(
+    "results", sa.column("number"), sa.column("session_id"), sa.column("stage"), sa.column("record", sa.Text)
+)
+_EVENTS: Final = sa.table("events", sa.column("session_id"), sa.column("id"))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found: `damage` (something stored is lost), `leftover` (harmless), or a `note`."""
+
+    kind: Kind
+    what: str
+    session: str = ""
+    capture: str = ""
+    sha256: str = ""
+
+
+@dataclass
+class Examination:
+    """What was looked at, and what was found."""
+
+    sessions: int = 0
+    captures: int = 0
+    files: int = 0
+    findings: list[Finding] = field(default_factory=list[Finding])
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something stored is lost."""
+        return any(finding.kind == "damage" for finding in self.findings)
+
+
+Progress = Callable[[float, str], None]
+
+
+def examine(settings: Settings, progress: Progress = lambda _fraction, _what: None) -> Examination:
+    """Return what is wrong with a store; it may be in use meanwhile, and is not changed.
+
+    Raises
+    ------
+    InputError
+        If there is no store.
+    """
+    _require_store(settings)
+    found = Examination()
+    blobs = open_blobs(settings.blob_place)
+    engine = reading(engine_of(settings.sql_url, read_only=True))
+    try:
+        with engine.connect() as connection:
+            _integrity(connection, found)
+            _revision(connection, found)
+            _records(connection, found)
+            _blobs(connection, blobs, found, progress)
+    except DBAPIError as error:
+        said = " ".join(str(error.orig).split())
+        to_do = "Restore it from a backup (`scancell restore`)."
+        found.findings.append(Finding("damage", f"the database cannot be read: {said}. {to_do}"))
+    finally:
+        engine.dispose()
+    return found
+
+
+def referring(connection: sa.Connection) -> Generator[Row]:
+    """Give the rows of captures' files and of results' outputs that refer to blobs, in the order of these."""
+    tables = [_FILES, *([_OUTPUTS] if sa.inspect(connection).has_table("outputs") else [])]
+    for table in tables:
+        query = sa.select(table).order_by(table.c.sha256).execution_options(yield_per=1000)
+        with connection.execute(query) as found:
+            yield from rows_of(found)
+
+
+def rows_of(found: sa.CursorResult[Any]) -> Iterator[Row]:
+    """Give the rows that a query found, by the columns' names."""
+    names = list(found.keys())
+    for row in found:
+        yield dict(zip(names, row, strict=True))
+
+
+def _require_store(settings: Settings) -> None:
+    if settings.database_url is None and not (settings.data / "scancell.db").is_file():
+        to_do = "Name the folder that `scancell serve --data` uses."
+        raise InputError("a data folder with a store", "none there", to_do, str(settings.data))
+
+
+def _integrity(connection: sa.Connection, found: Examination) -> None:
+    if connection.dialect.name != "sqlite":  # PostgreSQL keeps checksums of its own
+        return
+    for (said,) in connection.exec_driver_sql("PRAGMA integrity_check"):
+        if said != "ok":
+            found.findings.append(Finding("damage", f"the database is damaged: {said}"))
+    for row in connection.exec_driver_sql("PRAGMA foreign_key_check"):
+        found.findings.append(Finding("damage", f"a row of {row[0]} belongs to one of {row[2]} that is not there"))
+
+
+def _revision(connection: sa.Connection, found: Examination) -> None:
+    stored, head = stored_revision(connection), head_revision()
+    if stored == head:
+        return
+    known = "an earlier version; the next start brings it up to date"
+    if stored is None or stored > head:
+        known = "another version of scancell; use that one"
+    found.findings.append(
+        Finding("note", f"the tables are those of {known} (they have {stored}, this has {head})")
+    )
+
+
+def _records(connection: sa.Connection, found: Examination) -> None:
+    for row in list(rows_of(connection.execute(sa.select(_SESSIONS).order_by(_SESSIONS.c.id)))):
+        found.sessions += 1
+        _session(connection, row, found)
+
+
+def _session(connection: sa.Connection, row: Row, found: Examination) -> None:
+    """Hold a session's rows against the records that they should be, and against each other."""
+    session = row["id"]
+
+    def damage(what: str, capture: str = "") -> None:
+        found.findings.append(Finding("damage", what, session, capture))
+
+    captures = connection.execute(
+        sa.select(_CAPTURES).where(_CAPTURES.c.session_id == session).order_by(_CAPTURES.c.position)
+    ).mappings()
+    named = _files_of(connection, session)
+    records: list[Any] = []
+    for capture in captures:
+        found.captures += 1
+        try:
+            record = _data(capture["record"])
+            Measured.model_validate(_data(capture["measured"]))
+        except ValueError as error:  # pydantic's are of this kind too
+            damage(f"its record is not what was stored: {_first_line(error)}", capture["id"])
+            continue
+        records.append(record)
+        if sorted(record.get("files", [])) != sorted(named.get(capture["id"], [])):
+            damage("its record names other files than are stored", capture["id"])
+    try:
+        parse_session({**_data(row["record"]), "captures": records}, "session.json")
+    except (ValueError, CalibrationError) as error:
+        damage(f"its record is not what was stored: {_first_line(error)}")
+    _results(connection, session, damage)
+    last = connection.scalar(sa.select(sa.func.max(_EVENTS.c.id)).where(_EVENTS.c.session_id == session))
+    if last is not None and last != row["last_event"]:
+        damage(f"its log ends at {last}, not at {row['last_event']}")
+
+
+def _files_of(connection: sa.Connection, session: str) -> dict[str, list[str]]:
+    query = sa.select(_FILES.c.capture_id, _FILES.c.name).where(_FILES.c.session_id == session)
+    named: dict[str, list[str]] = {}
+    for capture, name in connection.execute(query):
+        named.setdefault(capture, []).append(name)
+    return named
+
+
+def _results(connection: sa.Connection, session: str, damage: Callable[[str], None]) -> None:
+    for result in connection.execute(sa.select(_RESULTS).where(_RESULTS.c.session_id == session)).mappings():
+        try:
+            require_result(result["stage"], _data(result["record"]), f"result {result['number']}")
+        except (ValueError, CalibrationError) as error:
+            damage(f"its result of {result['stage']} is not what was stored: {_first_line(error)}")
+
+
+def _blobs(connection: sa.Connection, blobs: Blobs, found: Examination, progress: Progress) -> None:
+    known: dict[str, str | None] = {}
+    total = connection.scalar(sa.select(sa.func.count()).select_from(_FILES)) or 1
+    for row in referring(connection):
+        digest = row["sha256"]
+        if digest not in known:
+            known[digest] = blobs.damage(digest)
+            progress(min(found.files / total, 1.0), "comparing files")
+        found.files += 1
+        wrong = known[digest]
+        if wrong:
+            found.findings.append(_damaged(row, wrong))
+    orphans = sum(digest not in known for digest in blobs.digests())
+    if orphans:
+        what = f"{orphans} stored files that nothing refers to"
+        found.findings.append(Finding("leftover", f"{what}; `--repair` removes them"))
+    halves = blobs.interrupted()
+    if halves:
+        what = f"{len(halves)} files of uploads that are under way or were cut off"
+        found.findings.append(Finding("leftover", f"{what}; the next start, or `--repair`, removes them"))
+
+
+def _damaged(row: Row, wrong: str) -> Finding:
+    to_do = "Mend it from a backup (`scancell doctor --repair --backup DIR`), or upload the capture again."
+    if "capture_id" not in row:
+        to_do = "Solve the stage again, or mend it from a backup (`scancell doctor --repair --backup DIR`)."
+    what = f"the file {row['name']} is {wrong} ({row['sha256'][:12]}…). {to_do}"
+    return Finding("damage", what, row["session_id"], row.get("capture_id", ""), row["sha256"])
+
+
+def _data(stored: Any) -> Any:
+    """Return what a column of JSON holds: SQLite gives its text, PostgreSQL's driver has read it already."""
+    return json.loads(stored) if isinstance(stored, str) else stored
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0][:200]
+
+
+def each_damaged(found: Examination) -> Iterator[str]:
+    """Give the SHA-256 of every blob that was found missing or altered, once."""
+    yield from sorted({finding.sha256 for finding in found.findings if finding.sha256})

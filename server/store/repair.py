@@ -1,0 +1,59 @@
+"""What can be put right in a store: files from a backup, leftovers removed."""
+
+from pathlib import Path
+
+import sqlalchemy as sa
+
+from calib_core.errors import DamagedError, NotFoundError
+from server.settings import Settings
+from server.store.blob_folder import FolderBlobs
+from server.store.blobs import open_blobs
+from server.store.claim import claimed
+from server.store.doctor import Examination, each_damaged, referring
+from server.store.engine import engine_of, reading
+
+
+def repair(settings: Settings, found: Examination, backup: Path | None) -> list[str]:
+    """Mend what an examination found, and say what was done, a sentence each.
+
+    Parameters
+    ----------
+    settings : Settings
+    found : Examination
+    backup : Path, optional
+        Where damaged and missing files are taken from.
+
+    Raises
+    ------
+    ConflictError
+        If a server uses the store.
+    """
+    done: list[str] = []
+    with claimed(settings):
+        blobs = open_blobs(settings.blob_place)
+        if backup is not None:
+            kept = FolderBlobs(backup / "blobs")
+            for digest in each_damaged(found):
+                try:
+                    blobs.mend(kept.read(digest))
+                    done.append(f"the file {digest[:12]}… was put back")
+                except (NotFoundError, DamagedError):
+                    done.append(f"the file {digest[:12]}… is not in the backup")
+        halves = len(blobs.interrupted())
+        blobs.clean()
+        orphans = set(blobs.digests()) - _referred(settings)
+        blobs.remove(orphans, young_s=-1.0)  # no upload is under way
+    if halves:
+        done.append(f"{halves} files of interrupted uploads were removed")
+    if orphans:
+        done.append(f"{len(orphans)} files that nothing refers to were removed")
+    return done
+
+
+def _referred(settings: Settings) -> set[str]:
+    engine: sa.Engine = reading(engine_of(settings.sql_url))
+    try:
+        with engine.connect() as connection:
+            return {row["sha256"] for row in referring(connection)}
+    finally:
+        engine.dispose()
