@@ -188,6 +188,54 @@ class StoredCloudFiles(BaseModel):
     items: list[StoredCloudFile]
 
 
+class CloudSection(BaseModel):
+    """A thin slice of the merged cloud, seen along its axis; lengths in mm.
+
+    `points` are pairs along the two axes of `across`; `deviations_mm` belong to them, where they were asked for,
+    null beside the reference.
+    """
+
+    frame: Literal["turntable", "base"]
+    axis: Literal["x", "y", "z"]
+    at_mm: float
+    width_mm: float
+    across: tuple[str, str]
+    low_mm: tuple[float, float]
+    high_mm: tuple[float, float]
+    count: int
+    points: list[tuple[float, float]]
+    deviations_mm: list[float | None] | None = None
+    limit_mm: float | None = None
+
+
+class CloudDeviations(BaseModel):
+    """How far the merged cloud lies off a reference: signed, positive outside, before any alignment; in mm.
+
+    `histogram` counts points in even bins from −`limit_mm` to +`limit_mm`; those beyond are in the end bins.
+    """
+
+    against: Literal["mesh", "sphere"]
+    reference: str
+    counted: int
+    mean_mm: float
+    rms_mm: float
+    p95_mm: float
+    largest_mm: float
+    limit_mm: float
+    histogram: list[int]
+    center_mm: tuple[float, float, float] | None = None
+    diameter_mm: float | None = None
+
+
+class ReferenceMesh(BaseModel):
+    """The mesh that says what the object should be, as it was stored."""
+
+    triangles: int
+    low_mm: tuple[float, float, float]
+    high_mm: tuple[float, float, float]
+    sha256: str
+
+
 class Health(BaseModel):
     """Whether the server answers, and whether it is ready to solve."""
 

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.errors import CalibrationError
+from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.deviation import Deviations, mesh_deviations, sphere_deviations
 from server.scenes.cloud_view import Against
 from server.scenes.colors import residual_limit_mm
-
-NO_REFERENCE = "No reference mesh yet: add one as STL or PLY under Result, Merge."
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,23 +32,27 @@ class CloudDeviation:
     values_mm: FloatArray
     limit_mm: float
     words: str
-    rms_mm: float
-    counted: int
+    found: Deviations
     of: Callable[[NDArray[np.floating]], FloatArray]
 
 
 def cloud_deviation(
     points_mm: NDArray[np.floating], against: Against, reference: ReferenceMesh | None
-) -> CloudDeviation | str:
-    """Return the deviations of the cloud's points (N, 3), or the sentence why there are none."""
-    try:
-        if against.kind == "mesh":
-            if reference is None:
-                return NO_REFERENCE
-            return _from_mesh(points_mm, reference)
+) -> CloudDeviation:
+    """Return the deviations of the cloud's points (N, 3).
+
+    Raises
+    ------
+    MeasurementError
+        If there is no such sphere in the cloud, or no reference mesh is given.
+    """
+    if against.kind == "sphere":
         return _from_sphere(points_mm, against.diameter_mm)
-    except CalibrationError as error:
-        return f"No deviations: {error}"
+    if reference is None:
+        raise MeasurementError(
+            "a reference mesh", "none", "Add one as STL or PLY under Result, Merge.", "reference"
+        )
+    return _from_mesh(points_mm, reference)
 
 
 class KeptDeviations:
@@ -62,10 +64,17 @@ class KeptDeviations:
     def of(
         self, points_mm: NDArray[np.floating], against: Against, reference: ReferenceMesh | None
     ) -> CloudDeviation | str:
-        """Return `cloud_deviation`; the same cloud and reference are known by being the same objects."""
+        """Return `cloud_deviation`, or the sentence why there is none.
+
+        The same cloud and reference are known by being the same objects.
+        """
         known = self._known
         if known is None or known[0] is not points_mm or known[1] != against or known[2] is not reference:
-            known = (points_mm, against, reference, cloud_deviation(points_mm, against, reference))
+            try:
+                found = cloud_deviation(points_mm, against, reference)
+            except CalibrationError as error:
+                found = f"No deviations: {error}"
+            known = (points_mm, against, reference, found)
             self._known = known
         return known[3]
 
@@ -95,4 +104,4 @@ def _from_sphere(points_mm: NDArray[np.floating], diameter_mm: float | None) -> 
 def _of(found: Deviations, words: str, of: Callable[[NDArray[np.floating]], FloatArray]) -> CloudDeviation:
     values = found.values_mm
     limit_mm = residual_limit_mm([values[np.isfinite(values)]])
-    return CloudDeviation(values, limit_mm, words, found.rms_mm, found.counted, of)
+    return CloudDeviation(values, limit_mm, words, found, of)

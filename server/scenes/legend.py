@@ -123,7 +123,7 @@ def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
         f"<p>Distance to {escape(deviation.words)}</p>",
         _bar(DIVERGING),
         f'<div class="ticks">{ends}</div><div class="ticks"><span>inside</span><span>outside</span></div>',
-        f"<p>RMS {deviation.rms_mm:.3f} mm over {deviation.counted:,} points</p>",
+        f"<p>RMS {deviation.found.rms_mm:.3f} mm over {deviation.found.counted:,} points</p>",
     ]
 
 

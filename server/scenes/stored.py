@@ -80,11 +80,12 @@ def scene_input(
         solved,
         partial(merged_scans, session, solved, read),
         partial(merged_cloud, solved, read_output),
-        partial(_reference_mesh, read_output),
+        partial(reference_mesh, read_output),
     )
 
 
-def _reference_mesh(read_output: ReadOutput) -> ReferenceMesh | None:
+def reference_mesh(read_output: ReadOutput) -> ReferenceMesh | None:
+    """Return the mesh that the user gave as a reference, None where there is none."""
     from calib_core.session.stored_clouds import REFERENCE_FILE, read_stored_ply
 
     data = read_output(REFERENCE_FILE)
@@ -93,6 +94,16 @@ def _reference_mesh(read_output: ReadOutput) -> ReferenceMesh | None:
     stored = read_stored_ply(data, REFERENCE_FILE)
     assert stored.triangles is not None
     return ReferenceMesh(stored.points_mm, stored.triangles)
+
+
+def output_reader(stored: "StoredSession") -> ReadOutput:
+    """Return what reads the files that a stored session's stages made."""
+
+    def read(name: str) -> bytes | None:
+        output = stored.outputs.get(name)
+        return None if output is None else stored.blobs.read(output.sha256)
+
+    return read
 
 
 def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
@@ -109,20 +120,16 @@ def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
 
 def scene_of(stored: "StoredSession") -> SceneInput:
     """Return a session of the store as its scene needs it."""
-
-    def read_output(name: str) -> bytes | None:
-        output = stored.outputs.get(name)
-        return None if output is None else stored.blobs.read(output.sha256)
-
-    scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results, read_output)
+    read = output_reader(stored)
+    scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results, read)
     return replace(scene, outputs=tuple(f"{name} {output.sha256}" for name, output in stored.outputs.items()))
 
 
 def follow_scene(hub: "Hub", session_id: str, changed: Callable[[], None]) -> Callable[[], None]:
-    """Call `changed` at each event that a session's scene shows; returns what ends that."""
+    """Call `changed` at each event that a session's scene shows, or one of its past; returns what ends that."""
 
     def listen(event: "EventRow") -> None:
         if event.kind in ("capture", "result", "session"):
             changed()
 
-    return hub.subscribe(session_id, listen)
+    return hub.subscribe(session_id.partition(".")[0], listen)

@@ -1,0 +1,170 @@
+"""The merged cloud looked into: sections, deviations from a reference, and the reference itself."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import APIRouter, File, Query, Response, UploadFile
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, NotFoundError
+from calib_core.records import MergeResult
+from server.deps import SessionId, StoreDep
+from server.scenes.cloud_view import Against
+from server.scenes.deviation import CloudDeviation, cloud_deviation
+from server.scenes.deviation import ReferenceMesh as Reference
+from server.scenes.merged import MergedScans, merged_cloud, thinned
+from server.scenes.stored import output_reader, reference_mesh
+from server.schemas import CloudDeviations, CloudSection, ReferenceMesh
+from server.store.references import set_reference
+from server.store.sessions import Output, StoredSession, load_session, locked_session, unused
+from server.strict_json import StrictRoute
+
+router = APIRouter(prefix="/sessions/{session_id}", tags=["clouds"], route_class=StrictRoute)
+
+_MOST_POINTS = 4000
+_METRES = 0.02  # a reference this much smaller than what was scanned is in another unit
+_AXES = ("x", "y", "z")
+
+Kind = Annotated[
+    Literal["mesh", "sphere"], Query(description="The stored reference mesh, or the sphere in the cloud.")
+]
+Diameter = Annotated[
+    float | None, Query(gt=0, le=10_000, description="The sphere's, where it is known; else the best fit's.")
+]
+
+
+@router.get("/merged/section", response_model=CloudSection, response_model_exclude_none=True)
+def section(
+    session_id: SessionId,
+    store: StoreDep,
+    axis: Annotated[Literal["x", "y", "z"], Query(description="The axis that the plane cuts.")] = "z",
+    at_mm: Annotated[float, Query(allow_inf_nan=False, description="Where, in the cloud's frame.")] = 0.0,
+    width_mm: Annotated[float, Query(gt=0, le=100, description="The slice's thickness.")] = 1.0,
+    against: Annotated[Literal["mesh", "sphere"] | None, Query(description="Gives deviations, too.")] = None,
+    diameter_mm: Diameter = None,
+) -> CloudSection:
+    """Return the points of the merged cloud in a thin slice, at most four thousand of them."""
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    merged = _merged(stored)
+    assert merged.every_mm is not None
+    number = _AXES.index(axis)
+    inside = merged.every_mm[np.abs(merged.every_mm[:, number] - at_mm) <= width_mm / 2]
+    shown = thinned(inside, _MOST_POINTS)
+    across = [other for other in range(3) if other != number]
+    low, high = merged.points_mm.min(axis=0), merged.points_mm.max(axis=0)
+    deviation = None if against is None else _deviation(stored, merged, Against(against, diameter_mm))
+    return CloudSection(
+        frame=merged.frame,
+        axis=axis,
+        at_mm=at_mm,
+        width_mm=width_mm,
+        across=(_AXES[across[0]], _AXES[across[1]]),
+        low_mm=(float(low[across[0]]), float(low[across[1]])),
+        high_mm=(float(high[across[0]]), float(high[across[1]])),
+        count=len(inside),
+        points=[(round(u, 3), round(v, 3)) for u, v in shown[:, across].astype(float).tolist()],
+        deviations_mm=None if deviation is None else _numbers(deviation.of(shown)),
+        limit_mm=None if deviation is None else deviation.limit_mm,
+    )
+
+
+@router.get("/merged/deviation", response_model=CloudDeviations, response_model_exclude_none=True)
+def deviation(
+    session_id: SessionId, store: StoreDep, against: Kind = "mesh", diameter_mm: Diameter = None
+) -> CloudDeviations:
+    """Return how far the merged cloud lies off the reference mesh or the sphere in it, as it was placed."""
+    from calib_core.fusion.deviation import histogram
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    seen = _deviation(stored, _merged(stored), Against(against, diameter_mm))
+    found = seen.found
+    return CloudDeviations(
+        against=against,
+        reference=seen.words,
+        counted=found.counted,
+        mean_mm=found.mean_mm,
+        rms_mm=found.rms_mm,
+        p95_mm=found.largest_mm(0.95),
+        largest_mm=found.largest_mm(1.0),
+        limit_mm=seen.limit_mm,
+        histogram=histogram(found.values_mm, seen.limit_mm).tolist(),
+        center_mm=None if found.center_mm is None else _place(found.center_mm),
+        diameter_mm=None if found.radius_mm is None else 2 * found.radius_mm,
+    )
+
+
+@router.put("/merged/reference", response_model=ReferenceMesh)
+def put_reference(
+    session_id: SessionId,
+    store: StoreDep,
+    file: Annotated[UploadFile, File(description="STL or PLY, in mm, in the merged cloud's own frame.")],
+) -> ReferenceMesh:
+    """Store the mesh that says what the object should be, in place of the one before."""
+    from calib_core.session.mesh_files import parse_mesh
+    from calib_core.session.point_writers import ply_pieces
+
+    with store.read() as db:
+        merge = load_session(db, store.blobs, session_id).results.get("merge")
+    mesh = parse_mesh(file.file.read(), file.filename or "reference")
+    low, high = mesh.corners_mm.min(axis=0), mesh.corners_mm.max(axis=0)
+    if merge is not None:
+        _require_millimetres(float(np.linalg.norm(high - low)), MergeResult.model_validate(merge))
+    sha256, size = store.blobs.put_pieces(ply_pieces(mesh.corners_mm, triangles=mesh.triangles))
+    _replace_reference(store, session_id, Output(sha256, size))
+    return ReferenceMesh(triangles=len(mesh.triangles), low_mm=_place(low), high_mm=_place(high), sha256=sha256)
+
+
+@router.delete("/merged/reference", status_code=204)
+def delete_reference(session_id: SessionId, store: StoreDep) -> Response:
+    """Forget the reference mesh, if there is one."""
+    _replace_reference(store, session_id, None)
+    return Response(status_code=204)
+
+
+def _replace_reference(store: StoreDep, session_id: str, reference: Output | None) -> None:
+    with store.write() as db:
+        gone = set_reference(db, locked_session(db, session_id), reference)
+    with store.read() as db:
+        gone = unused(db, gone)
+    store.blobs.remove(gone)
+
+
+def _merged(stored: StoredSession) -> MergedScans:
+    results = {"merge": MergeResult.model_validate(stored.results["merge"])} if "merge" in stored.results else {}
+    merged = merged_cloud(results, output_reader(stored))
+    if merged is None:
+        to_do = f"POST …/sessions/{stored.id}/solve/merge makes it."
+        raise NotFoundError("a merged cloud", "none in this session", to_do, "merge")
+    return merged
+
+
+def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> CloudDeviation:
+    reference: Reference | None = None
+    if against.kind == "mesh":
+        reference = reference_mesh(output_reader(stored))
+        if reference is None:
+            to_do = "PUT …/merged/reference with an STL or PLY file, or compare with the sphere."
+            raise NotFoundError("a reference mesh", "none in this session", to_do, "against")
+    return cloud_deviation(merged.points_mm, against, reference)
+
+
+def _require_millimetres(extent_mm: float, merge: MergeResult) -> None:
+    scanned_mm = float(np.linalg.norm(np.subtract(merge.high_mm, merge.low_mm)))
+    if extent_mm < _METRES * scanned_mm or extent_mm > scanned_mm / _METRES:
+        raise InputError(
+            f"a reference of about the size of what was scanned ({scanned_mm:.0f} mm across)",
+            f"one of {extent_mm:.3g} mm",
+            "Export it in millimetres.",
+            "file",
+        )
+
+
+def _numbers(values: NDArray[np.float64]) -> list[float | None]:
+    return [round(value, 4) if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _place(values: NDArray[np.floating]) -> tuple[float, float, float]:
+    x, y, z = values.astype(float).tolist()
+    return x, y, z

@@ -1,0 +1,36 @@
+"""The address by which a page sets how the merged cloud is shown: its colours, a section, what it is compared with."""
+
+from typing import Literal
+
+from fastapi import APIRouter
+from pydantic import BaseModel, Field
+
+from server.scenes.cloud_view import Against, CloudView, Section
+from server.scenes.router import Scenes, SessionId
+
+cloud_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
+
+
+class CloudSectionShown(BaseModel):
+    """A plane across an axis of the cloud's frame; what lies on its other side is hidden."""
+
+    axis: Literal["x", "y", "z"]
+    at_mm: float = Field(allow_inf_nan=False)
+    keep: Literal["below", "above"] = "below"
+
+
+class CloudShown(BaseModel):
+    """How the merged cloud is shown to all who look."""
+
+    colors: Literal["height", "scan", "deviation"] = "height"
+    section: CloudSectionShown | None = None
+    against: Literal["mesh", "sphere"] = "mesh"
+    diameter_mm: float | None = Field(default=None, gt=0, le=10_000)
+
+
+@cloud_router.post("/cloud", status_code=204, summary="How the merged cloud is shown")
+def show_cloud(session: SessionId, body: CloudShown, scenes: Scenes) -> None:
+    """Colour the merged cloud by height, scan or deviation, and cut it open; nothing happens where nobody looks."""
+    section = body.section and Section(body.section.axis, body.section.at_mm, body.section.keep)
+    view = CloudView(f"by {body.colors}", section, Against(body.against, body.diameter_mm))
+    scenes.show_cloud(session, view)
