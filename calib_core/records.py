@@ -503,7 +503,10 @@ class MergeResult(Result):
 
     `cloud` and `mesh` name the files, where they were stored; `frame` says whether points are in the turntable's
     frame or, without a turntable, in the robot's base.  `expected_overlap_rms_mm` follows from noise and from what
-    the calibration leaves uncertain; `registered_overlap_rms_mm` is that after a registration.
+    the calibration leaves uncertain; `registered_overlap_rms_mm` is that after a registration, and
+    `registration_shift_rms_mm` how far it moved the scans.  `surface_sigma_mm` is the standard deviation of the
+    merged surface's place along its normal.  `calibrated_by` says where tool and table come from: the stage, or
+    "known".
     """
 
     stage: Literal["merge"] = "merge"
@@ -516,6 +519,11 @@ class MergeResult(Result):
     expected_overlap_rms_mm: float | None
     overlap_pairs: int
     registered_overlap_rms_mm: float | None = None
+    registration_shift_rms_mm: float | None = None
+    surface_sigma_mm: float | None = None
+    calibrated_by: Literal["known", "tcp", "turntable", "chain"] | None = None
+    tool0_from_laser: Matrix4 | None = None
+    base_from_turntable: Matrix4 | None = None
     mesh: str | None
     triangles: int = 0
     low_mm: Vector3

@@ -50,17 +50,27 @@ def grid_mesh(scans: CleanScan | Sequence[CleanScan]) -> Mesh:
     MeasurementError
         If there is no triangle at all.
     """
-    sheets = [_sheet(scan) for scan in ([scans] if isinstance(scans, CleanScan) else scans)]
-    points = np.concatenate([p for p, _ in sheets])
-    offsets = np.cumsum([0, *(len(p) for p, _ in sheets)])[:-1]
-    triangles = np.concatenate([t + offset for (_, t), offset in zip(sheets, offsets, strict=True)])
+    return joined([sheet(scan) for scan in ([scans] if isinstance(scans, CleanScan) else scans)])
+
+
+def joined(sheets: Sequence[Mesh]) -> Mesh:
+    """Return the scans' sheets as one mesh; raises MeasurementError where there is no triangle at all."""
+    points = np.concatenate([s.points_mm for s in sheets])
+    offsets = np.cumsum([0, *(len(s.points_mm) for s in sheets)])[:-1]
+    triangles = np.concatenate([s.triangles + offset for s, offset in zip(sheets, offsets, strict=True)])
     if not len(triangles):
         to_do = "Scan in rows of at least two profiles, or use the Poisson mesh."
         raise MeasurementError("scans with neighbouring points in rows", "none", to_do)
     return Mesh(points, triangles.astype(np.int32))
 
 
-def _sheet(scan: CleanScan) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+def sheet(scan: CleanScan) -> Mesh:
+    """Return one scan's rows and columns as triangles; none without a grid."""
+    points, triangles = _points_and_triangles(scan)
+    return Mesh(points, triangles.astype(np.int32))
+
+
+def _points_and_triangles(scan: CleanScan) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     kept = scan.verdicts == KEPT
     rows, columns = kept.shape
     number = np.full(kept.shape, -1)

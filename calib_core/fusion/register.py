@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, rotation_from_vector, skew
 from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap
 
 _ROUNDS = 8
@@ -29,6 +29,10 @@ class Registration:
     turn_rad : (S,)
     before, after : Overlap
         Distances between the scans.
+    moved : Patches
+        Where the patches are then.
+    errors : PoseErrors
+        What is left uncertain of each scan's place: where scans overlap they lie together, and all move as one.
     """
 
     turntable_from_scan: FloatArray
@@ -36,6 +40,8 @@ class Registration:
     turn_rad: FloatArray
     before: Overlap
     after: Overlap
+    moved: Patches
+    errors: PoseErrors
 
 
 def register(
@@ -62,9 +68,9 @@ def register(
     information: FloatArray = np.linalg.inv(prior).astype(float)
     before = overlap(seen, errors)
     moves = np.zeros((count, 6))
-    now = seen
+    now, matrix = seen, information
     for _ in range(_ROUNDS):
-        matrix: FloatArray = information.copy()
+        matrix = information.copy()
         vector: FloatArray = -information @ moves.ravel()
         rows = (now.bounds, now.scans, now.points_mm, now.normals, now.variances_mm2)
         registration_sums(*rows, 0.5 * seen.size_mm, centre, matrix, vector)
@@ -74,13 +80,14 @@ def register(
         reach = float(np.linalg.norm(now.points_mm - centre, axis=1).max())
         if np.abs(step * np.array([reach] * 3 + [1] * 3)).max() < _CONVERGED_MM:
             break
-    return _answer(seen, moves, centre, before, overlap(now, errors))
+    left = _left(matrix, centre)
+    matrices, shift_mm = _ways(seen, moves, centre)
+    turn_rad = np.linalg.norm(moves[:, :3], axis=1)
+    return Registration(matrices, shift_mm, turn_rad, before, overlap(now, left), now, left)
 
 
 def _prior(errors: PoseErrors, centre: FloatArray) -> FloatArray:
     """Return the covariance (6S, 6S) of all scans' moves about a centre, out of those about T's origin."""
-    from calib_core.frames import skew
-
     about = np.eye(6)
     about[3:, :3] = -skew(centre)  # the centre moves by ω × centre + v
     count = len(errors.own)
@@ -92,11 +99,20 @@ def _prior(errors: PoseErrors, centre: FloatArray) -> FloatArray:
     return covariance
 
 
-def _answer(seen: Patches, moves: FloatArray, centre: FloatArray, before: Overlap, after: Overlap) -> Registration:
-    from calib_core.frames import rotation_from_vector
+def _left(information: FloatArray, centre: FloatArray) -> PoseErrors:
+    """Return the errors whose covariance about a centre is the inverse of (6S, 6S), about T's origin."""
+    count = len(information) // 6
+    # A root of the inverse: L⁻ᵀ where the matrix is L Lᵀ.
+    root = np.linalg.inv(np.linalg.cholesky(information)).T.reshape(count, 6, -1)
+    about = np.eye(6)
+    about[3:, :3] = skew(centre)
+    return PoseErrors(np.einsum("ij,sjd->sid", about, root), np.zeros((count, 6, 6)))
 
+
+def _ways(seen: Patches, moves: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the scans' moves (S, 6) as transforms (S, 4, 4), and how far each scan's middle moves (S,), mm."""
     matrices = np.tile(np.eye(4), (len(moves), 1, 1))
-    shift = np.zeros(len(moves))
+    shift_mm = np.zeros(len(moves))
     for number, move in enumerate(moves):
         rotation = rotation_from_vector(move[:3])
         matrices[number, :3, :3] = rotation
@@ -104,5 +120,5 @@ def _answer(seen: Patches, moves: FloatArray, centre: FloatArray, before: Overla
         mine = seen.points_mm[seen.scans == number]
         if len(mine):
             middle = mine.mean(axis=0)
-            shift[number] = np.linalg.norm(rotation @ (middle - centre) + centre + move[3:] - middle)
-    return Registration(matrices, shift, np.linalg.norm(moves[:, :3], axis=1), before, after)
+            shift_mm[number] = np.linalg.norm(rotation @ (middle - centre) + centre + move[3:] - middle)
+    return matrices, shift_mm

@@ -8,10 +8,11 @@ import numpy as np
 
 from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.fusion.certainty import surface_sigma_mm
 from calib_core.fusion.clean import KEPT, CleanOptions, CleanScan, clean_scan
 from calib_core.fusion.merge import SpillStore, VoxelCloud, VoxelGrid
-from calib_core.fusion.mesh import Mesh, grid_mesh, poisson_mesh
-from calib_core.fusion.overlap import Overlap, PoseErrors, overlap, patches
+from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, sheet
+from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap, patches
 from calib_core.fusion.register import Registration, register
 from calib_core.fusion.scan import Scan
 
@@ -61,6 +62,12 @@ class MergeSolution:
     mesh : Mesh or None
     overlap : Overlap
         Before any registration; rows of `per_scan` as `used`.
+    surface_sigma_mm : float
+        Of a scan's surface along its normal, as it stands in T in the end.
+    patches : Patches
+        What the overlap was measured on; with registration, as it moved them.
+    errors : PoseErrors
+        What is left uncertain of the scans' places in the end.
     registration : Registration or None
     used : tuple of str
         Scans that were merged, in order.
@@ -74,6 +81,9 @@ class MergeSolution:
     cloud: VoxelCloud
     mesh: Mesh | None
     overlap: Overlap
+    surface_sigma_mm: float
+    patches: Patches
+    errors: PoseErrors
     registration: Registration | None
     used: tuple[str, ...]
     failed: dict[str, MeasurementError]
@@ -93,7 +103,7 @@ def solve_merge(
     Parameters
     ----------
     scans : sequence of Scan
-        May read them one by one; each is asked for once, twice with registration or a mesh of the grids.
+        May read them one by one; each is asked for once, with registration twice.
     errors : PoseErrors, optional
         What the calibration leaves uncertain of each scan's place, for the overlap that is expected.
     options : MergeOptions, optional
@@ -117,6 +127,12 @@ def solve_merge(
     failed: dict[str, MeasurementError] = {}
     counts: dict[str, ScanCounts] = {}
     used: list[int] = []
+    sheets: list[Mesh] = []
+
+    def take(clean: CleanScan) -> None:
+        grid.add(clean.points_in_turntable_mm, None, clean.weights, clean.normals, clean.name)
+        if o.mesh == "grid":
+            sheets.append(sheet(clean))
 
     def cleaned() -> Iterator[CleanScan]:
         for number, scan in enumerate(scans):
@@ -129,7 +145,7 @@ def solve_merge(
             used.append(number)
             counts[scan.name] = _counted(clean)
             if not o.registration:
-                _add(grid, clean)
+                take(clean)
             yield clean
 
     try:
@@ -141,23 +157,33 @@ def solve_merge(
     if errors is not None:
         errors = PoseErrors(errors.common[used], errors.own[used])
     apart = overlap(seen, errors)
-    registration = None
-    moves = np.tile(np.eye(4), (len(used), 1, 1))
+    registration, left = None, errors or PoseErrors.none(len(used))
     if o.registration:
         tell(0.6, "Registering the scans to each other")
         registration = register(seen, errors)
-        moves = registration.turntable_from_scan
-        for number, move in zip(used, moves, strict=True):
-            tell(0.65, f"Merging {scans[number].name}")
-            _add(grid, clean_scan(_moved(scans[number], move), o.clean))
+        seen, left = registration.moved, registration.errors
+        for done, (number, move) in enumerate(zip(used, registration.turntable_from_scan, strict=True)):
+            scan = scans[number]
+            tell(0.62 + 0.13 * done / len(used), f"Merging {scan.name}")
+            take(clean_scan(_moved(scan, move), o.clean))
     tell(0.75, "Gathering the points")
     cloud = grid.cloud()
     tell(0.8, "Building the mesh")
-    again = (clean_scan(_moved(scans[n], move), o.clean) for n, move in zip(used, moves, strict=True))
-    mesh, warnings = _mesh(cloud, again, o)
+    mesh, warnings = _mesh(cloud, sheets, o)
     tell(1.0, "Merged")
-    names = tuple(scans[number].name for number in used)
-    return MergeSolution(cloud, mesh, apart, registration, names, failed, counts, tuple(warnings))
+    return MergeSolution(
+        cloud=cloud,
+        mesh=mesh,
+        overlap=apart,
+        surface_sigma_mm=surface_sigma_mm(seen, left),
+        patches=seen,
+        errors=left,
+        registration=registration,
+        used=tuple(counts),
+        failed=failed,
+        counts=counts,
+        warnings=tuple(warnings),
+    )
 
 
 def _say_nothing(_fraction: float, _what: str) -> None:
@@ -170,21 +196,17 @@ def _counted(clean: CleanScan) -> ScanCounts:
     return ScanCounts(kept + sum(removed.values()), kept, removed)
 
 
-def _add(grid: VoxelGrid, clean: CleanScan) -> None:
-    grid.add(clean.points_in_turntable_mm, None, clean.weights, clean.normals, clean.name)
-
-
 def _moved(scan: Scan, turntable_from_scan: FloatArray) -> Scan:
     return replace(scan, turntable_from_laser=turntable_from_scan @ scan.turntable_from_laser)
 
 
-def _mesh(cloud: VoxelCloud, cleaned: Iterator[CleanScan], options: MergeOptions) -> tuple[Mesh | None, list[str]]:
+def _mesh(cloud: VoxelCloud, sheets: Sequence[Mesh], options: MergeOptions) -> tuple[Mesh | None, list[str]]:
     """Return the mesh that is asked for; without one, and why not, where the points do not give it."""
     if options.mesh == "none":
         return None, []
     try:
         if options.mesh == "grid":
-            return grid_mesh(list(cleaned)), []
+            return joined(sheets), []
         return poisson_mesh(cloud, options.voxel_mm), []
     except CalibrationError as error:
         return None, [f"No mesh: need {error.need}, got {error.got}. {error.to_do}"]

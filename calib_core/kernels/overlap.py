@@ -103,12 +103,16 @@ def registration_sums(
     """Add the normal equations of the point-to-plane distances between scans to matrix (6S, 6S) and vector (6S,).
 
     A scan's move is rx ry rz (rad, about `centre`) and tx ty tz (mm).  In each voxel every scan is paired with the
-    next `_PARTNERS` scans in it.  Returns Σ d²/σ².
+    next `_PARTNERS` scans in it.  Returns Σ d²/σ², pairs of many scans counting less.
     """
     g = np.empty(6)
     cost = 0.0
     for group in range(bounds.shape[0] - 1):
         first, count = bounds[group], bounds[group + 1] - bounds[group]
+        if count < 2:
+            continue
+        # Pairs share their scans' noise: together they may not count for more than the scans' scatter does.
+        share = 2.0 * (count - 1) / (count * min(2 * _PARTNERS, count - 1))
         for i in range(count):
             for step in range(1, min(_PARTNERS, count - 1) + 1):
                 if 2 * step > count or (2 * step == count and i >= step):
@@ -126,7 +130,7 @@ def registration_sums(
                 x = 0.5 * (points[a] + points[b]) - centre
                 g[0], g[1], g[2] = x[1] * n[2] - x[2] * n[1], x[2] * n[0] - x[0] * n[2], x[0] * n[1] - x[1] * n[0]
                 g[3], g[4], g[5] = n[0], n[1], n[2]
-                weight = 1.0 / (variances[a] + variances[b])
+                weight = share / (variances[a] + variances[b])
                 cost += weight * d * d
                 ia, ib = 6 * scans[a], 6 * scans[b]
                 for r in range(6):

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -37,6 +38,7 @@ class _Calibration:
     position_sigma_mm: float
     orientation_sigma_rad: float
     angle_sigma_rad: float
+    by: Literal["known", "tcp", "turntable", "chain"] = "known"
     warnings: tuple[str, ...] = ()
 
 
@@ -52,6 +54,33 @@ def solve_merge_stage(given: StageInput) -> MergeResult:
     MotionError
         If the calibration's motions do not determine it.
     """
+    plan = plan_merge(given)
+
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
+
+    solution = solve_merge(plan.scans, plan.errors, plan.options, tell)
+    result = _result(given, plan, solution)
+    if given.store is not None:
+        given.store(CLOUD_FILE, _cloud_pieces(solution))
+        if solution.mesh is not None:
+            given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class MergePlan:
+    """What is to be merged: scans that are read when they are asked for, where they belong, and how well."""
+
+    groups: list[ScanGroup]
+    calibration: _Calibration
+    scans: SessionScans
+    errors: PoseErrors
+    options: MergeOptions
+
+
+def plan_merge(given: StageInput) -> MergePlan:
+    """Return the scans to be merged, after solving the calibration; raises as `solve_merge_stage` does."""
     captures = [capture for capture in given.captures if not capture.excluded]
     if not captures:
         raise InputError(
@@ -62,18 +91,7 @@ def solve_merge_stage(given: StageInput) -> MergeResult:
     settings = given.session.cell.merge
     options = MergeOptions(settings.voxel_mm, settings.mesh, settings.registration)
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
-    errors = _errors(given, groups, calibration)
-
-    def tell(fraction: float, what: str) -> None:
-        given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
-
-    solution = solve_merge(scans, errors, options, tell)
-    result = _result(given, groups, calibration, solution)
-    if given.store is not None:
-        given.store(CLOUD_FILE, _cloud_pieces(solution))
-        if solution.mesh is not None:
-            given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
-    return result
+    return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options)
 
 
 def _cloud_pieces(solution: MergeSolution) -> Pieces:
@@ -140,7 +158,8 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
     base_from_turntable = None if table is None else RigidTransform.from_rounded(table, "base", "turntable")
     assert tool is not None, "the caller has seen to it"
     placement = Placement(RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction)
-    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), tuple(warnings))
+    by = "known" if result is None else result.stage
+    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(warnings))
 
 
 def _errors(given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibration) -> PoseErrors:
@@ -193,14 +212,12 @@ def _by_pose(into_from_added: FloatArray, pose: RigidTransform) -> FloatArray:
     return move_of_pose_change(pose.matrix, change)
 
 
-def _result(
-    given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibration, solution: MergeSolution
-) -> MergeResult:
-    apart = solution.overlap
+def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> MergeResult:
+    apart, calibration = solution.overlap, plan.calibration
     warnings = [*calibration.warnings, *solution.warnings, *_doubts(solution)]
     verdict: Verdict = "warn" if warnings else "pass"
     points = solution.cloud.points_mm
-    registered = solution.registration
+    registered, table = solution.registration, calibration.placement.base_from_turntable
     return MergeResult(
         method="chain, cleaning on the scan's grid, voxel means weighted by 1/σ²"
         + (", point-to-plane registration" if registered else ""),
@@ -208,7 +225,7 @@ def _result(
         inputs_sha256=given.inputs_sha256,
         verdict=verdict,
         warnings=warnings,
-        frame="base" if calibration.placement.base_from_turntable is None else "turntable",
+        frame="base" if table is None else "turntable",
         cloud=CLOUD_FILE,
         points=len(points),
         scanned_points=sum(counts.points for counts in solution.counts.values()),
@@ -217,11 +234,16 @@ def _result(
         expected_overlap_rms_mm=_number(apart.expected_rms_mm),
         overlap_pairs=apart.pairs,
         registered_overlap_rms_mm=_number(registered.after.rms_mm) if registered else None,
+        registration_shift_rms_mm=float(np.sqrt(np.mean(registered.shift_mm**2))) if registered else None,
+        surface_sigma_mm=_number(solution.surface_sigma_mm),
+        calibrated_by=calibration.by,
+        tool0_from_laser=calibration.placement.tool0_from_laser.to_rows(),
+        base_from_turntable=None if table is None else table.to_rows(),
         mesh=MESH_FILE if solution.mesh else None,
         triangles=len(solution.mesh.triangles) if solution.mesh else 0,
         low_mm=points.min(axis=0).tolist(),
         high_mm=points.max(axis=0).tolist(),
-        residuals=_rows(given, groups, solution),
+        residuals=_rows(given, plan.groups, solution),
     )
 
 

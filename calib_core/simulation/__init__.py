@@ -62,7 +62,7 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
         return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)
     if scenario in WHOLE_SCENARIOS:
         whole = WHOLE_SCENARIOS[scenario]
-        return with_scans(simulate_table(seed, whole.table, scenario), whole.part, seed)
+        return with_scans(simulate_table(seed, whole.table, scenario), whole, seed)
     if scenario not in SCENARIOS:
         known = (SCENARIOS, SWEEP_SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, PART_SCENARIOS, FRAME_SCENARIOS)
         names = ", ".join(name for scenarios in known for name in scenarios)

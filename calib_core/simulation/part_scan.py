@@ -10,6 +10,7 @@ import numpy as np
 
 from calib_core.simulation.motion import FloatArray
 from calib_core.simulation.part import PartMesh
+from calib_core.simulation.surfaces import MeshSurface, Surface
 
 
 @dataclass(frozen=True)
@@ -68,15 +69,11 @@ class PartScan:
 
 
 class PartScanner:
-    """A scanner in front of a part; the ray tracer is set up once."""
+    """A scanner in front of a part or another surface."""
 
-    def __init__(self, part: PartMesh, options: PartScanOptions | None = None) -> None:
-        import open3d as o3d
-
+    def __init__(self, part: PartMesh | Surface, options: PartScanOptions | None = None) -> None:
         self.options = options or PartScanOptions()
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        points = o3d.core.Tensor.from_numpy(part.points_mm.astype(np.float32))
-        self._scene.add_triangles(points, o3d.core.Tensor.from_numpy(part.triangles.astype(np.uint32)))
+        self._cast = (MeshSurface(part) if isinstance(part, PartMesh) else part).cast
 
     def scan(self, turntable_from_middle: FloatArray, rng: np.random.Generator) -> PartScan:
         """Return the scan whose middle profile is taken at a pose (4, 4); the errors are drawn from `rng`."""
@@ -105,15 +102,6 @@ class PartScanner:
         along = (np.arange(count) - (count - 1) / 2) * self.options.pitch_mm
         poses[:, :3, 3] += along[:, None] * middle[:3, 1]
         return poses
-
-    def _cast(self, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return distance (inf where nothing) and the triangle's normal of rays (…, 3)."""
-        import open3d as o3d
-
-        rays = np.concatenate([origins, directions], axis=-1).astype(np.float32)
-        found = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
-        normals = found["primitive_normals"].numpy().astype(float)
-        return found["t_hit"].numpy().astype(float), normals
 
     def _first_hits(self, poses: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
         directions = np.einsum("pij,cj->pci", poses[:, :3, :3], rays)

@@ -18,7 +18,12 @@ def merge_summary(result: MergeResult) -> str:
             f"{result.expected_overlap_rms_mm:.4f} mm expected)"
         )
     if result.registered_overlap_rms_mm is not None:
-        lines.append(f"  after registration {result.registered_overlap_rms_mm:.4f} mm")
+        lines.append(
+            f"  after registration {result.registered_overlap_rms_mm:.4f} mm; it moved the scans by "
+            f"{result.registration_shift_rms_mm:.4f} mm (RMS)"
+        )
+    if result.surface_sigma_mm is not None:
+        lines.append(f"  the merged surface is known to {result.surface_sigma_mm:.4f} mm (standard deviation)")
     if result.triangles:
         lines.append(f"  mesh of {result.triangles:,} triangles")
     return "\n".join([*lines, *(f"  ! {warning}" for warning in result.warnings)])
