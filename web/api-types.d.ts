@@ -202,6 +202,47 @@ export interface Change {
   right?: string;
 }
 
+export interface CloudDeviations {
+  against: "mesh" | "sphere";
+  reference: string;
+  counted: number;
+  mean_mm: number;
+  rms_mm: number;
+  p95_mm: number;
+  largest_mm: number;
+  limit_mm: number;
+  histogram: number[];
+  center_mm?: unknown[] | null;
+  diameter_mm?: number | null;
+}
+
+export interface CloudSection {
+  frame: "turntable" | "base";
+  axis: "x" | "y" | "z";
+  at_mm: number;
+  width_mm: number;
+  across: unknown[];
+  low_mm: unknown[];
+  high_mm: unknown[];
+  count: number;
+  points: unknown[][];
+  deviations_mm?: (number | null)[] | null;
+  limit_mm?: number | null;
+}
+
+export interface CloudSectionShown {
+  axis: "x" | "y" | "z";
+  at_mm: number;
+  keep?: "below" | "above";
+}
+
+export interface CloudShown {
+  colors?: "height" | "scan" | "deviation";
+  section?: CloudSectionShown | null;
+  against?: "mesh" | "sphere";
+  diameter_mm?: number | null;
+}
+
 export interface Comparison {
   stage: string;
   left: Side;
@@ -341,6 +382,17 @@ export interface LaserPlaneResult {
   residuals: LaserPlaneResidual[];
 }
 
+export interface LayerChange {
+  name: string;
+  shown: boolean;
+}
+
+export interface LayerShown {
+  name: string;
+  title: string;
+  shown: boolean;
+}
+
 export interface LoginRequest {
   token: string;
 }
@@ -415,6 +467,11 @@ export interface MergeResult {
   expected_overlap_rms_mm: number | null;
   overlap_pairs: number;
   registered_overlap_rms_mm?: number | null;
+  registration_shift_rms_mm?: number | null;
+  surface_sigma_mm?: number | null;
+  calibrated_by?: "known" | "tcp" | "turntable" | "chain" | null;
+  tool0_from_laser?: number[][] | null;
+  base_from_turntable?: number[][] | null;
   mesh: string | null;
   triangles?: number;
   low_mm: number[];
@@ -426,6 +483,10 @@ export interface MergeSettings {
   voxel_mm?: number;
   mesh?: "poisson" | "grid" | "none";
   registration?: boolean;
+}
+
+export interface MomentChange {
+  place: number;
 }
 
 export interface MomentOfSession {
@@ -502,6 +563,13 @@ export interface Recomputed {
   stages: Record<string, Comparison>;
 }
 
+export interface ReferenceMesh {
+  triangles: number;
+  low_mm: unknown[];
+  high_mm: unknown[];
+  sha256: string;
+}
+
 export interface Replay {
   session: string;
   software: string;
@@ -541,6 +609,11 @@ export interface Scanner {
   kind?: "frame" | "profile" | "cloud" | "sweep" | "center" | null;
   point_sigma_mm?: number | null;
   z_axis?: "away" | "toward" | null;
+}
+
+export interface SceneControls {
+  views: string[];
+  layers: LayerShown[];
 }
 
 export interface Session {
@@ -751,6 +824,10 @@ export interface TokenRecords {
   items: TokenRecord[];
 }
 
+export interface Turn {
+  capture?: string | null;
+}
+
 export interface Turntable {
   direction?: 1 | -1 | null;
   angle_sigma_deg?: number | null;
@@ -829,4 +906,8 @@ export interface VarianceComponents {
   orientation_sigma_rad: number;
   orientation_sigma_deg: number;
   estimated?: string[];
+}
+
+export interface ViewChange {
+  view: string;
 }
