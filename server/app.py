@@ -19,10 +19,13 @@ from server.guard import Guard
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
 from server.patience import Patience
-from server.routes import archives, captures, clouds, health, history, pages, sessions, solves, tokens
+from server.routes import archives, captures, clouds, health, history, merged, pages, sessions, solves, tokens
+from server.scenes.cloud_controls import cloud_router
+from server.scenes.controls import controls_router
 from server.scenes.manager import SceneManager
+from server.scenes.past import PastScenes
 from server.scenes.router import scenes_router
-from server.scenes.stored import follow_scene, stored_scene
+from server.scenes.stored import follow_scene
 from server.settings import Settings
 from server.store.answers import forget_old_answers
 from server.store.database import Store
@@ -43,7 +46,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         store = Store(settings, hub.publish)
         jobs = Jobs(settings, store)
-        scenes = SceneManager(partial(stored_scene, store), partial(follow_scene, hub))
+        past_scenes = PastScenes(store)
+        scenes = SceneManager(past_scenes.load, partial(follow_scene, hub))
+        app.state.past_scenes = past_scenes
         measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         app.state.measuring, app.state.logins = measuring, Logins(settings.data, store)
@@ -74,11 +79,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for module in (sessions, captures, solves, history, clouds, archives, tokens, health):
+    for module in (sessions, captures, solves, history, clouds, merged, archives, tokens, health):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(pages.router)
     app.include_router(scenes_router)
+    app.include_router(controls_router)
+    app.include_router(cloud_router)
     app.mount("/web", StaticFiles(directory=settings.web, check_dir=False), name="web")
     app.add_middleware(Patience, settings=settings)
     app.add_middleware(Door, settings=settings)

@@ -53,8 +53,14 @@ def _with_stale(session: Session, stage: str, result: Result | Mapping[str, Any]
     data: dict[str, Any] = dict(result.to_json() if isinstance(result, Result) else result)
     rows: list[dict[str, Any]] = data.get("residuals") or []
     if rows and stage in STAGES:
-        now = {c.id for c in stage_captures(session, stage) if not c.excluded}
-        data["stale"] = bool(data.get("stale")) or {row["capture"] for row in rows} != now
+        captures = stage_captures(session, stage)
+        known = {row["capture"] for row in rows}
+        used = {row["capture"] for row in rows if row.get("used")}
+        now = {c.id for c in captures if not c.excluded}
+        left_out = {row["capture"] for row in rows if str(row.get("reason")).startswith("excluded")}
+        # What was left out by hand has a row too: it may be gone without harm, and must not have come back.
+        same = used <= now <= known - left_out
+        data["stale"] = bool(data.get("stale")) or not same
     return data
 
 

@@ -15,9 +15,13 @@ from calib_core.errors import NotFoundError
 from server.origin import is_same_origin
 from server.scenes.live import SECRET_HEADER, LiveScene
 from server.scenes.manager import SceneManager
+from server.scenes.viewers import VIEWER_HEADER
 
 MAX_MESSAGE_BYTES = 1 << 20
 """The longest message a viewer may send: cameras and clicks, a few hundred bytes each."""
+
+MAX_PICTURE_BYTES = 32 << 20
+"""The same of a picture of the scene that was asked for."""
 
 ALLOWED_MESSAGES = frozenset(
     {
@@ -37,13 +41,12 @@ POLICY_VIOLATION, TOO_BIG, INTERNAL = 1008, 1009, 1011
 
 def refusal(message: bytes) -> tuple[int, str] | None:
     """Return the close code and reason for a message from a viewer that must not pass, None for one that may."""
-    if len(message) > MAX_MESSAGE_BYTES:
-        return TOO_BIG, f"A message may have {MAX_MESSAGE_BYTES} bytes."
-    try:
-        content: Any = msgspec.msgpack.decode(message)
-    except (msgspec.DecodeError, UnicodeDecodeError):
-        return POLICY_VIOLATION, "Not a message of the scene's client."
+    content = _content(message) if len(message) <= MAX_PICTURE_BYTES else None
     kind = content.get("type") if isinstance(content, dict) else None
+    if len(message) > MAX_MESSAGE_BYTES and kind != "GetRenderResponseMessage":
+        return TOO_BIG, f"A message may have {MAX_MESSAGE_BYTES} bytes."
+    if content is None:
+        return POLICY_VIOLATION, "Not a message of the scene's client."
     if kind not in ALLOWED_MESSAGES:
         return POLICY_VIOLATION, f"{str(kind)[:60]} is not allowed here."
     if kind == "GuiUpdateMessage" and set(content.get("updates", ())) - {"value"}:
@@ -51,8 +54,18 @@ def refusal(message: bytes) -> tuple[int, str] | None:
     return None
 
 
-async def bridge(websocket: WebSocket, manager: SceneManager, session_id: str) -> None:
-    """Serve one viewer of a session: check, open the scene, and carry messages both ways until one side ends."""
+def _content(message: bytes) -> Any:
+    try:
+        return msgspec.msgpack.decode(message)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
+
+
+async def bridge(websocket: WebSocket, manager: SceneManager, session_id: str, viewer: str = "") -> None:
+    """Serve one viewer of a session: check, open the scene, and carry messages both ways until one side ends.
+
+    `viewer` is the name of the page that the scene stands in, where it has one.
+    """
     if not is_same_origin(websocket.headers.get("origin"), websocket.headers.get("host")):
         await _deny(websocket, 403, "A scene is only shown on pages of this server.")
         return
@@ -67,18 +80,18 @@ async def bridge(websocket: WebSocket, manager: SceneManager, session_id: str) -
         await _deny(websocket, 404, str(error))
         return
     try:
-        await _carry(websocket, live, protocol)
+        await _carry(websocket, live, protocol, viewer)
     finally:
         viewing.__exit__(None, None, None)
 
 
-async def _carry(websocket: WebSocket, live: LiveScene, protocol: str) -> None:
+async def _carry(websocket: WebSocket, live: LiveScene, protocol: str, viewer: str) -> None:
     await websocket.accept(subprotocol=protocol)
     try:
         inner = connect(
             f"ws://127.0.0.1:{live.port}",
             subprotocols=[Subprotocol(protocol)],
-            additional_headers={SECRET_HEADER: live.secret},
+            additional_headers={SECRET_HEADER: live.secret, VIEWER_HEADER: viewer},
             compression=None,
             max_size=None,
             proxy=None,

@@ -77,7 +77,8 @@ class CaptureFacts:
 class SceneFacts:
     """A session in the robot's base; what is not known yet is None, never guessed.
 
-    `merged` is the merged cloud, or the scans where none is stored; `scans` gives those one by one.
+    `merged` is the merged cloud, or the scans where none is stored; `scans` gives those one by one. `next_pose` is
+    where the guide wants the flange next, None where it wants it nowhere.
     """
 
     captures: tuple[CaptureFacts, ...]
@@ -88,6 +89,7 @@ class SceneFacts:
     optics: OpticsFacts | None = None
     merged: MergedScans | None = None
     scans: Callable[[], MergedScans | None] = lambda: None
+    next_pose: RigidTransform | None = None
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -143,7 +145,14 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     captures = tuple(capture for capture in drawn if capture is not None)
     optics, merged = optics_facts(session, results), scene.load_merged() or scene.load_scans()
     facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
-    return replace(facts, sphere_radius_mm=_radius_mm(session, facts))
+    return replace(facts, sphere_radius_mm=_radius_mm(session, facts), next_pose=_next_pose(scene))
+
+
+def _next_pose(scene: SceneInput) -> RigidTransform | None:
+    from calib_core.session.guide import guide
+
+    rows = guide(scene.session, scene.measured, scene.results).current.suggested_pose
+    return None if rows is None else RigidTransform.from_rounded(rows, "base", "tool0")
 
 
 def _shown_captures(session: Session) -> list[Capture]:

@@ -10,6 +10,7 @@ from server.scenes import nodes
 from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
 from server.scenes.facts import SceneFacts
+from server.scenes.ghost import ghost
 from server.scenes.look import Look
 from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
@@ -124,6 +125,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "light": ("Plane of light", light),
     "points": ("Points by residual", residual_points),
     "sphere": ("Sphere", sphere),
+    "ghost": ("Pose to take next", ghost),
     "table": ("Turntable: axis and frame", table_axis),
     "circles": ("Turntable: circles", table_circles),
     "places": ("Turntable: sphere at each angle", sphere_places),

@@ -16,6 +16,7 @@ from server.scenes.legend import legend_html, rejected_html
 from server.scenes.look import Look, look_at
 from server.scenes.nodes import Node
 from server.scenes.panel import Panel, PanelActions, take
+from server.scenes.viewers import Viewers
 from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ class LiveScene:
         anywhere may reach a port of this machine through its user's browser.
     legend : str
         The legend as HTML.
+    viewers : Viewers
+        The pages that look.
     """
 
     def __init__(self, scene: SceneInput) -> None:
@@ -54,6 +57,7 @@ class LiveScene:
         self._deviations = KeptDeviations()
         self._server = start_viser(self.secret)
         self.port = self._server.get_port()
+        self.viewers = Viewers(self._server)
         self._panel = Panel(self._server, PanelActions(self._view, self.turn_to, self.color_scans))
         self._server.on_client_connect(self._welcome)
         self.update(scene)
@@ -84,6 +88,25 @@ class LiveScene:
         with self._lock:
             self._turned_to = place
             return self._redraw()
+
+    def turn_to_capture(self, capture_id: str | None) -> None:
+        """Show the cell as it stood at a capture, or all of them; the slider in the scene goes along."""
+        with self._lock:
+            ids = [capture.id for capture in self._known.captures]
+        self._panel.turn_to(ids.index(capture_id) + 1 if capture_id in ids else 0)
+
+    def move(self, viewer: str, name: str) -> None:
+        """Move one page's camera to a view; raises NotFoundError where that page does not look."""
+        self.viewers.move(viewer, self._view(name))
+
+    @property
+    def layers(self) -> dict[str, bool]:
+        """Which layers are shown, by the name of their root."""
+        return self._panel.layers
+
+    def show_layer(self, root: str, shown: bool) -> None:
+        """Show or hide a layer for everybody who looks."""
+        self._panel.show_layer(root, shown)
 
     @property
     def cloud(self) -> CloudView:
@@ -145,6 +168,7 @@ class LiveScene:
                         setattr(self._handles[name], key, value)
                 else:
                     self._handles[name] = nodes[name].add_to(self._server.scene)
+                    self.viewers.make_clickable(name, self._handles[name])
         self._drawn = now
         return len(changed) + len(gone)
 

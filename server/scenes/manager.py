@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from calib_core.errors import CalibrationError, NotFoundError
+from server.scenes.cloud_view import CloudView
 from server.scenes.facts import SceneInput
 from server.scenes.live import LiveScene
 
@@ -99,10 +100,19 @@ class SceneManager:
         """
         from server.scenes.picture import session_picture
 
+        return session_picture(self.load(session_id))
+
+    def load(self, session_id: str) -> SceneInput:
+        """Return what a scene is drawn from, whether it is open or not; raises NotFoundError."""
         scene = self._load(session_id)
         if scene is None:
             raise _no_session(session_id)
-        return session_picture(scene)
+        return scene
+
+    def live(self, session_id: str) -> LiveScene | None:
+        """Return a scene that is open, None where nobody looks."""
+        entry = self._entries.get(session_id)
+        return entry.scene if entry else None
 
     def legend(self, session_id: str) -> str:
         """Return the legend of a live scene, empty where nobody looks at it."""
@@ -121,6 +131,12 @@ class SceneManager:
         entry = self._entries.get(session_id)
         if entry is not None and entry.scene is not None:
             self._soon(entry.scene.highlight, capture_id)
+
+    def show_cloud(self, session_id: str, how: CloudView) -> None:
+        """Show a scene's merged cloud in another way soon."""
+        entry = self._entries.get(session_id)
+        if entry is not None and entry.scene is not None:
+            self._soon(entry.scene.show_cloud, how)
 
     def close(self, session_id: str) -> None:
         """Close a scene now, as when its session is deleted."""

@@ -70,15 +70,17 @@ _START = """
 
 _LEGEND = '<div id="scancell-legend" role="note" aria-label="Legend">%s</div>'
 
-_FOLLOW = """
+_FOLLOW = r"""
 <script>
 (() => {
   const legend = document.getElementById("scancell-legend");
+  // A page that is named in the address has its legend from the scene that all see.
+  const address = location.pathname.replace(/viewers\/[^/]*\/?$/, "") + "legend";
   let tag = "";
   const follow = async () => {
     if (!document.hidden) {
       try {
-        const answer = await fetch("legend", tag ? { headers: { "If-None-Match": tag } } : {});
+        const answer = await fetch(address, tag ? { headers: { "If-None-Match": tag } } : {});
         if (answer.status === 200) {
           tag = answer.headers.get("ETag") ?? "";
           legend.innerHTML = await answer.text();

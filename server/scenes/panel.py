@@ -10,7 +10,7 @@ from server.scenes.player import Player
 from server.scenes.views import VIEWS, View
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, GuiEvent, ViserServer
+    from viser import CameraHandle, GuiEvent, GuiInputHandle, ViserServer
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,7 @@ class Panel:
                 buttons = gui.add_button_group(title, names)
                 buttons.on_click(lambda event: _move(event, actions.view))
         self._add_turning(server, actions)
+        self._layers: dict[str, GuiInputHandle[bool]] = {}
         with gui.add_folder("Layers"):
             for root, (title, _) in LAYERS.items():
                 node = server.scene.add_frame(f"/{root}", show_axes=False)
@@ -53,6 +54,7 @@ class Panel:
                     node.visible = box.value  # pyright: ignore
 
                 box.on_update(switch)
+                self._layers[root] = box
         self._colors = gui.add_dropdown("Merged cloud", CLOUD_COLORS, visible=False)
 
         def color_scans(_: object) -> None:
@@ -78,6 +80,19 @@ class Panel:
 
         self._place.on_update(turn)
         play.on_update(lambda _: self._player.play(play.value))
+
+    @property
+    def layers(self) -> dict[str, bool]:
+        """Which layers are shown, by the name of their root."""
+        return {root: bool(box.value) for root, box in self._layers.items()}
+
+    def show_layer(self, root: str, shown: bool) -> None:
+        """Show or hide a layer for everybody who looks."""
+        self._layers[root].value = shown
+
+    def turn_to(self, place: int) -> None:
+        """Set the slider, which turns the cell to a capture counted from 1, or shows all at 0."""
+        self._place.value = min(max(place, 0), int(self._place.max))
 
     def _next_capture(self) -> None:
         self._place.value = int(self._place.value) % int(self._place.max) + 1

@@ -12,6 +12,7 @@ from calib_core.errors import NotFoundError
 from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
 from server.scenes.page import CONTENT_SECURITY_POLICY, client_page
+from server.scenes.past import PastScenes
 
 scenes_router = APIRouter(prefix="/scenes", tags=["scenes"])
 
@@ -23,7 +24,13 @@ def scene_manager(connection: HTTPConnection) -> SceneManager:
     return connection.app.state.scenes
 
 
+def past_scenes(connection: HTTPConnection) -> PastScenes:
+    """Return the application's scenes of the past, which stand in `app.state.past_scenes`."""
+    return connection.app.state.past_scenes
+
+
 Scenes = Annotated[SceneManager, Depends(scene_manager)]
+Past = Annotated[PastScenes, Depends(past_scenes)]
 
 
 class Highlight(BaseModel):
@@ -42,7 +49,7 @@ def scene_address(session: SessionId, request: Request) -> RedirectResponse:
 @scenes_router.get("/{session}/", response_class=HTMLResponse, summary="The 3-D scene of a session")
 def scene_page(session: SessionId, scenes: Scenes) -> HTMLResponse:
     """Return the page that draws the session's scene, live. `?theme=dark` or `?theme=light` sets its theme."""
-    _require(scenes, session)
+    require_scene(scenes, session)
     headers = {"Content-Security-Policy": CONTENT_SECURITY_POLICY, "Cache-Control": "no-cache"}
     return HTMLResponse(client_page(), headers=headers)
 
@@ -78,7 +85,8 @@ async def scene_socket(websocket: WebSocket, session: str, scenes: Scenes) -> No
     await bridge(websocket, scenes, session)
 
 
-def _require(scenes: SceneManager, session: str) -> None:
+def require_scene(scenes: SceneManager, session: str) -> None:
+    """Refuse a session that does not exist; raises NotFoundError."""
     if not scenes.exists(session):
         raise NotFoundError(
             "a session", f"the id '{session}', which none has", "Choose one of the sessions listed."

@@ -1,0 +1,145 @@
+"""Addresses by which a page controls the scene that stands in it: views, layers, turning, pictures, the past."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Response, WebSocket
+from fastapi.responses import HTMLResponse, StreamingResponse
+from pydantic import BaseModel, Field
+
+from calib_core.errors import InputError, NotFoundError
+from server.scenes.bridge import bridge
+from server.scenes.layers import LAYERS
+from server.scenes.live import LiveScene
+from server.scenes.manager import SceneManager
+from server.scenes.page import CONTENT_SECURITY_POLICY, client_page
+from server.scenes.router import Past, Scenes, SessionId, require_scene
+from server.scenes.views import VIEWS
+
+controls_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
+
+Viewer = Annotated[str, Path(pattern=r"^[A-Za-z0-9]{8,64}$", description="A name that the page gives itself.")]
+Pixels = Annotated[int, Query(ge=64, le=4096)]
+
+
+class LayerShown(BaseModel):
+    """A layer of the scene: its name, its words for people, and whether it is shown."""
+
+    name: str
+    title: str
+    shown: bool
+
+
+class SceneControls(BaseModel):
+    """What can be set in a scene; layers are those of everybody who looks."""
+
+    views: list[str]
+    layers: list[LayerShown]
+
+
+class LayerChange(BaseModel):
+    """A layer to show or to hide."""
+
+    name: str = Field(max_length=40)
+    shown: bool
+
+
+class ViewChange(BaseModel):
+    """A view to take."""
+
+    view: str = Field(max_length=40)
+
+
+class Turn(BaseModel):
+    """The capture at which the cell is shown; null shows all captures."""
+
+    capture: str | None = None
+
+
+class MomentChange(BaseModel):
+    """A place on the session's time line."""
+
+    place: int = Field(ge=0, lt=2**31)
+
+
+@controls_router.get("/controls", response_model=SceneControls, summary="What can be set in a scene")
+def controls(session: SessionId, scenes: Scenes) -> SceneControls:
+    """Return the views and layers; all layers are shown where nobody looks."""
+    require_scene(scenes, session)
+    live = scenes.live(session)
+    shown = live.layers if live else {}
+    layers = [LayerShown(name=n, title=title, shown=shown.get(n, True)) for n, (title, _) in LAYERS.items()]
+    return SceneControls(views=list(VIEWS), layers=layers)
+
+
+@controls_router.post("/layers", status_code=204, summary="Show or hide a layer of the scene")
+def show_layer(session: SessionId, body: LayerChange, scenes: Scenes) -> None:
+    """Show or hide a layer for everybody who looks at this scene."""
+    if body.name not in LAYERS:
+        raise InputError("a layer among " + ", ".join(LAYERS), repr(body.name), "Name one of these.", "name")
+    _live(scenes, session).show_layer(body.name, body.shown)
+
+
+@controls_router.post("/turn", status_code=204, summary="Turn the cell to a capture")
+def turn(session: SessionId, body: Turn, scenes: Scenes) -> None:
+    """Show the cell as it stood at a capture, for everybody who looks; null shows all captures."""
+    _live(scenes, session).turn_to_capture(body.capture)
+
+
+@controls_router.post("/moment", status_code=204, summary="Move a scene of the past along the time line")
+def go_to_moment(session: SessionId, body: MomentChange, scenes: Scenes, past: Past) -> None:
+    """Let a page's own scene (SESSION.NAME) show the session as it stood at a place of its time line."""
+    past.go(session, body.place)
+    scenes.refresh(session)
+
+
+@controls_router.get("/page", response_class=StreamingResponse, summary="The scene as one HTML file")
+def offline(session: SessionId, scenes: Scenes) -> Response:
+    """Return the scene as one HTML file that needs no server and no net."""
+    from server.scenes.offline import scene_html
+
+    headers = {"Content-Disposition": f'attachment; filename="scene-{session}.html"'}
+    return Response(scene_html(scenes.load(session)), media_type="text/html; charset=utf-8", headers=headers)
+
+
+@controls_router.get("/viewers/{viewer}/", response_class=HTMLResponse, summary="The scene within a named page")
+def viewer_page(session: SessionId, viewer: Viewer, scenes: Scenes) -> HTMLResponse:
+    """Return the page that draws the scene for one viewer, whose camera and picture can then be asked for."""
+    require_scene(scenes, session)
+    headers = {"Content-Security-Policy": CONTENT_SECURITY_POLICY, "Cache-Control": "no-cache"}
+    return HTMLResponse(client_page(), headers=headers)
+
+
+@controls_router.websocket("/viewers/{viewer}")
+@controls_router.websocket("/viewers/{viewer}/")
+async def viewer_socket(websocket: WebSocket, session: str, viewer: str, scenes: Scenes) -> None:
+    """Carry the scene's messages between one viewer and the session's viser server."""
+    await bridge(websocket, scenes, session, viewer if viewer.isalnum() and viewer.isascii() else "")
+
+
+@controls_router.post("/viewers/{viewer}/view", status_code=204, summary="Move one viewer's camera")
+def take_view(session: SessionId, viewer: Viewer, body: ViewChange, scenes: Scenes) -> None:
+    """Move the camera of one viewer to a view; nobody else's."""
+    if body.view not in VIEWS:
+        raise InputError("a view among " + ", ".join(VIEWS), repr(body.view), "Name one of these.", "view")
+    _live(scenes, session).move(viewer, body.view)
+
+
+@controls_router.get("/viewers/{viewer}/picture", response_class=Response, summary="What one viewer sees, as PNG")
+def viewer_picture(
+    session: SessionId, viewer: Viewer, scenes: Scenes, width: Pixels = 1280, height: Pixels = 800
+) -> Response:
+    """Return what one viewer sees, drawn by that viewer's browser in this size, on a transparent ground."""
+    import cv2
+    import numpy as np
+
+    pixels = _live(scenes, session).viewers.picture(viewer, width, height)
+    colors = np.ascontiguousarray(pixels[..., [2, 1, 0, 3]])
+    headers = {"Content-Disposition": f'attachment; filename="scene-{session}.png"', "Cache-Control": "no-store"}
+    return Response(cv2.imencode(".png", colors)[1].tobytes(), media_type="image/png", headers=headers)
+
+
+def _live(scenes: SceneManager, session: str) -> LiveScene:
+    live = scenes.live(session)
+    if live is None:
+        raise NotFoundError("a scene that somebody looks at", f"'{session}'", "Open the scene first.", "session")
+    return live

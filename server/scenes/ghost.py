@@ -1,0 +1,66 @@
+"""The pose to take next, as the guide proposes it: drawn before it is taken, clearly none of those that were."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform
+from server.scenes import nodes
+from server.scenes.colors import GHOST
+from server.scenes.facts import SceneFacts
+from server.scenes.look import Look
+from server.scenes.nodes import Node
+
+_AXES_MM, _RING_MM, _FAN_HALF_RAD = 44.0, 32.0, 0.26
+_FAR_MM = 200.0  # as far as the light is drawn where the sphere's distance is not known
+_DASHES = 9
+
+
+def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw the flange where it should go next, the way there from the last one, and the light from there."""
+    pose = facts.next_pose
+    if pose is None or look.alone:
+        return
+    yield nodes.axes("/ghost/flange", pose, _AXES_MM, GHOST)
+    yield nodes.lines("/ghost/ring", pose.apply(_ring_mm()), GHOST, 3.0)
+    yield nodes.label("/ghost/name", pose.translation_mm + np.array([0.0, 0.0, 26.0]), "next pose", 1.2)
+    if facts.captures:
+        here = facts.captures[-1].base_from_tool0.translation_mm
+        way = _dashes_mm(here, pose.translation_mm)
+        if len(way):
+            yield nodes.lines("/ghost/way", way, GHOST, 2.0)
+    if facts.tool0_from_laser is None:
+        return
+    laser = pose @ facts.tool0_from_laser
+    yield nodes.axes("/ghost/laser", laser, 0.6 * _AXES_MM, GHOST)
+    corners = _fan_mm(_ahead_mm(facts, laser))
+    yield nodes.surface("/ghost/light", laser, corners, np.array([[0, 1, 2]], dtype=np.uint32), GHOST, 0.16)
+
+
+def _ring_mm() -> FloatArray:
+    """Return the flange's rim as pieces (N, 2, 3) in tool0."""
+    angle = np.linspace(0, 2 * np.pi, 37)
+    rim = np.stack([_RING_MM * np.cos(angle), _RING_MM * np.sin(angle), np.zeros(37)], axis=1)
+    return np.stack([rim[:-1], rim[1:]], axis=1)
+
+
+def _dashes_mm(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return dashes (N, 2, 3) from one place to another, none where they are the same."""
+    if np.linalg.norm(end - start) < 1.0:
+        return np.zeros((0, 2, 3))
+    steps = np.linspace(0, 1, 2 * _DASHES)[:, None]
+    return (start + steps * (end - start)).reshape(_DASHES, 2, 3)
+
+
+def _ahead_mm(facts: SceneFacts, laser: RigidTransform) -> float:
+    """Return how far along L's z the light is drawn, with its sign: to the sphere where that is known."""
+    center = facts.sphere_center_in_base_mm
+    if center is None:
+        return _FAR_MM
+    ahead = float(laser.inverse().apply(center)[2])
+    return ahead if abs(ahead) > 1.0 else _FAR_MM
+
+
+def _fan_mm(ahead_mm: float) -> FloatArray:
+    half = abs(ahead_mm) * np.tan(_FAN_HALF_RAD)
+    return np.array([[0.0, 0.0, 0.0], [-half, 0.0, ahead_mm], [half, 0.0, ahead_mm]])

@@ -1,0 +1,86 @@
+"""Who looks at a scene: each page's own camera, its picture, and what was clicked in it."""
+
+import secrets
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import NotFoundError
+from server.scenes.panel import take
+from server.scenes.views import View
+
+if TYPE_CHECKING:
+    from viser import ClientHandle, ViserServer
+
+VIEWER_HEADER: Final = "x-scancell-viewer"
+"""In this header the bridge names the page that a connection belongs to."""
+
+PICKED_KEY: Final = "scancell-picked"
+"""Here the scene's client stores what was clicked, `viewer capture nonce`; the page around it hears it."""
+
+_CLICKABLE: Final = ("frames", "light", "places")  # layers whose nodes are named by captures
+_PICTURE_S: Final = 30.0
+
+
+class Viewers:
+    """The pages that look at one scene.
+
+    Parameters
+    ----------
+    server : ViserServer
+    """
+
+    def __init__(self, server: "ViserServer") -> None:
+        self._server = server
+
+    def move(self, viewer: str, view: View) -> None:
+        """Move one page's camera; raises NotFoundError where it does not look."""
+        client = self._client(viewer)
+        with client.atomic():
+            take(client.camera, view)
+
+    def picture(self, viewer: str, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        """Return what one page sees, drawn anew in a size of its own: (height, width, 4), RGBA.
+
+        Raises
+        ------
+        NotFoundError
+            If that page does not look, or is gone before it has drawn.
+        """
+        client = self._client(viewer)
+        try:
+            return client.get_render(height_px, width_px, transport_format="png", timeout=_PICTURE_S)
+        except (RuntimeError, TimeoutError):
+            raise NotFoundError(
+                "a scene that is being looked at",
+                "one that drew nothing in time",
+                "Bring the page with the scene to the front, then ask again.",
+                "viewer",
+            ) from None
+
+    def make_clickable(self, name: str, handle: Any) -> None:
+        """Let a node that belongs to a capture be picked by a click."""
+        layer, capture = [*name.strip("/").split("/"), ""][:2]
+        if layer in _CLICKABLE and capture and hasattr(handle, "on_click"):
+            handle.on_click(partial(self._clicked, capture))
+
+    def _clicked(self, capture: str, event: Any) -> None:
+        viewer = self._name(event.client)
+        if viewer:
+            # The page around the scene hears changes of the storage that both share.
+            event.client.local_storage.set_item(PICKED_KEY, f"{viewer} {capture} {secrets.token_hex(4)}")
+
+    def _client(self, viewer: str) -> "ClientHandle":
+        for client in self._server.get_clients().values():
+            if self._name(client) == viewer:
+                return client
+        raise NotFoundError(
+            "a page that looks at this scene", f"'{viewer}', which does not", "Open the scene first.", "viewer"
+        )
+
+    def _name(self, client: "ClientHandle") -> str:
+        connection = self._server._websock_server._live_connections.get(client.client_id)  # pyright: ignore
+        request = connection.request if connection is not None else None
+        return request.headers.get(VIEWER_HEADER, "") if request is not None else ""
