@@ -104,6 +104,19 @@ def hostile(archive: bytes) -> dict[str, tuple[bytes, list[str]]]:
         "link": (with_entry(archive, f"{base}/data/l", b"/etc/passwd", 0o120777 << 16), ["a link"]),
         "twice": (with_entry(archive, f"{base}/data/session.json"), ["twice"]),
         "case": (with_entry(archive, f"{base}/data/Session.json"), ["Session.json"]),
+        "folder case": (with_entry(archive, f"{base}/data/CAPTURES/x"), ["the folders"]),
+        "unicode": (
+            with_entry(with_entry(archive, f"{base}/data/caf\u00e9"), f"{base}/data/cafe\u0301"),
+            ["Unicode form"],
+        ),
+        "file and folder": (with_entry(archive, f"{base}/data/captures"), ["as both"]),
+        "backslash": (with_entry(archive, f"{base}/data/x\\..\\evil"), ["backslash"]),
+        "drive": (with_entry(archive, f"{base}/data/C:/evil"), ["colon"]),
+        "device": (with_entry(archive, f"{base}/data/d", b"", 0o020666 << 16), ["a device"]),
+        "pipe": (with_entry(archive, f"{base}/data/d", b"", 0o010666 << 16), ["a pipe"]),
+        "wrong hash": (changed(archive, "/manifest-sha256.txt", wrong_digest, seal=False), ["the manifest gives"]),
+        "wrong hash, sealed": (wrongly_sealed(archive), ["altered"]),
+        "must be fetched": (with_entry(archive, f"{base}/fetch.txt", b"http://a/ 1 data/x\n"), ["fetch.txt"]),
         "bomb": (with_entry(archive, f"{base}/data/bomb", b"\0" * 30_000_000), ["a bomb"]),
         "pose": (changed(archive, "session.json", lambda c: c.replace(b'"abb"', b'"ur"')), ["pose"]),
         "result": (changed(archive, "tcp.json", lambda c: c.replace(b'"verdict"', b'"verdikt"')), ["verdict"]),
@@ -114,6 +127,16 @@ def hostile(archive: bytes) -> dict[str, tuple[bytes, list[str]]]:
         "not finite": (changed(archive, "tcp.json", first_number_beyond), ["finite"]),
         "long name": (changed(archive, "session.json", lambda c: c.replace(b"Zelle", b"Z" * 600)), ["500"]),
     }
+
+
+def wrong_digest(manifest: bytes) -> bytes:
+    return b"0" * 64 + manifest[64:]
+
+
+def wrongly_sealed(archive: bytes) -> bytes:
+    """Return an archive whose manifest has a wrong digest, and whose manifest of manifests agrees with that."""
+    entries = [(i, c) for i, c in entries_of(archive) if "tagmanifest" not in i.filename]
+    return zipped([(i, wrong_digest(c) if "/manifest-sha256" in i.filename else c) for i, c in entries])
 
 
 def result_of(stage: str) -> bytes:
