@@ -1,6 +1,7 @@
 // The one file that speaks HTTP. Types come from the server's OpenAPI document (api-types.d.ts).
 
-/** @import {Capture, CaptureOut, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolFrame} from "./model.js" */
+/** @import {CloudView} from "./components/merged.js" */
+/** @import {CloudDeviations, CloudSection, ReferenceMesh, Capture, CaptureOut, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolFrame} from "./model.js" */
 
 const ROOT = "/api/v1";
 const LOGIN = "/login";
@@ -48,14 +49,15 @@ export function toLogin() {
  * Ask, and ask again while the server cannot be reached; a POST carries its key, so that it counts once.
  * @param {string} path
  * @param {RequestInit} [init]
+ * @param {string} [root] what the path is under
  * @returns {Promise<Response>}
  */
-async function request(path, init = {}) {
+async function request(path, init = {}, root = ROOT) {
   const headers = new Headers(init.headers);
   if (init.method === "POST") headers.set("Idempotency-Key", idempotencyKey());
   for (const wait of [...PATIENCE_MS, 0]) {
     try {
-      const response = await fetch(ROOT + path, { ...init, headers });
+      const response = await fetch(root + path, { ...init, headers });
       if (response.ok) return response;
       if (response.status === 429 && wait) {
         await pause(1000 * Number(response.headers.get("Retry-After") ?? 1));
@@ -152,6 +154,12 @@ const session = (id) => `/sessions/${encodeURIComponent(id)}`;
  */
 const capture = (id, captureId) => `${session(id)}/captures/${encodeURIComponent(captureId)}`;
 
+/** @param {Record<string, string | number>} values */
+const query = (values) => new URLSearchParams(Object.entries(values).map(([name, value]) => [name, String(value)])).toString();
+
+/** What the merged cloud is compared with. @param {CloudView} view @returns {Record<string, string | number>} */
+const compared = ({ against, diameter_mm }) => ({ against, ...(against === "sphere" && diameter_mm ? { diameter_mm } : {}) });
+
 export const api = {
   /** Who asks, and what they may. @returns {Promise<Me>} */
   me: () => get("/me"),
@@ -232,6 +240,15 @@ export const api = {
   /** @param {string} jobId */
   cancelJob: async (jobId) => void (await request(`/jobs/${encodeURIComponent(jobId)}/cancel`, json("POST"))),
 
+  /** What can be set in a scene. @param {string} scene its address @returns {Promise<SceneControls>} */
+  sceneControls: async (scene) => (await request("controls", {}, scene)).json(),
+
+  /** @param {string} scene its address @param {string} what @param {Record<string, unknown>} body */
+  tellScene: async (scene, what, body) => void (await request(what, json("POST", body), scene)),
+
+  /** What one page sees of a scene. @param {string} scene its address @param {string} viewer @param {number} width @param {number} height @returns {Promise<Blob>} */
+  scenePicture: async (scene, viewer, width, height) => (await request(`viewers/${viewer}/picture?width=${width}&height=${height}`, {}, scene)).blob(),
+
   /** What happened, in order. @param {string} id @returns {Promise<TimelineItem[]>} */
   timeline: async (id) => (await get(`${session(id)}/timeline`)).items,
 
@@ -264,6 +281,31 @@ export const api = {
 
   /** @param {string} id @param {string} captureId @param {string} name */
   fileAddress: (id, captureId, name) => `${ROOT}${capture(id, captureId)}/files/${encodeURIComponent(name.split("/").at(-1) ?? name)}`,
+
+  /** @param {string} id @param {string} name such as `merged.pcd` */
+  cloudAddress: (id, name) => `${ROOT}${session(id)}/clouds/${encodeURIComponent(name)}`,
+
+  /** A thin slice of the merged cloud. @param {string} id @param {CloudView} view @returns {Promise<CloudSection>} */
+  cloudSection: (id, view) => get(`${session(id)}/merged/section?${query({ axis: view.axis, at_mm: view.at_mm, ...(view.colors === "deviation" ? compared(view) : {}) })}`),
+
+  /** @param {string} id @param {CloudView} view @returns {Promise<CloudDeviations>} */
+  cloudDeviations: (id, view) => get(`${session(id)}/merged/deviation?${query(compared(view))}`),
+
+  /** @param {string} id @param {File} file @returns {Promise<ReferenceMesh>} */
+  putReference: async (id, file) => {
+    const form = new FormData();
+    form.append("file", file, file.name);
+    return (await request(`${session(id)}/merged/reference`, { method: "PUT", body: form })).json();
+  },
+
+  /** @param {string} id */
+  removeReference: async (id) => void (await request(`${session(id)}/merged/reference`, json("DELETE"))),
+
+  /** Show the merged cloud in the scene this way, for all who look. @param {string} id @param {CloudView} view */
+  showCloud: async (id, { colors, axis, at_mm, keep, against, diameter_mm }) => {
+    const section = axis ? { axis, at_mm, keep } : null;
+    await fetch(`/scenes/${encodeURIComponent(id)}/cloud`, json("POST", { colors, section, against, diameter_mm }));
+  },
 
   /** @param {string} id */
   eventsAddress: (id) => `${ROOT}${session(id)}/events`,

@@ -1,13 +1,14 @@
 // The names that the page uses for what the API gives and takes.
 
 import type {
+  CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
   CameraResult as CameraRecord, Capture, Cell, ChainResult as ChainRecord, Guide, GuideNow, GuideStep, Job, LaserPlaneResult as LaserPlaneRecord, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TableCircle, TcpResidual, TcpResult as TcpRecord, TurntableResidual, TurntableResult as TurntableRecord,
-  AtWorkpiece, Change, Comparison, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, StageReplay, TimelineItem,
+  AtWorkpiece, Change, Comparison, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "./api-types.js";
 
-export type { Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
-export type { AtWorkpiece, Change, Comparison, FrameDifference, PastResult, Recomputed, RowDifference, StageReplay, TimelineItem };
+export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
+export type { AtWorkpiece, Change, Comparison, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
 export type Moment = MomentOfSession;
 export type CaptureOut = StoredCapture;
 export type SessionOut = StoredSession;
@@ -28,6 +29,7 @@ export type TcpResult = Stored<TcpRecord>;
 export type TurntableResult = Stored<TurntableRecord>;
 export type ChainResult = Stored<ChainRecord>;
 export type CameraResult = Stored<CameraRecord>;
+export type MergeResult = Stored<MergeRecord>;
 export type LaserPlaneResult = Stored<LaserPlaneRecord>;
 /** A result that has a turntable. */
 export type TableResult = TurntableResult | ChainResult;
@@ -48,7 +50,7 @@ export interface ToolNumbers {
   controllers: string;
 }
 
-export type StageResult = TcpResult | TableResult | CameraResult | LaserPlaneResult;
+export type StageResult = TcpResult | TableResult | CameraResult | LaserPlaneResult | MergeResult;
 /** A row of any stage's residuals. */
 export type Residual = Pick<TcpResidual, "capture" | "used" | "reason"> & Partial<TcpResidual & TurntableResidual & CameraResidual & LaserPlaneResidual>;
 export type Results = Record<string, StageResult>;

@@ -11,7 +11,7 @@ BROWSER_ARGUMENTS = [
     "--no-sandbox",
     "--disable-background-networking",
 ]
-_SCENE = re.compile(r"/scenes/[^/]+/(\?.*)?$")
+_SCENE = re.compile(r"/scenes/[^/]+/(viewers/[^/]+/)?(\?.*)?$")
 
 
 class Watched:

@@ -1,52 +1,167 @@
-// The 3-D scene beside everything: its own document from the same server, in this page's theme.
+// The 3-D scene beside everything: its own document from the same server, in this page's theme, with its controls above.
 
+import { api } from "../api.js";
 import { h } from "../dom.js";
+import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
 import { t } from "../texts.js";
 import { StateElement } from "./base.js";
+import { attempt } from "./toasts.js";
+
+/** @import {SceneControls} from "../model.js" */
+
+const STEP_MS = 900;
+const LARGEST_PX = 4096;
+/** Where the scene's client stores what was clicked in it; its own beginning of the key is not ours. */
+const PICKED_KEY = "scancell-picked";
 
 export class SceneElement extends StateElement {
   #frame = h("iframe", { title: t("scene.title") });
+  #views = h("select", { "aria-label": t("scene.view"), onchange: () => this.#look() });
+  #layers = h("fieldset", { class: "scene-layer-list" }, h("legend", { class: "visually-hidden" }, t("scene.layers")));
+  #play = h("button", { type: "button", class: "scene-play", onclick: () => this.#toggle() });
+  #picture = h("button", { type: "button", onclick: () => void this.#download() }, t("scene.picture"));
+  #page = h("a", { class: "button", download: "" }, t("scene.page"));
+  #viewer = randomName();
   #shown = "";
+  #timer = 0;
+  #place = -1;
   /** @type {(() => void) | null} */ #stopTheme = null;
   /** @type {string | null} */ #lit = null;
 
   get parts() {
-    return /** @type {const} */ (["session", "selection"]);
+    return /** @type {const} */ (["session", "selection", "place"]);
   }
 
   build() {
-    this.append(h("p", { class: "scene-wait soft" }, t("scene.wait")), this.#frame);
+    const layers = h("details", { class: "scene-layers" }, h("summary", { class: "button" }, t("scene.layers")), this.#layers);
+    layers.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || !layers.open) return;
+      layers.open = false;
+      layers.querySelector("summary")?.focus();
+    });
+    this.append(
+      h("div", { class: "scene-tools", role: "group", "aria-label": t("scene.tools") }, this.#views, layers, this.#play, this.#picture, this.#page),
+      h("div", { class: "scene-frame" }, h("p", { class: "scene-wait soft" }, t("scene.wait")), this.#frame));
+    this.#showPlay();
   }
 
   connectedCallback() {
     super.connectedCallback();
     this.#stopTheme = whenThemeChanges(() => this.#show());
+    window.addEventListener("storage", this.#picked);
   }
 
   disconnectedCallback() {
     super.disconnectedCallback();
     this.#stopTheme?.();
+    window.removeEventListener("storage", this.#picked);
+    window.clearInterval(this.#timer);
   }
 
   update() {
+    this.#move();
     this.#show();
     if (this.#lit === this.state.selected) return;
     this.#lit = this.state.selected;
     // The scene is an extra: where it cannot light the capture up, the list and the plot still do.
-    const body = JSON.stringify({ capture: this.#lit });
-    const address = `/scenes/${encodeURIComponent(this.state.id)}/highlight`;
-    void fetch(address, { method: "POST", headers: { "Content-Type": "application/json" }, body }).catch(() => undefined);
+    void this.#tell("highlight", { capture: this.#lit }).catch(() => undefined);
+  }
+
+  get #scene() {
+    return this.state.session?.scene ?? "";
+  }
+
+  /** @param {string} what @param {Record<string, unknown>} body */
+  #tell(what, body) {
+    return api.tellScene(this.#scene, what, body);
+  }
+
+  /** A page that reviews the past takes its own scene along. */
+  #move() {
+    const place = "place" in this.state && typeof this.state.place === "number" ? this.state.place : -1;
+    if (place < 0 || place === this.#place) return;
+    this.#place = place;
+    void this.#tell("moment", { place }).catch(() => undefined);
   }
 
   #show() {
-    const scene = this.state.session?.scene;
-    if (!scene) return;
-    const address = `${scene}?theme=${theme()}`;
+    const scene = this.#scene;
+    if (!scene || ("place" in this.state && this.#place < 0)) return;
+    const address = `${scene}viewers/${this.#viewer}/?theme=${theme()}`;
     if (address === this.#shown) return;
     this.#shown = address;
     this.#frame.src = address;
+    this.#page.href = `${scene}page`;
+    void api.sceneControls(scene).then((controls) => this.#offer(controls)).catch(() => undefined);
   }
+
+  /** @param {SceneControls} controls */
+  #offer({ views, layers }) {
+    this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, view)));
+    this.#layers.replaceChildren(h("legend", { class: "visually-hidden" }, t("scene.layers")), ...layers.map(({ name, title, shown }) => {
+      const box = h("input", { type: "checkbox", ".checked": shown, onchange: () => void attempt(() => this.#tell("layers", { name, shown: box.checked })) });
+      return h("label", {}, box, ` ${title}`);
+    }));
+  }
+
+  #look() {
+    const view = this.#views.value;
+    this.#views.value = "";
+    if (view) void attempt(() => this.#tell(`viewers/${this.#viewer}/view`, { view }));
+  }
+
+  #toggle() {
+    const plays = this.#timer !== 0;
+    window.clearInterval(this.#timer);
+    this.#timer = 0;
+    if (plays) void this.#tell("turn", { capture: null }).catch(() => undefined);
+    else {
+      this.#next();
+      this.#timer = window.setInterval(() => this.#next(), STEP_MS);
+    }
+    this.#showPlay();
+  }
+
+  /** Turn the cell to the next capture; it lights up in table and plots as well. */
+  #next() {
+    const ids = this.state.captures.filter((capture) => capture.pose).map((capture) => capture.id);
+    const next = ids[(ids.indexOf(this.state.selected ?? "") + 1) % ids.length];
+    if (next === undefined) return;
+    if (this.state.selected !== next) this.state.select(next);
+    void this.#tell("turn", { capture: next }).catch(() => undefined);
+  }
+
+  #showPlay() {
+    this.#play.replaceChildren(icon(this.#timer ? "pause" : "play"), t(this.#timer ? "scene.pause" : "scene.play"));
+  }
+
+  async #download() {
+    this.#picture.setAttribute("aria-disabled", "true");
+    this.#picture.textContent = t("scene.drawing");
+    await attempt(async () => {
+      const { clientWidth, clientHeight } = this.#frame;
+      const times = Math.min(window.devicePixelRatio, LARGEST_PX / Math.max(clientWidth, clientHeight, 1));
+      const image = await api.scenePicture(this.#scene, this.#viewer, Math.max(64, Math.round(clientWidth * times)), Math.max(64, Math.round(clientHeight * times)));
+      const link = h("a", { href: URL.createObjectURL(image), download: `scene-${this.state.id}.png` });
+      link.click();
+      window.setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+    });
+    this.#picture.textContent = t("scene.picture");
+    this.#picture.removeAttribute("aria-disabled");
+  }
+
+  /** What was clicked in this page's scene. @param {StorageEvent} event */
+  #picked = (event) => {
+    if (!event.key?.endsWith(PICKED_KEY) || !event.newValue) return;
+    const [viewer, capture] = event.newValue.replaceAll('"', "").split(" ");
+    if (viewer === this.#viewer && capture) this.state.select(capture);
+  };
+}
+
+/** A name of this page for its scene: another page beside it has its own camera. */
+function randomName() {
+  return Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
 customElements.define("sc-scene", SceneElement);
