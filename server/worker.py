@@ -25,6 +25,7 @@ Message = tuple[str, str, Any]
 log = logging.getLogger("scancell")
 
 _REPORT_EVERY_S = 0.2
+_REPORT_STEP = 0.03  # a long step's name is told however soon it follows the one before
 _queue: "Queue[Message | None] | None" = None
 _settings: "Settings | None" = None
 
@@ -119,12 +120,12 @@ def _started(job_id: str) -> Callable[[float, str], None]:
     assert _queue is not None
     queue = _queue
     queue.put((job_id, "started", os.getpid()))
-    told_s = 0.0
+    told_s = told_fraction = 0.0
 
     def progress(fraction: float, message: str) -> None:
-        nonlocal told_s
-        if time.monotonic() - told_s > _REPORT_EVERY_S:
-            told_s = time.monotonic()
+        nonlocal told_s, told_fraction
+        if time.monotonic() - told_s > _REPORT_EVERY_S or fraction - told_fraction > _REPORT_STEP:
+            told_s, told_fraction = time.monotonic(), fraction
             queue.put((job_id, "progress", (float(fraction), message)))
 
     return progress

@@ -1,6 +1,8 @@
-"""A solve that takes a minute; a module of its own, for a worker process imports it to find the function."""
+"""Solves that go wrong; a module of its own, for a worker process imports it to find the functions."""
 
 import os
+import resource
+import signal
 import time
 from typing import Any
 
@@ -13,3 +15,14 @@ def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:
     worker._queue.put((job_id, "progress", (0.25, f"worker {os.getpid()}")))
     time.sleep(60)
     raise AssertionError("nobody ended this")
+
+
+def solve_on_a_full_disk(*arguments: Any) -> worker.Solved:
+    """Solve where no file may grow beyond a kilobyte, as on a disk that is full."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # else the process would end
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, before[1]))
+    try:
+        return worker.solve(*arguments)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

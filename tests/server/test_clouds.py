@@ -1,23 +1,29 @@
 """A merge over REST: its cloud and mesh are stored, given in every format, kept in archives, and cancelled."""
 
 import io
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
 import open3d as o3d
+import pytest
 import trimesh
 
+import server.worker
 from tests.server.live_server import assert_problem, upload, wait_for
+from tests.server.slow_work import solve_on_a_full_disk
 
 RADIUS_MM, SIGMA_MM, VIEWS = 20.0, 0.02, 3
 FORMATS = {"ply": "model/ply", "pcd": "application/octet-stream", "xyz": "text/plain", "e57": "model/e57"}
 
 
-def dome(seed: int) -> bytes:
-    """A sphere's upper side on a grid of 1 mm, as an organised PCD; z grows away from the scanner."""
-    x, y = np.meshgrid(np.arange(-15.0, 15.5), np.arange(-15.0, 15.5))
+def dome(seed: int, pitch_mm: float) -> bytes:
+    """A sphere's upper side on a grid, as an organised PCD; z grows away from the scanner."""
+    steps = np.arange(-15.0, 15.0 + pitch_mm / 2, pitch_mm)
+    x, y = np.meshgrid(steps, steps)
     z = 150 - np.sqrt(np.maximum(RADIUS_MM**2 - x**2 - y**2, 0))
     z += np.random.default_rng(seed).normal(0, SIGMA_MM, z.shape)
     z[x**2 + y**2 > 15**2] = np.nan
@@ -29,7 +35,7 @@ def dome(seed: int) -> bytes:
     return header.encode() + np.stack([x, y, z], axis=-1).astype("<f4").tobytes()
 
 
-def scanned_session(client: httpx.Client, views: int = VIEWS, **merge: Any) -> str:
+def scanned_session(client: httpx.Client, pitch_mm: float = 1.0, **merge: Any) -> str:
     """A session whose scanner is known on the flange, with scans of a sphere."""
     cell = {
         "pose_convention": "matrix",
@@ -40,7 +46,7 @@ def scanned_session(client: httpx.Client, views: int = VIEWS, **merge: Any) -> s
     answer = client.post("/sessions", json={"name": "part", "cell": cell})
     assert answer.status_code == 201, answer.text
     session = answer.json()["id"]
-    for number in range(views):
+    for number in range(VIEWS):
         record = {
             "id": f"s{number}",
             "step": "scan",
@@ -48,7 +54,7 @@ def scanned_session(client: httpx.Client, views: int = VIEWS, **merge: Any) -> s
             "files": [f"captures/s{number}.pcd"],
             "pose": np.eye(4).ravel().tolist(),
         }
-        taken = upload(client, session, record, dome(number))
+        taken = upload(client, session, record, dome(number, pitch_mm))
         assert taken.status_code == 201, taken.text
     return session
 
@@ -127,3 +133,49 @@ def test_an_archive_keeps_cloud_and_mesh(client: httpx.Client) -> None:
         one, two = (client.get(f"/sessions/{s}/clouds/{name}").content for s in (session, other))
         assert one == two
     assert client.get(f"/sessions/{other}/results/merge").json()["stale"] is False
+
+
+def until(client: httpx.Client, job: str, words: str) -> dict[str, Any]:
+    """Wait until a job says that it does something, and return all that it has said."""
+    end_s = time.monotonic() + 60
+    while time.monotonic() < end_s:
+        answer = client.get(f"/jobs/{job}").json()
+        if words in answer["message"] or answer["status"] not in ("queued", "running"):
+            return answer
+        time.sleep(0.01)
+    raise AssertionError(answer)
+
+
+def test_a_merge_is_cancelled_at_once_leaves_nothing_and_runs_again(start: Callable[..., Any]) -> None:
+    with start() as client:
+        session = scanned_session(client, pitch_mm=0.05, mesh="poisson", voxel_mm=0.1)
+        job = client.post(f"/sessions/{session}/solve/merge").json()["id"]
+        running = until(client, job, "Building the mesh")
+        assert (running["status"], running["progress"]) == ("running", pytest.approx(0.84, abs=0.01))
+        begun_s = time.monotonic()
+        assert client.post(f"/jobs/{job}/cancel").json()["status"] == "cancelled"
+        short = client.patch(f"/sessions/{session}", json={"cell": {"merge": {"mesh": "none", "voxel_mm": 1.0}}})
+        assert short.status_code == 200, short.text
+        other = client.post(f"/sessions/{session}/solve/merge").json()["id"]
+        until(client, other, "started")  # one worker: it is free again
+        assert time.monotonic() - begun_s < 5  # most of it is a new process
+        assert client.get(f"/sessions/{session}/clouds").json() == {"items": []}
+        assert client.get(f"/sessions/{session}/results").json() == {}
+        assert wait_for(client, other)["status"] == "done"
+        assert len(client.get(f"/sessions/{session}/clouds").json()["items"]) == 1
+
+
+def test_a_full_disk_stops_the_merge_with_a_sentence_and_touches_nothing(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with start() as client:
+        session = scanned_session(client, mesh="none")
+        first = merged(client, session)
+        monkeypatch.setattr(server.worker, "solve", solve_on_a_full_disk)
+        job = wait_for(client, client.post(f"/sessions/{session}/solve/merge").json()["id"])
+        assert job["status"] == "failed"
+        assert "room in the data folder for clouds/merged.ply, got file too large" in job["error"]["detail"]
+        assert "untouched" in job["error"]["to_do"]
+        assert client.get(f"/sessions/{session}/results/merge").json() == first
+        cloud = client.get(f"/sessions/{session}/clouds/merged.ply")
+        assert (cloud.status_code, len(cloud.content) > 1000) == (200, True)
