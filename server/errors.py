@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DBAPIError, OperationalError
 from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
@@ -101,6 +101,19 @@ def problem_of_status(status: int, got: str, to_do: str = "") -> dict[str, Any]:
     }
 
 
+def storage_problem(error: Exception) -> dict[str, Any]:
+    """Return problem details for a disk or a database that cannot be used."""
+    said = " ".join(str(error.orig if isinstance(error, DBAPIError) else error).split())
+    untouched = "then send the request again; what was stored before is untouched."
+    if "full" in said or (isinstance(error, OSError) and error.errno == ENOSPC):
+        return problem_of_status(507, "the disk with the data folder is full", f"Free space there, {untouched}")
+    if "locked" in said:
+        to_do = f"End that program, or wait until it is done, {untouched}"
+        return problem_of_status(503, f"another program holds the database ({said})", to_do)
+    to_do = f"Check the folder, its disk and its rights, or the database's server, {untouched}"
+    return problem_of_status(503, f"the data folder cannot be used ({said})", to_do)
+
+
 def problem_response(body: Mapping[str, Any], headers: Mapping[str, str] | None = None) -> JSONResponse:
     """Return problem details as a response."""
     return JSONResponse(dict(body), status_code=body["status"], headers=headers, media_type=PROBLEM_JSON)
@@ -145,11 +158,7 @@ def install(app: FastAPI) -> None:
 
     async def storage(request: Request, error: Exception) -> JSONResponse:
         log.error("storage failed in %s %s", request.method, request.url.path, exc_info=error)
-        full = "full" in str(error) or (isinstance(error, OSError) and error.errno == ENOSPC)
-        got = "the disk with the data folder is full" if full else f"the data folder cannot be used ({error})"
-        to_do = "Free space there" if full else "Check the folder, its disk and its rights"
-        to_do += ", then send the request again; what was stored before is untouched."
-        return problem_response(problem_of_status(507 if full else 503, got, to_do))
+        return problem_response(storage_problem(error))
 
     async def unexpected(_: Request, error: Exception) -> JSONResponse:
         # The server logs it: it is raised again after this answer.

@@ -33,6 +33,9 @@ class Settings(BaseSettings):
     port: Annotated[int, Field(ge=0, le=65535)] = 8000
     data: Path = Path("sessions")
     database_url: str | None = Field(default=None, description="Left out: SQLite in the data folder.")
+    database_wait_s: Annotated[float, Field(ge=0, le=600)] = Field(
+        default=10.0, description="How long to wait for another program that holds SQLite's lock."
+    )
     blobs: str | None = Field(
         default=None, description="s3://bucket or s3://bucket/prefix; left out: the data folder."
     )

@@ -32,7 +32,7 @@ class Store:
         settings.data.mkdir(parents=True, exist_ok=True)
         self.blobs = open_blobs(settings.blob_place)
         self._publish = publish
-        self._engine = engine_of(settings.sql_url)
+        self._engine = engine_of(settings.sql_url, wait_s=settings.database_wait_s)
         self._reading = reading(self._engine)
         self._writing = self._engine.execution_options(writing=True)
         self._one_writer = threading.Lock()

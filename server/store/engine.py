@@ -11,8 +11,10 @@ from sqlalchemy.exc import ArgumentError
 from calib_core.errors import InputError
 
 
-def engine_of(url: str, read_only: bool = False) -> Engine:
+def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine:
     """Return what speaks to the database at an address; it connects later, `read_only` without changing a byte.
+
+    `wait_s` is how long SQLite waits for another program that holds its lock.
 
     Raises
     ------
@@ -31,7 +33,8 @@ def engine_of(url: str, read_only: bool = False) -> Engine:
     to_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
     if kind == "sqlite":
         engine = create_engine(_read_only(address) if read_only else address, json_serializer=to_json)
-        event.listen(engine, "connect", _own_transactions if read_only else _set_up_sqlite)
+        set_up = _own_transactions if read_only else partial(_set_up_sqlite, round(1000 * wait_s))
+        event.listen(engine, "connect", set_up)
         event.listen(engine, "begin", _begin_sqlite)
         return engine
     try:
@@ -63,9 +66,9 @@ def _own_transactions(connection: Any, _: Any) -> None:
     connection.isolation_level = None  # this module begins transactions itself
 
 
-def _set_up_sqlite(connection: Any, _: Any) -> None:
+def _set_up_sqlite(wait_ms: int, connection: Any, _: Any) -> None:
     _own_transactions(connection, _)
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", f"busy_timeout={wait_ms}"):
         connection.execute(f"PRAGMA {pragma}").close()
 
 

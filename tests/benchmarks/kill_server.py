@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,17 @@ class ServerProcess:
     data : Path
     environment : mapping, optional
         Further settings.
+    program : sequence of str
+        What is run in place of `scancell`.
     """
 
-    def __init__(self, data: Path, environment: dict[str, str] | None = None) -> None:
-        command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--data", str(data)]
+    def __init__(
+        self,
+        data: Path,
+        environment: dict[str, str] | None = None,
+        program: Sequence[str] = ("-m", "server.cli"),
+    ) -> None:
+        command = [sys.executable, *program, "serve", "--port", "0", "--data", str(data)]
         root = str(Path(__file__).resolve().parents[2])
         self.process = subprocess.Popen(
             command,
