@@ -31,6 +31,7 @@ class WorkbenchServer(uvicorn.Server):
             app,
             host=settings.host,
             port=settings.port,
+            http="h11",  # it limits what a head may hold; httptools gathers it without end
             log_level="warning",
             server_header=False,
             ws_max_size=_MAX_MESSAGE_BYTES,

@@ -59,6 +59,19 @@ def test_heads_that_do_not_come_end_the_connection_and_streams_go_on(start: Any)
             assert any("changed" in line for line in lines)
 
 
+def test_a_head_without_end_is_cut_off(client: httpx.Client) -> None:
+    with connected(client) as connection:
+        connection.sendall(HEAD + b"X-Long: ")
+        sent = 0
+        try:
+            while sent < 20_000_000:
+                connection.sendall(b"a" * 100_000)
+                sent += 100_000
+            assert connection.recv(65536).startswith(b"HTTP/1.1 400")
+        except OSError:  # the other side has closed
+            assert sent < 20_000_000
+
+
 def test_a_body_that_stops_is_told_so(start: Any) -> None:
     with start(body_timeout_s=0.5) as client, connected(client) as connection:
         connection.sendall(
