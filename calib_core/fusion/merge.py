@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
+from calib_core.fusion.bricks import BrickTable, Voxels
 
 SingleArray = NDArray[np.float32]
 
-_FULLEST = 0.6  # of a hash table's slots; beyond, linear probing slows down
-_FIRST_SLOTS = 1 << 16
+_FIRST_BRICKS = 1 << 12
+_BRICKS_AT_ONCE = 1 << 14
 _TILE_BITS = 8  # a tile is 256 voxels wide
 
 
@@ -98,21 +99,16 @@ class VoxelGrid:
         self.origin_mm: FloatArray = np.array(origin_mm, dtype=float)
         self.points_added = 0
         self.spills = 0
-        self.peak_bytes = 0
-        self._columns = 7 if normals else 4
         self._store = store
-        self._most_slots = 1 << max(10, int(np.log2(max(most_bytes // (1.5 * self._slot_bytes), 1))))
+        self._most_bricks = 1 << max(0, int(np.log2(max(most_bytes // BrickTable.brick_bytes(normals), 1))))
         self._tiles: set[int] = set()
-        self._allocate(min(_FIRST_SLOTS, self._most_slots) if store else _FIRST_SLOTS)
-
-    @property
-    def _slot_bytes(self) -> int:
-        return 32 if self._columns == 4 else 64
+        self._table = BrickTable(normals, min(_FIRST_BRICKS, self._most_bricks) if store else _FIRST_BRICKS)
+        self.peak_bytes = self._table.bytes
 
     @property
     def occupied(self) -> int:
         """The voxels that are held in memory."""
-        return self._used
+        return len(self._table.voxels().keys)
 
     def add(
         self,
@@ -142,25 +138,22 @@ class VoxelGrid:
         InputError
             If a point lies beyond the grid, a weight is not finite, or the arrays' sizes differ.
         """
-        from calib_core.kernels.fusion import add_points
-
         w = np.atleast_2d(np.asarray(weights, dtype=np.float32))
         poses = np.eye(4)[None] if into_from_outof is None else np.asarray(into_from_outof, dtype=float)
         n = np.empty((0, 0, 3), np.float32) if normals is None else normals
         self._require_sizes(points_mm, poses, w, n, where)
         points = np.ascontiguousarray(points_mm, dtype=np.float32)
         poses = np.ascontiguousarray(poses[:, :3])
-        row = beyond = 0
-        while row < len(points):
-            table = (self._keys, self._sums, self._counts)
-            room = int(_FULLEST * len(self._keys))
-            self._used, row, added, outside = add_points(
-                points, poses, w, n, self.origin_mm, self.size_mm, *table, self._used, row, room
+        count = points.shape[0] * points.shape[1]
+        following = beyond = 0
+        while following < count:
+            following, added, outside = self._table.add_points(
+                points, poses, w, n, self.origin_mm, self.size_mm, following
             )
             self.points_added += added
             beyond += outside
-            if row < len(points):
-                self._make_room(points.shape[1])
+            if following < count:
+                self._make_room()
         if beyond:
             raise InputError(
                 f"points within {self.size_mm * 2**20 / 1000:.0f} m of the grid's origin",
@@ -178,28 +171,21 @@ class VoxelGrid:
             If its voxels are others, or it has given some to a store.
         """
         same = other.size_mm == self.size_mm and np.array_equal(other.origin_mm, self.origin_mm)
-        if not same or other._columns != self._columns or other._tiles:
+        if not same or other._table.normals != self._table.normals or other._tiles:
             raise InputError("a grid of the same voxels", "another", "Make both grids alike.", "voxel_mm")
-        from calib_core.kernels.fusion import add_sums
-
-        step = self._most_slots // 4 if self._store else len(other._keys)
-        for start in range(0, len(other._keys), step):
-            part = slice(start, start + step)
-            keys, sums, counts = other._keys[part], other._sums[part], other._counts[part]
-            self._make_room(int(np.count_nonzero(counts)))
-            self._used += add_sums(keys, sums, counts, self._keys, self._sums, self._counts)
+        for first in range(0, other._table.used, _BRICKS_AT_ONCE):
+            self._take(other._table.voxels(first, first + _BRICKS_AT_ONCE))
         self.points_added += other.points_added
 
     def clouds(self) -> Iterator[VoxelCloud]:
         """Give the fused points, a tile at a time where sums went to the store; the grid stays as it is."""
         if not self._tiles:
-            taken = np.flatnonzero(self._counts)
-            yield self._cloud(self._keys[taken], self._sums[taken], self._counts[taken])
+            yield self._cloud(self._table.voxels())
             return
         self._spill()
         assert self._store is not None
         for tile in sorted(self._tiles):
-            yield self._cloud(*self._merged(self._store.read(tile)))
+            yield self._cloud(self._merged(self._store.read(tile)))
 
     def cloud(self) -> VoxelCloud:
         """Return all fused points at once."""
@@ -216,7 +202,7 @@ class VoxelGrid:
             raise InputError("rows of points (P, C, 3)", f"shape {points.shape}", "Reshape the scan.", where)
         fits = poses.shape in ((len(points), 4, 4), (1, 4, 4))
         fits &= weights.shape in (points.shape[:2], (1, 1))
-        fits &= normals.shape == points.shape if self._columns == 7 else True
+        fits &= normals.shape == points.shape if self._table.normals else True
         if not fits:
             raise InputError(
                 f"poses, weights and normals for {points.shape[0]}×{points.shape[1]} points",
@@ -227,89 +213,66 @@ class VoxelGrid:
         if not np.isfinite(weights).all():
             raise InputError("finite weights", "NaN or infinity", "Check the points' sigmas.", where)
 
-    def _allocate(self, slots: int) -> None:
-        from calib_core.kernels.fusion import EMPTY
+    def _take(self, voxels: Voxels) -> None:
+        following = 0
+        while following < len(voxels.keys):
+            following = self._table.add_voxels(voxels, following)
+            if following < len(voxels.keys):
+                self._make_room()
 
-        words = self._slot_bytes // 4
-        table = np.zeros((slots, words), dtype=np.int32)
-        self._keys: NDArray[np.int64] = table.view(np.int64)[:, 0]
-        self._sums: SingleArray = table.view(np.float32)[:, 2 : 2 + self._columns]
-        self._counts: NDArray[np.int32] = table[:, 2 + self._columns]
-        self._keys.fill(EMPTY)
-        self._used = 0
-        self.peak_bytes = max(self.peak_bytes, slots * self._slot_bytes)
-
-    def _make_room(self, needed: int) -> None:
-        slots = len(self._keys)
-        if self._used + needed <= _FULLEST * slots:
-            return
-        while self._used + needed > _FULLEST * slots:
-            slots *= 2
-        if self._store is not None and slots > self._most_slots:
-            if needed > _FULLEST * self._most_slots:
-                raise InputError(
-                    f"memory for at least {needed} voxels",
-                    f"a limit of {self._most_slots} slots",
-                    "Raise the limit.",
-                    "most_bytes",
-                )
+    def _make_room(self) -> None:
+        """Double the table, or where that is not allowed, give all sums to the store."""
+        bricks = 2 * self._table.room
+        if self._store is not None and bricks > self._most_bricks:
             self._spill()
             return
-        from calib_core.kernels.fusion import add_sums
-
-        old = (self._keys, self._sums, self._counts)
-        self._allocate(slots)
-        self.peak_bytes = max(self.peak_bytes, (slots + len(old[0])) * self._slot_bytes)
-        self._used = add_sums(*old, self._keys, self._sums, self._counts)
+        before = self._table.bytes
+        self._table = self._table.larger(bricks)
+        self.peak_bytes = max(self.peak_bytes, before + self._table.bytes)
 
     def _record(self) -> np.dtype[np.void]:
-        return np.dtype([("key", "<i8"), ("sums", "<f4", (self._columns,)), ("count", "<i4")])
+        columns = 7 if self._table.normals else 4
+        return np.dtype([("key", "<i8"), ("sums", "<f4", (columns,)), ("count", "<i4")])
 
     def _spill(self) -> None:
         """Give all sums to the store, by tiles, and begin anew with an empty table."""
         from calib_core.kernels.fusion import unpack_keys
 
         assert self._store is not None
-        taken = np.flatnonzero(self._counts)
-        if not len(taken):
+        voxels = self._table.voxels()
+        if not len(voxels.keys):
             return
-        tiles = _tile_numbers(unpack_keys(self._keys[taken]))
+        tiles = _tile_numbers(unpack_keys(voxels.keys))
         order = np.argsort(tiles, kind="stable")
-        taken, tiles = taken[order], tiles[order]
+        records = np.empty(len(order), dtype=self._record())
+        records["key"], records["sums"], records["count"] = (column[order] for column in voxels)
+        tiles = tiles[order]
         bounds = np.concatenate([[0], np.flatnonzero(np.diff(tiles)) + 1, [len(tiles)]])
         for start, end in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
-            rows = taken[start:end]
-            records = np.empty(len(rows), dtype=self._record())
-            records["key"], records["sums"], records["count"] = (
-                self._keys[rows],
-                self._sums[rows],
-                self._counts[rows],
-            )
             tile = int(tiles[start])
-            self._store.append(tile, records.tobytes())
+            self._store.append(tile, records[start:end].tobytes())
             self._tiles.add(tile)
         self.spills += 1
-        self._allocate(len(self._keys))
+        self._table.clear()
 
-    def _merged(self, data: bytes) -> tuple[NDArray[np.int64], SingleArray, NDArray[np.int32]]:
-        from calib_core.kernels.fusion import EMPTY, add_sums
-
+    def _merged(self, data: bytes) -> Voxels:
+        """Return the voxels of a tile's records, each once."""
         records = np.frombuffer(data, dtype=self._record())
-        slots = 1 << max(4, int(np.ceil(np.log2(len(records) / _FULLEST))))
-        keys = np.full(slots, EMPTY, dtype=np.int64)
-        sums = np.zeros((slots, self._columns), dtype=np.float32)
-        counts = np.zeros(slots, dtype=np.int32)
-        add_sums(records["key"], records["sums"], records["count"], keys, sums, counts)
-        taken = np.flatnonzero(counts)
-        return keys[taken], sums[taken], counts[taken]
+        keys, which = np.unique(records["key"], return_inverse=True)
+        sums = np.zeros((len(keys), records["sums"].shape[1]), dtype=np.float32)
+        counts = np.zeros(len(keys), dtype=np.int32)
+        np.add.at(sums, which, records["sums"])
+        np.add.at(counts, which, records["count"])
+        return Voxels(keys, sums, counts)
 
-    def _cloud(self, keys: NDArray[np.int64], sums: SingleArray, counts: NDArray[np.int32]) -> VoxelCloud:
+    def _cloud(self, voxels: Voxels) -> VoxelCloud:
         from calib_core.kernels.fusion import unpack_keys
 
+        keys, sums, counts = voxels
         weight = sums[:, 3:4].astype(np.float64)
         points = (unpack_keys(keys) + sums[:, :3] / weight) * self.size_mm + self.origin_mm
         normals = np.empty((0, 3), np.float32)
-        if self._columns == 7:
+        if self._table.normals:
             lengths = np.linalg.norm(sums[:, 4:], axis=1, keepdims=True)
             normals = sums[:, 4:] / np.where(lengths > 0, lengths, np.nan).astype(np.float32)
         sigma = (1 / np.sqrt(weight[:, 0])).astype(np.float32)

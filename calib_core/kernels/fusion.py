@@ -1,8 +1,10 @@
-"""Hot loops of the merge: points transformed and summed into voxels in one pass, in the caller's hash table.
+"""Hot loops of the merge: points transformed and summed into voxels in one pass, in the caller's table of bricks.
 
-A table is three arrays of one length (a power of two): `keys` (the voxel's packed indices, `EMPTY` where free),
-`sums` float32 (0-2: weighted offset from the voxel's corner in voxels, 3: weight, and where normals are wanted
-4-6: weighted normal) and `counts`.
+A brick is 4×4×4 voxels next to each other in memory, so that neighbouring points need no look-up of their own.
+A table is `heads` (packed indices of a brick, `EMPTY` where free) and `numbers` (which brick that is), a hash
+table of a power of two, and for each brick's voxels `sums` (bricks, 64, 4) float32: weighted offset from the
+voxel's corner in voxels, and weight; `counts` (bricks, 64) int32; and where normals are wanted `normal_sums`
+(bricks, 64, 3).
 """
 
 from typing import Any
@@ -20,6 +22,8 @@ EMPTY = -1
 BITS = 21
 HALF = 1 << (BITS - 1)
 """Voxel indices run from −HALF to HALF − 1 in each axis."""
+BRICK_BITS = 2
+BRICK_VOXELS = 1 << (3 * BRICK_BITS)
 
 _MASK = (1 << BITS) - 1
 _BLOCK = 256  # points whose keys are computed together, free of branches, before they go into the table
@@ -27,20 +31,35 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _home(key: int, shift: int) -> Any:
-    """Return where a key would best be: a multiplicative hash that keeps neighbours along z in pairs."""
-    pair = (np.uint64(key >> 1) * _GOLDEN) >> np.uint64(shift)
-    return np.int64(pair ^ np.uint64(key & 1))
+def _shift(heads: KeyArray) -> Any:
+    shift = 64
+    length = heads.shape[0]
+    while length > 1:
+        length >>= 1
+        shift -= 1
+    return np.uint64(shift)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _slot(keys: KeyArray, key: int, home: int) -> int:
-    """Return where a key is or belongs: linear probing from its home."""
-    mask = keys.shape[0] - 1
-    slot = home
-    while keys[slot] != key and keys[slot] != EMPTY:
+def _slot(heads: KeyArray, key: int, shift: Any) -> Any:
+    """Return where a brick is or belongs: a multiplicative hash and linear probing."""
+    mask = heads.shape[0] - 1
+    slot = np.int64((np.uint64(key) * _GOLDEN) >> shift)
+    while heads[slot] != key and heads[slot] != EMPTY:
         slot = (slot + 1) & mask
     return slot
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _brick_of(i: int, j: int, k: int) -> Any:
+    return (
+        (np.int64(i >> BRICK_BITS) << (2 * BITS)) | (np.int64(j >> BRICK_BITS) << BITS) | np.int64(k >> BRICK_BITS)
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _place_in_brick(i: int, j: int, k: int) -> Any:
+    return ((i & 3) << (2 * BRICK_BITS)) | ((j & 3) << BRICK_BITS) | (k & 3)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -51,14 +70,15 @@ def add_points(
     normals: SingleArray,
     origin: FloatArray,
     size: float,
-    keys: KeyArray,
+    heads: KeyArray,
+    numbers: CountArray,
     sums: SingleArray,
     counts: CountArray,
+    normal_sums: SingleArray,
     used: int,
-    first_row: int,
-    most_used: int,
+    first: int,
 ) -> tuple[int, int, int, int]:
-    """Sum points into voxels, row by row, until the table has no room for one more row.
+    """Sum points into voxels until all are done or the table has no room for another brick.
 
     Parameters
     ----------
@@ -69,48 +89,39 @@ def add_points(
     weights : (P, C) or (1, 1)
         Weight of each point, or one for all; a point of weight 0 is left out.
     normals : (P, C, 3) or (0, 0, 3)
-        In the frame of the points; used where `sums` has room for them.
+        In the frame of the points; used where `normal_sums` has room for them.
     origin, size : (3,) and float
         Corner of voxel 0 0 0 and the edge, mm.
-    keys, sums, counts
-        The table, changed in place; `used` of its slots are taken.
-    first_row : int
-        Where to go on.
-    most_used : int
-        Stop before a row that could take the table beyond this.
+    heads, numbers, sums, counts, normal_sums
+        The table, changed in place; `used` of its bricks are taken.
+    first : int
+        Number of the point to go on with.
 
     Returns
     -------
-    used, next_row, added, outside : int
-        Slots taken, the row to go on with (P when done), points summed, and how many lie beyond the grid.
+    used, following, added, outside : int
+        Bricks taken, the point to go on with (P·C when done), points summed, and how many lie beyond the grid.
     """
-    shift = 64
-    length = keys.shape[0]
-    while length > 1:
-        length >>= 1
-        shift -= 1
+    shift = _shift(heads)
     rows, columns = points.shape[0], points.shape[1]
     one_pose, one_weight = into_from_outof.shape[0] == 1, weights.shape[0] == 1 and weights.shape[1] == 1
-    with_normals = sums.shape[1] == 7
+    with_normals = normal_sums.shape[0] > 0
     px, py, pz = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     bx, by, bz = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     bi, bj, bk = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
-    within = np.empty(_BLOCK, np.int32)
-    bkey, bhome, bfound = np.empty(_BLOCK, np.int64), np.empty(_BLOCK, np.int64), np.empty(_BLOCK, np.int64)
+    within, place = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    bricks = np.empty(_BLOCK, np.int64)
     flat = points.reshape(rows, 3 * columns)
+    flat_sums, flat_counts = sums.reshape(-1), counts.reshape(-1)
     added, outside = 0, 0
     weight = weights[0, 0]
-    for row in range(first_row, rows):
-        if used + columns > most_used:
-            return used, row, added, outside
+    for row in range(first // columns, rows):
         m = into_from_outof[0 if one_pose else row]
         m00, m01, m02, m03 = m[0, 0], m[0, 1], m[0, 2], m[0, 3] - origin[0]
         m10, m11, m12, m13 = m[1, 0], m[1, 1], m[1, 2], m[1, 3] - origin[1]
         m20, m21, m22, m23 = m[2, 0], m[2, 1], m[2, 2], m[2, 3] - origin[2]
-        last, slot = np.int64(EMPTY), np.int64(0)
-        sx = sy = sz = sw = np.float32(0.0)
-        run = np.int32(0)
-        for start in range(0, columns, _BLOCK):
+        last, base = np.int64(EMPTY), np.int64(0)
+        for start in range(max(0, first - row * columns), columns, _BLOCK):
             count = min(_BLOCK, columns - start)
             block = flat[row, 3 * start : 3 * (start + count)]
             for n in range(count):
@@ -130,14 +141,11 @@ def add_points(
                 bk[n] = np.int32(fz) + np.int32(HALF)
                 within[n] = np.int32(1) if inside else np.int32(0)
             for n in range(count):
-                key = (np.int64(bi[n]) << (2 * BITS)) | (np.int64(bj[n]) << BITS) | np.int64(bk[n])
-                bkey[n] = key if within[n] == 1 else EMPTY
-            for n in range(count):  # independent look-ups first: their cache misses overlap
-                bhome[n] = _home(bkey[n], shift)
-                bfound[n] = keys[bhome[n]]
+                brick = _brick_of(bi[n], bj[n], bk[n])
+                bricks[n] = brick if within[n] == 1 else EMPTY
+                place[n] = _place_in_brick(bi[n], bj[n], bk[n])
             for n in range(count):
-                key = bkey[n]
-                if key == EMPTY:
+                if bricks[n] == EMPTY:
                     if np.isfinite(px[n]) and np.isfinite(py[n]) and np.isfinite(pz[n]):
                         outside += 1
                     continue
@@ -145,68 +153,108 @@ def add_points(
                     weight = weights[row, start + n]
                     if not weight > 0:
                         continue
-                if key != last:  # neighbours in a row mostly share their voxel: their sums stay in registers
-                    if last != EMPTY:
-                        sums[slot, 0] += sx
-                        sums[slot, 1] += sy
-                        sums[slot, 2] += sz
-                        sums[slot, 3] += sw
-                        counts[slot] += run
-                        added += int(run)
-                    slot = bhome[n] if bfound[n] == key else _slot(keys, key, bhome[n])
-                    last = key
-                    sx = sy = sz = sw = np.float32(0.0)
-                    run = np.int32(0)
-                    if keys[slot] == EMPTY:
-                        keys[slot] = key
+                if bricks[n] != last:
+                    slot = _slot(heads, bricks[n], shift)
+                    if heads[slot] == EMPTY:
+                        if used == sums.shape[0]:
+                            return used, row * columns + start + n, added, outside
+                        heads[slot] = bricks[n]
+                        numbers[slot] = used
                         used += 1
-                sx += weight * bx[n]
-                sy += weight * by[n]
-                sz += weight * bz[n]
-                sw += weight
-                run += np.int32(1)
+                    last = bricks[n]
+                    base = np.int64(numbers[slot]) * BRICK_VOXELS
+                voxel = base + place[n]
+                s = 4 * voxel
+                flat_sums[s] += weight * bx[n]
+                flat_sums[s + 1] += weight * by[n]
+                flat_sums[s + 2] += weight * bz[n]
+                flat_sums[s + 3] += weight
+                flat_counts[voxel] += 1
+                added += 1
                 if with_normals:
                     q = normals[row, start + n]
-                    sums[slot, 4] += weight * np.float32(m00 * q[0] + m01 * q[1] + m02 * q[2])
-                    sums[slot, 5] += weight * np.float32(m10 * q[0] + m11 * q[1] + m12 * q[2])
-                    sums[slot, 6] += weight * np.float32(m20 * q[0] + m21 * q[1] + m22 * q[2])
-        if last != EMPTY:
-            sums[slot, 0] += sx
-            sums[slot, 1] += sy
-            sums[slot, 2] += sz
-            sums[slot, 3] += sw
-            counts[slot] += run
-            added += int(run)
-    return used, rows, added, outside
+                    total = normal_sums[voxel // BRICK_VOXELS, voxel % BRICK_VOXELS]
+                    total[0] += weight * np.float32(m00 * q[0] + m01 * q[1] + m02 * q[2])
+                    total[1] += weight * np.float32(m10 * q[0] + m11 * q[1] + m12 * q[2])
+                    total[2] += weight * np.float32(m20 * q[0] + m21 * q[1] + m22 * q[2])
+    return used, rows * columns, added, outside
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_sums(
-    from_keys: KeyArray,
-    from_sums: SingleArray,
-    from_counts: CountArray,
+def add_voxels(
     keys: KeyArray,
+    voxel_sums: SingleArray,
+    voxel_counts: CountArray,
+    heads: KeyArray,
+    numbers: CountArray,
     sums: SingleArray,
     counts: CountArray,
-) -> int:
-    """Add voxels' sums into a table that has room for them; return how many slots they newly took."""
-    shift = 64
-    length = keys.shape[0]
-    while length > 1:
-        length >>= 1
-        shift -= 1
-    taken = 0
-    for n in range(from_keys.shape[0]):
-        if from_keys[n] == EMPTY:
-            continue
-        slot = _slot(keys, from_keys[n], _home(from_keys[n], shift))
-        if keys[slot] == EMPTY:
-            keys[slot] = from_keys[n]
-            taken += 1
-        for c in range(sums.shape[1]):
-            sums[slot, c] += from_sums[n, c]
-        counts[slot] += from_counts[n]
-    return taken
+    normal_sums: SingleArray,
+    used: int,
+    first: int,
+) -> tuple[int, int]:
+    """Add voxels' sums, (N, 4) or with normals (N, 7), to a table, from voxel `first` on, while it has room.
+
+    Returns
+    -------
+    used, following : int
+        Bricks taken, and the voxel to go on with (N when done).
+    """
+    shift = _shift(heads)
+    for n in range(first, keys.shape[0]):
+        i, j, k = keys[n] >> (2 * BITS), (keys[n] >> BITS) & _MASK, keys[n] & _MASK
+        brick = _brick_of(i, j, k)
+        slot = _slot(heads, brick, shift)
+        if heads[slot] == EMPTY:
+            if used == sums.shape[0]:
+                return used, n
+            heads[slot] = brick
+            numbers[slot] = used
+            used += 1
+        b, v = numbers[slot], _place_in_brick(i, j, k)
+        for c in range(4):
+            sums[b, v, c] += voxel_sums[n, c]
+        for c in range(voxel_sums.shape[1] - 4):
+            normal_sums[b, v, c] += voxel_sums[n, 4 + c]
+        counts[b, v] += voxel_counts[n]
+    return used, keys.shape[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def enter_bricks(bricks: KeyArray, heads: KeyArray, numbers: CountArray) -> None:
+    """Enter the bricks (N,), numbered as they come, into an empty hash table."""
+    shift = _shift(heads)
+    for n in range(bricks.shape[0]):
+        slot = _slot(heads, bricks[n], shift)
+        heads[slot] = bricks[n]
+        numbers[slot] = n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def voxel_keys(bricks: KeyArray, counts: CountArray, keys: KeyArray, voxels: KeyArray) -> int:
+    """Write the occupied voxels' packed indices, and their numbers in the flattened table; return how many.
+
+    Parameters
+    ----------
+    bricks : (N,)
+        Packed indices of the bricks 0 … N − 1.
+    counts : (N, 64)
+    keys, voxels : (at least the occupied,)
+    """
+    found = 0
+    for b in range(bricks.shape[0]):
+        i, j, k = bricks[b] >> (2 * BITS), (bricks[b] >> BITS) & _MASK, bricks[b] & _MASK
+        for v in range(BRICK_VOXELS):
+            if counts[b, v] > 0:
+                x, y, z = (
+                    (i << BRICK_BITS) | (v >> 4),
+                    (j << BRICK_BITS) | ((v >> 2) & 3),
+                    (k << BRICK_BITS) | (v & 3),
+                )
+                keys[found] = (x << (2 * BITS)) | (y << BITS) | z
+                voxels[found] = b * BRICK_VOXELS + v
+                found += 1
+    return found
 
 
 def unpack_keys(keys: KeyArray) -> NDArray[np.int64]:
