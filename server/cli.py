@@ -162,7 +162,7 @@ def _tools(add: _Add) -> None:
     command.add_argument("--seed", type=int, required=True, metavar="N", help="the same seed gives the same files")
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write")
     command = add("schema", "print the JSON Schema of a session or of a result", _command_schema)
-    command.add_argument("record", choices=("session", "result-tcp"), help="which record")
+    command.add_argument("record", metavar="RECORD", help="session, or result-STAGE such as result-tcp")
     command = add("bench", "run the benchmarks, side by side with peers", _command_bench)
     command.add_argument("names", nargs="*", metavar="NAME", help="which ones (default all)")
     command.add_argument("--full", action="store_true", help="with all seeds and sizes: takes minutes")

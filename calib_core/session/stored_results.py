@@ -20,7 +20,7 @@ from calib_core.records import (
 from calib_core.session.folder import load_results
 from calib_core.session.plain_json import require_plain
 
-_RECORDS: Final[dict[str, type[Result]]] = {
+RESULT_RECORDS: Final[dict[str, type[Result]]] = {
     "camera": CameraResult,
     "laser-plane": LaserPlaneResult,
     "tcp": TcpResult,
@@ -48,7 +48,7 @@ def require_result(stage: str, data: Mapping[str, Any], where: str) -> None:
         got = repr(data.get("stage"))[:80]
         raise InputError(f"the result of the stage '{stage}'", got, "Solve the session again.", where)
     try:
-        _RECORDS.get(stage, Result).model_validate(data)
+        RESULT_RECORDS.get(stage, Result).model_validate(data)
     except ValidationError as error:
         raise input_error(error, data, where) from None
 

@@ -3,16 +3,24 @@
 import json
 from typing import Any
 
-from calib_core.records import Record, Session, TcpResult
+from calib_core.errors import InputError
+from calib_core.records import Record, Session
+from calib_core.session.stored_results import RESULT_RECORDS
 
 _RECORDS: dict[str, tuple[type[Record], str]] = {
     "session": (Session, "scancell session record, format scancell-session/1"),
-    "result-tcp": (TcpResult, "scancell result of the stage tcp"),
+    **{
+        f"result-{stage}": (record, f"scancell result of the stage {stage}")
+        for stage, record in RESULT_RECORDS.items()
+    },
 }
+SCHEMAS = tuple(_RECORDS)
 
 
 def schema_text(name: str) -> str:
-    """Return the JSON Schema (draft 2020-12) of a record, as text."""
+    """Return the JSON Schema (draft 2020-12) of a record, as text; raises InputError where none has this name."""
+    if name not in _RECORDS:
+        raise InputError("a record among " + ", ".join(SCHEMAS), repr(name), "Name one of these.", "schema")
     record, title = _RECORDS[name]
     schema: dict[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     schema |= record.model_json_schema() | {"title": title}
