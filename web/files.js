@@ -16,6 +16,9 @@ export const stemOf = (name) => baseOf(name).replace(/\.[^.]+$/, "");
 const endingOf = (name) => (/\.([^.]+)$/.exec(name)?.[1] ?? "").toLowerCase();
 
 /** @param {Found} found */
+export const isArchive = (found) => endingOf(found.path) === "zip";
+
+/** @param {Found} found */
 export const isMeasurement = (found) => endingOf(found.path) in KINDS;
 
 /**

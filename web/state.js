@@ -8,6 +8,7 @@ import { follow } from "./events.js";
 /** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "problem" | "place"} Part */
 
 const EVENTS = ["capture", "result", "job", "session"];
+const WHOLE = /** @type {const} */ (["session", "captures", "guide", "results"]);
 const GATHER_MS = 40;
 
 export class SessionState extends EventTarget {
@@ -23,7 +24,9 @@ export class SessionState extends EventTarget {
   /** @type {Problem | null} */ problem = null;
   /** @type {Set<Part>} */ #stale = new Set();
   /** @type {Set<string>} */ #staleCaptures = new Set();
+  /** Removed while an answer that still has them may be under way. @type {Set<string>} */ #gone = new Set();
   #timer = 0;
+  /** @type {Promise<void> | null} */ #running = null;
   /** @type {(() => void) | null} */ #stop = null;
 
   /** @param {string} id */
@@ -55,7 +58,23 @@ export class SessionState extends EventTarget {
   }
 
   async reload() {
-    await this.#load(new Set(/** @type {Part[]} */ (["session", "captures", "guide", "results"])));
+    for (const part of WHOLE) this.#stale.add(part);
+    this.#gone.clear();
+    await this.#catchUp();
+  }
+
+  /** One load at a time, so that an answer asked for earlier never comes last; what changes meanwhile is loaded next. */
+  #catchUp() {
+    this.#running ??= this.#loadStale().finally(() => { this.#running = null; });
+    return this.#running;
+  }
+
+  async #loadStale() {
+    while (this.#stale.size) {
+      const stale = this.#stale;
+      this.#stale = new Set();
+      await this.#load(stale);
+    }
   }
 
   /** The end of a job may have been told while nobody listened. */
@@ -130,7 +149,10 @@ export class SessionState extends EventTarget {
     }
     if (name === "capture") {
       if (data.action === "removed") this.#drop(data.capture);
-      else this.#staleCaptures.add(data.capture);
+      else {
+        this.#gone.delete(data.capture);
+        this.#staleCaptures.add(data.capture);
+      }
       this.#later("guide", "results");
     } else if (name === "result") this.#later("guide", "results");
     else this.#later("session", "guide", "results");
@@ -138,6 +160,8 @@ export class SessionState extends EventTarget {
 
   /** @param {string} id */
   #drop(id) {
+    this.#gone.add(id);
+    this.#staleCaptures.delete(id);
     this.captures = this.captures.filter((capture) => capture.id !== id);
     if (this.selected === id) this.selected = null;
     this.tell("captures", "selection");
@@ -147,11 +171,7 @@ export class SessionState extends EventTarget {
   #later(...parts) {
     for (const part of parts) this.#stale.add(part);
     window.clearTimeout(this.#timer);
-    this.#timer = window.setTimeout(() => {
-      const stale = this.#stale;
-      this.#stale = new Set();
-      void this.#load(stale);
-    }, GATHER_MS);
+    this.#timer = window.setTimeout(() => void this.#catchUp(), GATHER_MS);
   }
 
   /** @param {Set<Part>} parts */
@@ -165,7 +185,7 @@ export class SessionState extends EventTarget {
         parts.has("results") ? api.results(this.id) : this.results,
       ]);
       const tool = results["tcp"] ? await this.#tool(results, parts) : null;
-      Object.assign(this, { session, captures: list, guide, results, tool, problem: null });
+      Object.assign(this, { session, captures: list.filter(({ id }) => !this.#gone.has(id)), guide, results, tool, problem: null });
       this.tell(...parts, "captures", "problem");
     } catch (error) {
       if (!(error instanceof Problem)) throw error;

@@ -5,7 +5,7 @@ import { api, Problem } from "./api.js";
 /** @import {Capture} from "./model.js" */
 /** @import {Folder} from "./files.js" */
 /** @typedef {{ record: Capture, files: File[], missing?: string[] }} Parcel */
-/** @typedef {{ sent: number, problems: string[] }} Outcome */
+/** @typedef {{ sent: string[], problems: string[] }} Outcome `sent`: the ids of the captures */
 
 /**
  * @param {string} sessionId
@@ -16,7 +16,8 @@ import { api, Problem } from "./api.js";
 export async function send(sessionId, parcels, progress) {
   /** @type {string[]} */
   const problems = [];
-  let sent = 0;
+  /** @type {string[]} */
+  const sent = [];
   for (const [index, parcel] of parcels.entries()) {
     progress(index, parcels.length);
     if (parcel.missing?.length) {
@@ -25,7 +26,7 @@ export async function send(sessionId, parcels, progress) {
     }
     try {
       await api.addCapture(sessionId, parcel.record, parcel.files);
-      sent += 1;
+      sent.push(parcel.record.id);
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       problems.push(`${parcel.record.id}: ${error.message}`);

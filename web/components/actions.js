@@ -4,6 +4,7 @@ import { api } from "../api.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../me.js";
 import { t } from "../texts.js";
+import { did } from "../undo.js";
 import { StateElement } from "./base.js";
 import { attempt, notify, say } from "./toasts.js";
 
@@ -82,6 +83,7 @@ export class ActionsElement extends StateElement {
     this.state.show("measure");
     await attempt(async () => {
       const capture = await api.captureSimulated(this.state.id, captureStep(this.state.guide?.current.step));
+      did(t("captures.added", { captures: capture.id }), () => api.removeCapture(this.state.id, capture.id));
       const { verdict, reason } = capture.measured;
       say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: reason ?? "" }));
       if (this.state.selected) this.state.select(null);

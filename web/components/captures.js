@@ -5,10 +5,12 @@ import { h, keyed } from "../dom.js";
 import { fixed, small } from "../format.js";
 import { icon, mark } from "../icons.js";
 import { maybe, plural, t } from "../texts.js";
+import { did, lastDeed, undoLast, whenDeedsChange } from "../undo.js";
+import { isReplaceable, replaceCapture } from "../replace.js";
 import { StateElement } from "./base.js";
 import { profilePlot } from "./profile-plot.js";
 import { tableDialog } from "./table-dialog.js";
-import { attempt, notify } from "./toasts.js";
+import { attempt } from "./toasts.js";
 
 /** @import {CaptureOut, Residual} from "../model.js" */
 
@@ -20,6 +22,8 @@ export class CapturesElement extends StateElement {
     h("thead", {}, h("tr", {}, ...columns())), this.#body,
   );
 
+  #undo = h("button", { type: "button", class: "plain wide", needs: "capture", hidden: true, onclick: () => void undoLast() }, icon("undo"), t("undo.button"));
+  /** @type {(() => void) | null} */ #stopDeeds = null;
   /** @type {WeakMap<Element, { capture: CaptureOut, told: string }>} */ #shown = new WeakMap();
 
   get parts() {
@@ -27,12 +31,32 @@ export class CapturesElement extends StateElement {
   }
 
   build() {
-    this.append(this.#count, this.#table);
+    this.append(h("div", { class: "row spread" }, this.#count, this.#undo), this.#table);
+  }
+
+  connectedCallback() {
+    super.connectedCallback();
+    this.#stopDeeds = whenDeedsChange(() => this.#offerUndo());
+  }
+
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    this.#stopDeeds?.();
+  }
+
+  #offerUndo() {
+    const last = lastDeed();
+    this.#undo.hidden = last === null;
+    this.hidden = this.state.captures.length === 0 && last === null;
+    this.#table.hidden = this.state.captures.length === 0;
+    const words = t("undo.what", { what: last ?? "" });
+    this.#undo.setAttribute("aria-label", words);
+    this.#undo.title = `${words} (Ctrl+Z)`;
   }
 
   update() {
     const { captures } = this.state;
-    this.hidden = captures.length === 0;
+    this.#offerUndo();
     this.#count.textContent = plural(captures.length, "captures.one", "captures.many");
     const residuals = this.#residuals();
     keyed(this.#body, captures, (capture) => capture.id, () => h("tr"), (row, capture) => this.#fill(row, capture, residuals.get(capture.id)));
@@ -79,8 +103,15 @@ export class CapturesElement extends StateElement {
       h("td", { class: "right number" }, typeof residual?.rms_px === "number" ? `±${fixed(residual.rms_px, 2)} px` : rms === null || rms === undefined ? "–" : `±${small(rms)}`),
       h("td", { class: "state" }, status(capture, residual)),
       h("td", { class: "use" }, this.#toggle(capture)),
-      h("td", { class: "right" }, h("button", { type: "button", class: "plain icon remove", needs: "capture", "aria-label": t("captures.remove", { capture: capture.id }), title: t("captures.remove", { capture: capture.id }), onclick: () => this.#remove(capture) }, icon("trash"))),
+      h("td", { class: "right deeds" }, this.#redo(capture), h("button", { type: "button", class: "plain icon remove", needs: "capture", "aria-label": t("captures.remove", { capture: capture.id }), title: t("captures.remove", { capture: capture.id }), onclick: () => this.#remove(capture) }, icon("trash"))),
     ];
+  }
+
+  /** The way to take it again from the same pose; the simulated cell never takes the same one twice. @param {CaptureOut} capture */
+  #redo(capture) {
+    if (this.state.session?.simulated || !isReplaceable(capture)) return null;
+    const words = t("captures.redo", { capture: capture.id });
+    return h("button", { type: "button", class: "plain icon redo", needs: "capture", "aria-label": words, title: words, onclick: () => replaceCapture(this.state, capture) }, icon("redo"));
   }
 
   /** Where the table stood, and the way to correct it. @param {CaptureOut} capture */
@@ -93,7 +124,12 @@ export class CapturesElement extends StateElement {
 
   /** @param {CaptureOut} capture */
   #toggle(capture) {
-    const change = () => attempt(() => api.changeCapture(this.state.id, capture.id, { excluded: !capture.excluded }));
+    const { id } = this.state;
+    const excluded = capture.excluded === true;
+    const change = () => attempt(async () => {
+      await api.changeCapture(id, capture.id, { excluded: !excluded });
+      did(t(excluded ? "captures.taken_in" : "captures.left_out", { capture: capture.id }), () => api.changeCapture(id, capture.id, { excluded: capture.excluded ?? null }));
+    });
     return h("input", { type: "checkbox", class: "toggle", needs: "capture", "aria-label": t("captures.use", { capture: capture.id }), ".checked": !capture.excluded, onchange: change });
   }
 
@@ -104,7 +140,7 @@ export class CapturesElement extends StateElement {
       const { measured: _, ...record } = capture;
       const files = await Promise.all((capture.files ?? []).map((name) => api.captureFile(id, capture.id, name)));
       await api.removeCapture(id, capture.id);
-      notify(t("captures.removed", { capture: capture.id }), { undo: async () => void (await api.addCapture(id, record, files)) });
+      did(t("captures.removed", { capture: capture.id }), () => api.addCapture(id, record, files), { tell: true });
     });
   }
 }

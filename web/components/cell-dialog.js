@@ -5,6 +5,7 @@ import { h } from "../dom.js";
 import { when } from "../format.js";
 import { go } from "../router.js";
 import { t } from "../texts.js";
+import { did, patchBack } from "../undo.js";
 
 /** @import {Cell} from "../api-types.js" */
 /** @import {Kind, PoseConvention, SessionBody, SessionOut} from "../model.js" */
@@ -146,9 +147,9 @@ export function cellDialog(session) {
     field("new-kind", t("new.kind"), kindField()),
     field("new-convention", t("new.brand"), brandField(), t("new.brand_hint")),
     field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
-    h("div", { class: "row" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes" }), h("label", { for: "new-turntable" }, t("new.turntable"))),
     boardFields(),
     h("details", {}, h("summary", {}, t("new.more")), h("div", { class: "more-fields" },
+      h("div", { class: "row whole" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes" }), h("label", { for: "new-turntable" }, t("new.turntable"))),
       field("new-name", t("new.name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
       field("new-point-sigma", t("new.point_sigma"), number("point_sigma")),
@@ -187,6 +188,7 @@ async function submit(form, alarm, dialog, session) {
     const body = bodyOf(data);
     const stored = session ? await api.changeSession(session.id, asChange(body)) : await api.createSession(body);
     dialog.close();
+    if (session) did(t("cell.changed"), () => api.changeSession(session.id, { name: session.name, cell: patchBack(session.cell, stored.cell) }));
     if (!session) go(`/sessions/${stored.id}`);
   } catch (error) {
     if (!(error instanceof Problem)) throw error;

@@ -6,6 +6,7 @@ import { chosen, dropped, isMeasurement, kindOf, match, sessionFolder, stemOf } 
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, plural, t } from "../texts.js";
+import { did } from "../undo.js";
 import { freeId, send } from "../upload.js";
 import { StateElement } from "./base.js";
 import { attempt, notify } from "./toasts.js";
@@ -218,7 +219,10 @@ export class IntakeElement extends StateElement {
 
   /** @param {Outcome} outcome */
   #tell({ sent, problems }) {
-    if (sent) notify(plural(sent, "intake.sent_one", "intake.sent_many"));
+    if (sent.length) {
+      const remove = async () => { for (const capture of sent) await api.removeCapture(this.state.id, capture); };
+      did(plural(sent.length, "intake.sent_one", "intake.sent_many"), remove, { tell: true });
+    }
     for (const problem of problems.slice(0, 2)) notify(problem, { bad: true });
     if (problems.length > 2) notify(t("intake.more_problems", { count: problems.length - 2 }), { bad: true });
   }

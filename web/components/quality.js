@@ -6,11 +6,14 @@ import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { framePlot } from "./frame-plot.js";
+import { compareCaptures } from "./capture-comparison.js";
 import { profilePlot, zoneBar } from "./profile-plot.js";
 
 /** @import {CaptureOut, Residual} from "../model.js" */
 
 export class QualityElement extends StateElement {
+  /** @type {string | null} the capture that the shown one is compared with */ #other = null;
+
   get parts() {
     return /** @type {const} */ (["captures", "selection", "results"]);
   }
@@ -20,7 +23,26 @@ export class QualityElement extends StateElement {
     this.hidden = capture === null;
     if (!capture) return;
     const left = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals))).find((row) => row.capture === capture.id && !row.used);
-    this.replaceChildren(heading(capture, this.state.selected === capture.id), body(capture, left?.reason ?? null, this.state.id));
+    const other = this.state.captures.find((one) => one.id === this.#other && one !== capture) ?? null;
+    const focused = this.contains(document.activeElement);
+    this.replaceChildren(
+      h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
+      body(capture, left?.reason ?? null, this.state.id),
+      ...(other ? [compareCaptures(this.state, capture, other)] : []),
+    );
+    if (focused) this.querySelector("select")?.focus();
+  }
+
+  /** Which capture to set beside this one. @param {CaptureOut} capture */
+  #compareField(capture) {
+    const others = this.state.captures.filter((one) => one !== capture);
+    if (!others.length) return null;
+    const pick = (/** @type {Event} */ event) => {
+      this.#other = /** @type {HTMLSelectElement} */ (event.currentTarget).value || null;
+      this.update();
+    };
+    return h("select", { class: "compare-with", "aria-label": t("both.with", { capture: capture.id }), onchange: pick },
+      h("option", { value: "" }, t("both.pick")), ...others.map(({ id }) => h("option", { value: id, selected: id === this.#other }, id)));
   }
 }
 
@@ -71,12 +93,13 @@ function sentence(text) {
 
 /** @param {CaptureOut} capture */
 function figures({ measured }) {
-  const { zone, rms_mm, points, on_sphere, extent_deg } = measured;
+  const { zone, rms_mm, points, on_sphere, extent_deg, point_sigma_mm } = measured;
   return h(
     "dl", { class: "figures" },
     zone !== null && zone !== undefined && figure(t("quality.zone"), fixed(zone, 2), zoneBar(zone)),
     rms_mm !== null && rms_mm !== undefined && figure(t("quality.rms"), `±${small(rms_mm)}`),
     (points ?? 0) > 0 && figure(t("quality.points"), on_sphere ? t("quality.points_of", { on: integer(on_sphere), all: integer(points ?? 0) }) : integer(points ?? 0)),
+    point_sigma_mm !== null && point_sigma_mm !== undefined && figure(t("quality.noise"), `±${small(point_sigma_mm)}`),
     extent_deg !== null && extent_deg !== undefined && figure(t("quality.extent"), `${fixed(extent_deg, 0)}°`),
   );
 }

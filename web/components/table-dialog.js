@@ -3,6 +3,7 @@
 import { api } from "../api.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";
+import { did } from "../undo.js";
 import { attempt } from "./toasts.js";
 
 /** @import {CaptureOut} from "../model.js" */
@@ -21,7 +22,10 @@ export function tableDialog(sessionId, capture) {
     angle.setCustomValidity(angle.value.trim() && Number.isFinite(value) ? "" : t("place.need_angle"));
     if (!angle.reportValidity()) return;
     const change = { table_deg: value, mount: mount.value.trim() || null };
-    if (await attempt(() => api.changeCapture(sessionId, capture.id, change))) dialog.close();
+    const before = { table_deg: capture.table_deg ?? null, mount: capture.mount ?? null };
+    if (!await attempt(() => api.changeCapture(sessionId, capture.id, change))) return;
+    dialog.close();
+    did(t("place.changed", { capture: capture.id }), () => api.changeCapture(sessionId, capture.id, before));
   };
   angle.addEventListener("input", () => angle.setCustomValidity(""));
   dialog.append(h(

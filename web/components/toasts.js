@@ -29,7 +29,7 @@ class ToastsElement extends HTMLElement {
    */
   show(text, { undo, bad = false } = {}) {
     (bad ? this.#alarm : this.#spoken).textContent = text;
-    const close = () => item.remove();
+    const close = () => void item.remove();
     const item = h("li", { class: bad ? "toast bad" : "toast" }, h("p", {}, text));
     if (undo) {
       const act = () => {
@@ -42,13 +42,7 @@ class ToastsElement extends HTMLElement {
     this.#list.append(item);
     while (this.#list.children.length > 3) this.#list.firstElementChild?.remove();
     if (!bad) window.setTimeout(close, SHOWN_MS);
-  }
-
-  /** Take back what was done last, if it can be. */
-  undo() {
-    const buttons = this.#list.querySelectorAll("button.undo");
-    const last = buttons[buttons.length - 1];
-    if (last instanceof HTMLButtonElement) last.click();
+    return close;
   }
 }
 
@@ -65,12 +59,11 @@ export function install(parent) {
 export const say = (text) => toasts.say(text);
 
 /**
+ * Show a notice; answers what closes it.
  * @param {string} text
  * @param {{ undo?: () => Promise<void>, bad?: boolean }} [options]
  */
 export const notify = (text, options) => toasts.show(text, options);
-
-export const undoLast = () => toasts.undo();
 
 /**
  * Do something that may fail; a problem is shown with what to do about it. Answers whether it went well.

@@ -10,11 +10,14 @@ import { QualityElement } from "../components/quality.js";
 import { RailElement } from "../components/rail.js";
 import { ResultElement } from "../components/result.js";
 import { SceneElement } from "../components/scene.js";
-import { attempt, undoLast } from "../components/toasts.js";
+import { attempt } from "../components/toasts.js";
 import { h, make } from "../dom.js";
+import { allowed } from "../me.js";
 import { SessionState } from "../state.js";
 import { t } from "../texts.js";
-import { cellWords } from "./start.js";
+import { cellWords } from "../cell-words.js";
+import { SESSION_STOPS, tour } from "../components/tour.js";
+import { forgetDeeds, undoLast } from "../undo.js";
 import { viewTabs } from "../components/view-tabs.js";
 
 const INTERACTIVE = "a, button, input, select, textarea, summary, dialog, [role=button], [role=tab], [tabindex='0']";
@@ -25,13 +28,14 @@ export class SessionPage extends HTMLElement {
   /** @type {SessionState | null} */ #state = null;
   #name = h("h1", { class: "session-name" });
   #cell = h("p", { class: "soft small" });
-  #edit = h("button", { type: "button", class: "plain wide small", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
+  #edit = h("button", { type: "button", class: "plain wide small", needs: "capture", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
   #problem = h("section", { class: "lost", hidden: true });
   /** @type {ActionsElement | null} */ #actions = null;
 
   connectedCallback() {
     const state = new SessionState(this.sessionId);
     this.#state = state;
+    const toured = window.location.hash === "#tour";
     state.view = window.location.hash === "#result" ? "result" : "measure";
     const intake = make(IntakeElement, { state });
     this.#actions = make(ActionsElement, { state, intake });
@@ -40,11 +44,15 @@ export class SessionPage extends HTMLElement {
     window.addEventListener("hashchange", this.#hash);
     state.watch(["session", "problem"], () => this.#update(state));
     state.watch(["view"], () => this.#address(state));
-    void attempt(() => state.start()).then(() => performance.mark("scancell:ready"));
+    void attempt(() => state.start()).then(() => {
+      performance.mark("scancell:ready");
+      if (toured && state.session) tour(SESSION_STOPS);
+    });
   }
 
   disconnectedCallback() {
     this.#state?.stop();
+    forgetDeeds();
     document.removeEventListener("keydown", this.#key);
     window.removeEventListener("hashchange", this.#hash);
   }
@@ -80,7 +88,7 @@ export class SessionPage extends HTMLElement {
     this.addEventListener("drop", (event) => {
       event.preventDefault();
       this.classList.remove("dropping");
-      if (event.dataTransfer) void intake.drop(event.dataTransfer);
+      if (event.dataTransfer && allowed("capture")) void intake.drop(event.dataTransfer);
     });
   }
 
@@ -118,7 +126,7 @@ export class SessionPage extends HTMLElement {
     const target = event.target instanceof Element ? event.target : document.body;
     const typing = target.closest("input:not([type=checkbox]), textarea, select") !== null;
     if (typing) return;
-    if ((event.ctrlKey || event.metaKey) && event.key === "z") return act(event, () => undoLast());
+    if ((event.ctrlKey || event.metaKey) && event.key === "z") return act(event, () => void undoLast());
     if (event.ctrlKey || event.metaKey) return;
     const free = target.closest(INTERACTIVE) === null;
     if (event.key === " " && free && this.#state?.session?.simulated) act(event, () => void this.#actions?.capture());

@@ -1,41 +1,45 @@
-// The first page: the sessions there are, and the three ways to begin one.
+// The first page: the sessions there are, and the ways to begin one.
 
 import { api } from "../api.js";
-import { DrawingElement } from "../components/drawing.js";
 import { cellDialog } from "../components/cell-dialog.js";
 import { copyButton } from "../components/copy.js";
+import { DrawingElement } from "../components/drawing.js";
+import { ProgressElement } from "../components/progress.js";
+import { SessionCardsElement } from "../components/session-cards.js";
 import { attempt, notify } from "../components/toasts.js";
+import { isFirstVisit, noteVisit } from "../components/tour.js";
 import { h, make } from "../dom.js";
-import { chosen, dropped, isMeasurement, sessionFolder } from "../files.js";
-import { when } from "../format.js";
-import { icon, mark } from "../icons.js";
+import { chosen, dropped, isArchive, isMeasurement, sessionFolder } from "../files.js";
+import { allowed, me } from "../me.js";
 import { go } from "../router.js";
-import { maybe, plural, t } from "../texts.js";
+import { t } from "../texts.js";
 import { createFromFolder } from "../upload.js";
 
-/** @import {SessionSummary} from "../model.js" */
 /** @import {Found} from "../files.js" */
 
 const SEEDS = 10000;
 
 export class StartPage extends HTMLElement {
-  /** @type {SessionSummary[]} */ #sessions = [];
-  #search = h("input", { type: "search", id: "search", placeholder: t("start.search"), "aria-label": t("start.search"), oninput: () => this.#show() });
-  #list = h("ul", { class: "session-cards" });
-  #count = h("p", { class: "visually-hidden", "aria-live": "polite" });
-  #sessionsPart = h("section", { class: "sessions", "aria-labelledby": "sessions-title", hidden: true },
-    h("div", { class: "row spread" }, h("h2", { id: "sessions-title" }, t("start.sessions")), this.#search), this.#list, this.#count);
+  #cards = make(SessionCardsElement);
+  #progress = make(ProgressElement);
   #folder = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => void this.#take(chosen(this.#folder)) });
-  #busy = h("p", { class: "busy", role: "status" });
+  #archive = h("input", { type: "file", accept: ".zip", class: "visually-hidden", tabindex: -1, "aria-label": t("way.archive_go"), onchange: () => void this.#take(chosen(this.#archive)) });
 
   connectedCallback() {
-    if (!this.firstChild) this.append(this.#ways(), this.#busy, this.#sessionsPart, this.#folder);
-    this.addEventListener("dragover", (event) => event.preventDefault());
+    if (!this.firstChild) this.append(this.#ways(), this.#progress, this.#cards, this.#folder, this.#archive);
+    this.addEventListener("dragover", (event) => {
+      event.preventDefault();
+      this.classList.add("dropping");
+    });
+    this.addEventListener("dragleave", (event) => {
+      if (!(event.relatedTarget instanceof Node && this.contains(event.relatedTarget))) this.classList.remove("dropping");
+    });
     this.addEventListener("drop", (event) => {
       event.preventDefault();
-      if (event.dataTransfer) void dropped(event.dataTransfer).then((found) => this.#take(found));
+      this.classList.remove("dropping");
+      if (event.dataTransfer && allowed("capture")) void dropped(event.dataTransfer).then((found) => this.#take(found));
     });
-    void attempt(() => this.#load()).then(() => performance.mark("scancell:ready"));
+    void attempt(() => this.#cards.load()).then(() => performance.mark("scancell:ready"));
   }
 
   #ways() {
@@ -45,102 +49,72 @@ export class StartPage extends HTMLElement {
       h("p", { class: "soft" }, t("start.lead")),
       h("div", { class: "way-cards" },
         way("cell", t("way.simulated"), t("way.simulated_words"),
-          h("button", { type: "button", class: "primary", onclick: () => void this.#simulate("tcp") }, t("way.simulated_go")),
-          h("button", { type: "button", onclick: () => void this.#simulate("turntable") }, t("way.simulated_turntable")),
-          h("button", { type: "button", onclick: () => void this.#simulate("frames-tcp") }, t("way.simulated_frames"))),
+          h("button", { type: "button", needs: "capture", class: "primary", onclick: () => void this.#simulate("tcp") }, t("way.simulated_go")),
+          h("button", { type: "button", needs: "capture", onclick: () => void this.#simulate("cell") }, t("way.simulated_turntable")),
+          h("button", { type: "button", needs: "capture", onclick: () => void this.#simulate("frames-tcp") }, t("way.simulated_frames"))),
         way("files", t("way.files"), t("way.files_words"),
-          h("button", { type: "button", class: "primary", onclick: () => cellDialog() }, t("way.files_go")),
-          h("button", { type: "button", onclick: () => this.#folder.click() }, t("way.folder_go"))),
+          h("button", { type: "button", needs: "capture", class: "primary", onclick: () => cellDialog() }, t("way.files_go")),
+          h("button", { type: "button", needs: "capture", onclick: () => this.#folder.click() }, t("way.folder_go")),
+          h("button", { type: "button", needs: "capture", onclick: () => this.#archive.click() }, t("way.archive_go"))),
         way("rest", t("way.rest"), t("way.rest_words"), snippet(), copyButton(program(), t("way.rest_go")),
           h("a", { class: "button", href: "/docs", target: "_blank" }, t("way.rest_docs"))),
       ),
+      this.#tour(),
     );
   }
 
-  async #load() {
-    this.#sessions = await api.sessions();
-    this.#sessionsPart.hidden = this.#sessions.length === 0;
-    this.#show();
+  /** The tour is there on demand; at the first visit the page says so. */
+  #tour() {
+    const first = isFirstVisit();
+    const button = h("button", { type: "button", needs: "capture", class: "plain wide", onclick: () => void this.#simulate("tcp", "#tour") }, t("tour.start"));
+    const offer = h("p", { class: first ? "tour-offer first" : "tour-offer" }, first && `${t("tour.offer")} `, button);
+    if (first) offer.append(h("button", { type: "button", class: "plain", onclick: () => { noteVisit(); offer.remove(); } }, t("tour.no")));
+    return offer;
   }
 
-  #show() {
-    const words = this.#search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const shown = this.#sessions.filter((session) => {
-      const text = `${session.name} ${session.id} ${session.cell.pose_convention} ${when(session.updated)}`.toLowerCase();
-      return words.every((word) => text.includes(word));
-    });
-    this.#list.replaceChildren(...shown.map((session) => this.#card(session)));
-    this.#count.textContent = words.length ? plural(shown.length, "start.found_one", "start.found_many") : "";
-  }
-
-  /** @param {SessionSummary} session */
-  #card(session) {
-    const name = session.name || session.id;
-    const verdicts = Object.entries(session.verdicts ?? {});
-    return h(
-      "li", { class: "session-card" },
-      h("h3", {}, h("a", { href: `/sessions/${encodeURIComponent(session.id)}` }, name)),
-      h("p", { class: "soft small" }, cellWords(session.cell)),
-      h("p", { class: "small" }, plural(session.capture_count, "captures.one", "captures.many"), " · ", when(session.updated)),
-      h("p", { class: "verdicts" }, ...(verdicts.length
-        ? verdicts.map(([stage, verdict]) => mark(verdict, `${maybe(`step.${stage}`, stage)} ${maybe(`verdict.${verdict}`, verdict)}`))
-        : [mark("todo", t("start.unsolved"))])),
-      h("button", { type: "button", class: "plain icon remove", "aria-label": t("start.remove", { name }), title: t("start.remove", { name }), onclick: () => this.#remove(session) }, icon("trash")),
-    );
-  }
-
-  /** @param {SessionSummary} session */
-  #remove(session) {
-    const name = session.name || session.id;
-    const dialog = h("dialog", { "aria-labelledby": "remove-title" });
-    const remove = async () => {
-      dialog.close();
-      if (await attempt(() => api.removeSession(session.id))) {
-        notify(t("start.removed", { name }));
-        await attempt(() => this.#load());
-      }
-    };
-    dialog.append(h("div", { class: "body" },
-      h("h2", { id: "remove-title" }, t("start.remove", { name })),
-      h("p", {}, t("start.remove_words", { captures: plural(session.capture_count, "captures.one", "captures.many") })),
-      h("div", { class: "row end" },
-        h("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, t("cancel")),
-        h("button", { type: "button", class: "danger", onclick: () => void remove() }, t("start.remove_go")))));
-    dialog.addEventListener("close", () => dialog.remove());
-    document.body.append(dialog);
-    dialog.showModal();
-  }
-
-  /** @param {string} scenario */
-  async #simulate(scenario) {
-    this.#busy.textContent = t("start.simulating");
+  /** @param {string} scenario @param {string} [hash] what the session's page opens with */
+  async #simulate(scenario, hash = "") {
+    this.#progress.show(t("start.simulating"));
     const seed = 1 + Math.floor(Math.random() * SEEDS);
     await attempt(async () => {
       const session = await api.createSession({ name: t("way.simulated_name", { seed }), simulated: { scenario, seed } });
-      go(`/sessions/${session.id}`);
+      go(`/sessions/${session.id}${hash}`);
     });
-    this.#busy.textContent = "";
+    this.#progress.end();
   }
 
   /** @param {Found[]} found */
   async #take(found) {
-    this.#folder.value = "";
-    if (!found.length) return;
+    this.#folder.value = this.#archive.value = "";
+    const archive = found.find(isArchive);
+    if (archive) await this.#import(archive.file);
+    else if (found.length) await this.#takeFolder(found);
+    this.#progress.end();
+  }
+
+  /** @param {File} file */
+  async #import(file) {
+    await attempt(async () => {
+      const session = await api.importArchive(file, (share) => {
+        if (share < 1) this.#progress.show(t("start.importing", { name: file.name, percent: Math.round(100 * share) }), share);
+        else this.#progress.show(t("start.checking", { name: file.name }));
+      });
+      go(`/sessions/${session.id}`);
+    });
+  }
+
+  /** @param {Found[]} found */
+  async #takeFolder(found) {
     const folder = await sessionFolder(found).catch(() => undefined);
-    if (folder === undefined) return notify(t("intake.bad_json"), { bad: true });
-    if (folder === null) {
-      if (found.some(isMeasurement)) notify(t("start.files_first"), { bad: true });
-      else notify(t("start.no_session"), { bad: true });
+    if (!folder) {
+      notify(t(folder === undefined ? "intake.bad_json" : found.some(isMeasurement) ? "start.files_first" : "start.no_session"), { bad: true });
       return;
     }
     await attempt(async () => {
-      const { session, outcome } = await createFromFolder(folder, (sent, all) => {
-        this.#busy.textContent = t("intake.sending", { sent, all });
-      });
+      const { session, outcome } = await createFromFolder(folder, (sent, all) => this.#progress.show(t("intake.sending", { sent, all }), sent / all));
       go(`/sessions/${session.id}`);
       for (const problem of outcome.problems.slice(0, 3)) notify(problem, { bad: true });
     });
-    this.#busy.textContent = "";
   }
 }
 
@@ -156,22 +130,15 @@ function way(drawing, title, words, ...actions) {
     ...snippets, h("div", { class: "row" }, ...actions.filter((node) => !snippets.includes(/** @type {HTMLPreElement} */ (node)))));
 }
 
-/** @param {SessionSummary["cell"]} cell */
-export function cellWords(cell) {
-  const parts = [maybe(`convention.${cell.pose_convention}`, cell.pose_convention)];
-  if (cell.scanner?.kind) parts.push(maybe(`kind.${cell.scanner.kind}`, cell.scanner.kind));
-  if (cell.sphere_diameter_mm) parts.push(t("cell.sphere", { diameter: cell.sphere_diameter_mm }));
-  return parts.join(" · ");
-}
-
 function program() {
   const root = `${window.location.origin}/api/v1`;
   const cell = '{"name": "cell 4", "cell": {"pose_convention": "fanuc", "sphere_diameter_mm": 80, "scanner": {"kind": "profile"}}}';
   const record = '{"id": "p01", "step": "tcp", "kind": "profile", "files": ["p01.csv"], "pose": [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]}';
+  const login = me().login === "not-needed" ? "" : '-H "Authorization: Bearer $SCANCELL_TOKEN" ';
   return [
-    `curl ${root}/sessions -H 'Content-Type: application/json' \\`, `  -d '${cell}'`,
-    `curl ${root}/sessions/ID/captures \\`, `  -F 'record=${record}' -F files=@p01.csv`,
-    `curl -X POST ${root}/sessions/ID/solve/tcp`,
+    `curl ${login}${root}/sessions -H 'Content-Type: application/json' \\`, `  -d '${cell}'`,
+    `curl ${login}${root}/sessions/ID/captures \\`, `  -F 'record=${record}' -F files=@p01.csv`,
+    `curl ${login}-X POST ${root}/sessions/ID/solve/tcp`,
   ].join("\n");
 }
 

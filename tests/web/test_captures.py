@@ -1,0 +1,126 @@
+"""Captures at work: everything that is done can be taken back; two of them side by side; one taken again."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from calib_core.frames import vector_from_rotation
+from calib_core.robot_pose import parse_pose
+from calib_core.simulation import simulate
+from tests.server.live_server import make_session, simulated_session, upload
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def api(address: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+        yield client
+
+
+def rows(page: Page) -> Any:
+    return page.locator(".captures tbody tr")
+
+
+def stored(api: httpx.Client, session: str) -> dict[str, dict[str, Any]]:
+    return {c["id"]: c for c in api.get(f"/sessions/{session}/captures").json()["items"]}
+
+
+def test_every_deed_is_taken_back_in_turn(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api, captures=3, scenario="turntable")
+    page, watched = open_page(f"/sessions/{session}")
+    expect(rows(page)).to_have_count(3)
+    before = stored(api, session)
+    page.get_by_role("checkbox", name="Use p01").uncheck()
+    expect(page.get_by_role("button", name="Take back: p01 left out")).to_be_visible()
+    page.get_by_role("button", name="Capture").first.click()
+    expect(rows(page)).to_have_count(4)
+    page.get_by_role("button", name="Delete p02").click()
+    expect(rows(page)).to_have_count(3)
+
+    page.get_by_role("button", name="Take back: Capture p02 deleted").click()
+    expect(rows(page)).to_have_count(4)
+    page.locator("h2#captures-title").click()
+    page.keyboard.press("Control+z")  # the capture that was taken
+    expect(rows(page)).to_have_count(3)
+    page.keyboard.press("Control+z")
+    expect(page.get_by_role("checkbox", name="Use p01")).to_be_checked()
+    expect(page.get_by_role("button", name="Take back")).to_have_count(0)
+    assert stored(api, session) == before
+    assert watched.complaints == []
+
+
+def test_an_edited_cell_and_added_files_are_taken_back(
+    open_page: Callable[..., Any], api: httpx.Client, tmp_path: Any
+) -> None:
+    made = simulate("tcp", 11)
+    record = made.session.to_json()
+    session = make_session(api, cell=record["cell"])
+    page, watched = open_page(f"/sessions/{session}")
+    names = [capture["files"][0] for capture in record["captures"][:2]]
+    for name in names:
+        (tmp_path / name.split("/")[-1]).write_bytes(made.files[name])
+    page.locator("sc-intake input[type=file]").first.set_input_files(sorted(tmp_path.iterdir()))
+    poses = "\n".join(" ".join(map(str, capture["pose"])) for capture in record["captures"][:2])
+    page.get_by_label("Pose lines, one a capture").fill(poses)
+    page.get_by_role("button", name="Add 2 captures").click()
+    expect(rows(page)).to_have_count(2)
+    cell = api.get(f"/sessions/{session}").json()["cell"]
+    page.get_by_role("button", name="Edit cell").click()
+    page.get_by_label("Sphere diameter in mm").fill("25.4")
+    page.get_by_role("button", name="Save").click()
+    expect(page.locator("header")).to_contain_text("sphere 25.4 mm")
+    page.get_by_role("button", name="Take back: Cell changed").click()
+    expect(page.locator("header")).to_contain_text("sphere 40 mm")
+    assert api.get(f"/sessions/{session}").json()["cell"] == cell
+    page.get_by_role("button", name="Take back: 2 captures added").click()
+    expect(rows(page)).to_have_count(0)
+    assert stored(api, session) == {}
+    assert watched.complaints == []
+
+
+def test_a_capture_taken_again_takes_the_place_of_the_old_one(
+    open_page: Callable[..., Any], api: httpx.Client, tmp_path: Any
+) -> None:
+    made = simulate("tcp", 11)
+    capture = made.session.captures[0].to_json()
+    session = make_session(api, cell=made.session.to_json()["cell"])
+    upload(api, session, capture, made.files[capture["files"][0]])
+    again = tmp_path / "new.csv"
+    again.write_bytes(made.files[capture["files"][0]] + b"\n")
+    page, watched = open_page(f"/sessions/{session}")
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Take p01 again").click()
+    chooser.value.set_files(again)
+    expect(rows(page)).to_have_count(2)
+    expect(page.get_by_role("checkbox", name="Use p01", exact=True)).not_to_be_checked()
+    now = stored(api, session)
+    assert now["p01-again"]["pose"] == capture["pose"]
+    assert not now["p01-again"].get("excluded")
+    page.get_by_role("button", name="Take back: p01 replaced").click()
+    expect(rows(page)).to_have_count(1)
+    expect(page.get_by_role("checkbox", name="Use p01", exact=True)).to_be_checked()
+    assert watched.complaints == []
+
+
+def test_two_captures_side_by_side_with_the_motion_between_them(
+    open_page: Callable[..., Any], api: httpx.Client
+) -> None:
+    session = simulated_session(api, captures=6)
+    page, watched = open_page(f"/sessions/{session}")
+    page.get_by_label("Compare p06 with").select_option("p01")
+    both = page.get_by_role("region", name="p06 beside p01")
+    expect(both.locator("svg.profile-plot")).to_have_count(2)
+    captures = stored(api, session)
+    zones = [f"{captures[name]['measured']['zone']:.2f}" for name in ("p06", "p01")]
+    assert both.get_by_role("row", name="r/R").locator("td").all_inner_texts() == zones
+    a, b = (parse_pose("abb", captures[name]["pose"]) for name in ("p06", "p01"))
+    distance_mm = np.linalg.norm(b.translation_mm - a.translation_mm)
+    turn_deg = np.rad2deg(np.linalg.norm(vector_from_rotation(a.rotation.T @ b.rotation)))
+    expect(both).to_contain_text(f"moves by {distance_mm:.1f}")
+    expect(both).to_contain_text(f"turns by {turn_deg:.2f}°")
+    assert watched.complaints == []

@@ -1,0 +1,64 @@
+// Taking a capture again from where it was taken: the new one takes the old one's place, which is left out and kept.
+
+import { api } from "./api.js";
+import { h } from "./dom.js";
+import { kindOf } from "./files.js";
+import { t } from "./texts.js";
+import { did } from "./undo.js";
+import { attempt, notify } from "./components/toasts.js";
+
+/** @import {CaptureOut, Kind} from "./model.js" */
+/** @import {SessionState} from "./state.js" */
+
+const KINDS = /** @type {readonly Kind[]} */ (["profile", "cloud", "frame"]);
+
+/** Captures of several files and centres without one are sent again as they were sent first. @param {CaptureOut} capture */
+export const isReplaceable = (capture) => KINDS.includes(capture.kind) && capture.files?.length === 1;
+
+/**
+ * @param {SessionState} state
+ * @param {CaptureOut} capture
+ */
+export function replaceCapture(state, capture) {
+  const picker = h("input", { type: "file", class: "visually-hidden", "aria-label": t("captures.redo", { capture: capture.id }) });
+  picker.addEventListener("change", () => {
+    const file = picker.files?.[0];
+    picker.remove();
+    if (file) void attempt(() => replace(state, capture, file));
+  });
+  picker.addEventListener("cancel", () => picker.remove());
+  document.body.append(picker);
+  picker.click();
+}
+
+/**
+ * @param {SessionState} state
+ * @param {CaptureOut} capture
+ * @param {File} file
+ */
+async function replace({ id, captures, session }, capture, file) {
+  const { measured: _, excluded, ...record } = capture;
+  const name = nextId(capture.id, new Set(captures.map((one) => one.id)));
+  const ending = file.name.slice(file.name.lastIndexOf(".")).toLowerCase();
+  const kind = kindOf(file.name, session?.cell.scanner?.kind);
+  const taken = await api.addCapture(id, { ...record, id: name, kind, files: [`captures/${name}${ending}`] }, [file]);
+  const { verdict, reason, to_do } = taken.measured;
+  if (verdict === "fail") {
+    did(t("captures.added", { captures: name }), () => api.removeCapture(id, name));
+    notify(t("captures.redo_failed", { old: capture.id, new: name, reason: reason ?? to_do ?? "" }), { bad: true });
+    return;
+  }
+  await api.changeCapture(id, capture.id, { excluded: true });
+  did(t("captures.redone", { old: capture.id, new: name }), async () => {
+    await api.changeCapture(id, capture.id, { excluded: excluded ?? null });
+    await api.removeCapture(id, name);
+  }, { tell: true });
+}
+
+/** `p05-again`, `p05-again2`, … @param {string} id @param {ReadonlySet<string>} taken */
+function nextId(id, taken) {
+  const first = `${id.replace(/-again\d*$/, "")}-again`;
+  let name = first;
+  for (let number = 2; taken.has(name); number++) name = `${first}${number}`;
+  return name;
+}
