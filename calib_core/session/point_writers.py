@@ -3,6 +3,7 @@
 Every writer gives pieces of bytes; `write_pieces` puts them into a file that appears whole or not at all.
 """
 
+import errno
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -20,6 +21,7 @@ SingleArray = NDArray[np.float32]
 
 _XYZ = ("x", "y", "z")
 _BLOCK = 50_000
+_LARGE = 1 << 20
 
 
 def ply_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ, triangles: ArrayLike | None = None) -> Pieces:
@@ -132,6 +134,7 @@ def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
         size = 0
         with os.fdopen(handle, "wb", buffering=0) as file:
             for piece in pieces:
+                _reserve(file.fileno(), size, len(piece))
                 size += _write_all(file.fileno(), piece)
         temporary.chmod(0o644)
         temporary.replace(path)
@@ -144,6 +147,16 @@ def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
         _remove(temporary)
         raise
     return size
+
+
+def _reserve(handle: int, start: int, length: int) -> None:
+    """Reserve the room of a large piece: a full disk is known at once, and renaming need not wait for the room."""
+    if length >= _LARGE and hasattr(os, "posix_fallocate"):
+        try:
+            os.posix_fallocate(handle, start, length)
+        except OSError as error:
+            if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
+                raise
 
 
 def _write_all(handle: int, piece: bytes | memoryview) -> int:
