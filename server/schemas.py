@@ -167,10 +167,15 @@ class Job(BaseModel):
 
 
 class StoredTcpResult(TcpResult):
-    """A result as the server keeps it; `stale` where captures or cell have changed since."""
+    """A result as the server keeps it; `stale` where captures or cell have changed since.
+
+    `at_workpiece` is what its uncertainty means there; `turned_deg` how far the flange was turned at each capture,
+    from the first one.
+    """
 
     stale: bool
     at_workpiece: list[AtWorkpiece] = Field(default_factory=list[AtWorkpiece])
+    turned_deg: dict[str, float] = Field(default_factory=dict)
 
 
 class StoredCloudFile(BaseModel):
@@ -199,11 +204,11 @@ class CloudSection(BaseModel):
     axis: Literal["x", "y", "z"]
     at_mm: float
     width_mm: float
-    across: tuple[str, str]
-    low_mm: tuple[float, float]
-    high_mm: tuple[float, float]
+    across: list[str]
+    low_mm: list[float]
+    high_mm: list[float]
     count: int
-    points: list[tuple[float, float]]
+    points: list[list[float]]
     deviations_mm: list[float | None] | None = None
     limit_mm: float | None = None
 
@@ -223,7 +228,7 @@ class CloudDeviations(BaseModel):
     largest_mm: float
     limit_mm: float
     histogram: list[int]
-    center_mm: tuple[float, float, float] | None = None
+    center_mm: list[float] | None = None
     diameter_mm: float | None = None
 
 
@@ -231,8 +236,8 @@ class ReferenceMesh(BaseModel):
     """The mesh that says what the object should be, as it was stored."""
 
     triangles: int
-    low_mm: tuple[float, float, float]
-    high_mm: tuple[float, float, float]
+    low_mm: list[float]
+    high_mm: list[float]
     sha256: str
 
 

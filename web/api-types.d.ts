@@ -212,7 +212,7 @@ export interface CloudDeviations {
   largest_mm: number;
   limit_mm: number;
   histogram: number[];
-  center_mm?: unknown[] | null;
+  center_mm?: number[] | null;
   diameter_mm?: number | null;
 }
 
@@ -221,11 +221,11 @@ export interface CloudSection {
   axis: "x" | "y" | "z";
   at_mm: number;
   width_mm: number;
-  across: unknown[];
-  low_mm: unknown[];
-  high_mm: unknown[];
+  across: string[];
+  low_mm: number[];
+  high_mm: number[];
   count: number;
-  points: unknown[][];
+  points: number[][];
   deviations_mm?: (number | null)[] | null;
   limit_mm?: number | null;
 }
@@ -565,8 +565,8 @@ export interface Recomputed {
 
 export interface ReferenceMesh {
   triangles: number;
-  low_mm: unknown[];
-  high_mm: unknown[];
+  low_mm: number[];
+  high_mm: number[];
   sha256: string;
 }
 
@@ -731,6 +731,7 @@ export interface StoredTcpResult {
   residuals: TcpResidual[];
   stale: boolean;
   at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
 }
 
 export interface TableCircle {

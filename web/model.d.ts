@@ -24,7 +24,7 @@ export interface Page<T> {
 }
 
 /** A stored result, and whether captures or cell have changed since. */
-type Stored<T> = T & { stale?: boolean; at_workpiece?: AtWorkpiece[] };
+type Stored<T> = T & { stale?: boolean; at_workpiece?: AtWorkpiece[]; turned_deg?: Record<string, number> };
 export type TcpResult = Stored<TcpRecord>;
 export type TurntableResult = Stored<TurntableRecord>;
 export type ChainResult = Stored<ChainRecord>;

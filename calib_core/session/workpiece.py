@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.frames import FloatArray, RigidTransform, skew
+from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.records import Record, Session
 from calib_core.robot_pose import parse_pose
 
@@ -72,6 +72,21 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
     return found
 
 
+def turned_deg(session: Session, result: Mapping[str, Any]) -> dict[str, float]:
+    """Return by how much the flange was turned at each capture of a result, in degrees from the first one.
+
+    Captures without a pose that can be read are left out; so are all where the result is not of robot poses.
+    """
+    if result.get("stage") not in ("tcp", "chain"):
+        return {}
+    poses = _poses(session, {row["capture"] for row in result["residuals"]}, (*_STILL, "turntable"))
+    first = next(iter(poses.values()), None)
+    if first is None:
+        return {}
+    turns = vector_from_rotation([first.rotation.T @ pose.rotation for pose in poses.values()])
+    return dict(zip(poses, np.rad2deg(np.linalg.norm(turns, axis=1)).tolist(), strict=True))
+
+
 def point_jacobian(frame: RigidTransform, point_mm: FloatArray) -> FloatArray:
     """Return the derivative (3, 6) of a point's place by rx ry rz tx ty tz of the frame that carries it."""
     return np.hstack([-frame.rotation @ skew(point_mm), np.eye(3)])
@@ -99,10 +114,10 @@ def seen_in_laser_mm(session: Session, result: Mapping[str, Any]) -> FloatArray 
     return np.mean(seen, axis=0) if seen else None
 
 
-def _poses(session: Session, used: set[str], steps: Sequence[str]) -> dict[str, RigidTransform]:
+def _poses(session: Session, named: set[str], steps: Sequence[str]) -> dict[str, RigidTransform]:
     poses: dict[str, RigidTransform] = {}
     for capture in session.captures:
-        if capture.id in used and capture.step in steps and capture.pose is not None:
+        if capture.id in named and capture.step in steps and capture.pose is not None:
             try:
                 poses[capture.id] = parse_pose(session.cell.pose_convention, capture.pose)
             except InputError:

@@ -60,17 +60,18 @@ class StoredSession:
             results[stage] = {
                 **result,
                 "stale": result["inputs_sha256"] != now_sha256,
-                "at_workpiece": self._at_workpiece(result),
+                **self._seen_from_poses(result),
             }
         return results
 
-    def _at_workpiece(self, result: Data) -> list[Data]:
-        from calib_core.session.workpiece import at_workpiece
+    def _seen_from_poses(self, result: Data) -> Data:
+        from calib_core.session.workpiece import at_workpiece, turned_deg
 
         try:
-            return [row.to_json() for row in at_workpiece(self.session, result)]
+            at = [row.to_json() for row in at_workpiece(self.session, result)]
+            return {"at_workpiece": at, "turned_deg": turned_deg(self.session, result)}
         except CalibrationError:
-            return []  # of an archive whose numbers are none; what shows them says so
+            return {"at_workpiece": [], "turned_deg": {}}  # of an archive whose numbers are none
 
 
 def new_id() -> str:

@@ -13,7 +13,7 @@ from calib_core.records import Session, parse_session
 from calib_core.session.compare import Compared, changes, compare_results, frame_difference
 from calib_core.session.folder import result_data
 from calib_core.session.pipeline import solve_stage
-from calib_core.session.workpiece import at_workpiece, point_jacobian
+from calib_core.session.workpiece import at_workpiece, point_jacobian, turned_deg
 from calib_core.simulation import simulate
 
 
@@ -64,6 +64,16 @@ def test_table_and_tool_together_are_known_better_than_their_errors_added() -> N
         assert table.where == both.where
         assert 0 < both.worst_sigma_mm < tool + table.worst_sigma_mm
     assert at_workpiece(made.session, {"stage": "camera"}) == []
+
+
+def test_how_far_the_flange_was_turned(solved: tuple[Session, dict[str, Any]]) -> None:
+    session, result = solved
+    turned = turned_deg(session, result)
+    assert list(turned) == [capture.id for capture in session.captures]
+    # The simulated cell begins with pure translations, up to the robot's 0.01°, and then turns by up to 0.6 rad.
+    assert all(angle < 0.1 for angle in list(turned.values())[:4])
+    assert all(1 < angle < 61 for angle in list(turned.values())[4:])
+    assert turned_deg(session, {"stage": "camera"}) == {}
 
 
 def test_a_result_beside_itself_differs_in_nothing(solved: tuple[Session, dict[str, Any]]) -> None:

@@ -28,17 +28,18 @@ const LEAST_TOP = 4;
 /**
  * @param {TcpResult | ChainResult} result
  * @param {SessionState} state
+ * @param {Record<string, number>} [turned_deg] by capture: the plot is then against the flange's orientation
  */
-export function residualPlot(result, state) {
-  const rows = result.residuals;
+export function residualPlot(result, state, turned_deg) {
+  const rows = turned_deg ? result.residuals.filter((row) => row.capture in turned_deg) : result.residuals;
   const drawn = rows.filter((row) => typeof row.mahalanobis === "number");
   if (!drawn.length) return h("p", { class: "soft" }, t("residuals.none"));
-  const scale = scaleOf(rows);
+  const scale = turned_deg ? byTurn(scaleOf(rows), rows, turned_deg) : scaleOf(rows);
   const root = s(
-    "svg", { class: "residual-plot", viewBox: `0 0 ${scale.width} ${HEIGHT}`, style: `max-width: ${scale.width}px`, role: "group", "aria-label": t("residuals.label") },
+    "svg", { class: "residual-plot", viewBox: `0 0 ${scale.width} ${HEIGHT}`, style: `max-width: ${scale.width}px`, role: "group", "aria-label": t(turned_deg ? "residuals.turn_label" : "residuals.label") },
     s("rect", { class: "band", x: LEFT, y: scale.y(BAND), width: scale.width - LEFT, height: scale.y(0) - scale.y(BAND) }),
     ...axis(scale),
-    ...rows.flatMap((row, index) => labelOf(row, index, rows.length, scale)),
+    ...(turned_deg ? turnLabels(scale) : rows.flatMap((row, index) => labelOf(row, index, rows.length, scale))),
     ...rows.flatMap((row, index) => dot(row, scale.x(index), scale, state)),
   );
   return h("div", { class: "plot-holder" }, root, legend(rows.some((row) => !row.used)));
@@ -54,6 +55,26 @@ function scaleOf(rows) {
     x: (index) => LEFT + ((index + 0.5) * (width - LEFT)) / rows.length,
     y: (value) => TOP + (HEIGHT - TOP - BOTTOM) * (1 - Math.min(value / top, 1)),
   };
+}
+
+/**
+ * The same scale with captures where their orientation puts them.
+ * @param {Scale} scale
+ * @param {Residual[]} rows
+ * @param {Record<string, number>} turned_deg
+ * @returns {Scale & { most: number }}
+ */
+function byTurn(scale, rows, turned_deg) {
+  const most = Math.max(10, ...rows.map((row) => turned_deg[row.capture] ?? 0));
+  const x = (/** @type {number} */ degrees) => LEFT + 12 + (degrees / most) * (WIDTH - LEFT - 24);
+  return { ...scale, most, width: WIDTH, x: (index) => x(turned_deg[rows[index]?.capture ?? ""] ?? 0) };
+}
+
+/** @param {Scale & { most?: number }} scale */
+function turnLabels({ most = 10 }) {
+  const step = [5, 10, 20, 30, 60].find((one) => most / one <= 7) ?? 60;
+  const angles = Array.from({ length: Math.floor(most / step) + 1 }, (_, index) => index * step);
+  return angles.map((angle) => s("text", { class: "tick", x: LEFT + 12 + (angle / most) * (WIDTH - LEFT - 24), y: HEIGHT - 8, "text-anchor": "middle" }, `${angle}°`));
 }
 
 /** @param {boolean} rejected */

@@ -1,9 +1,11 @@
 // The answer: the frame, what it is worth, how we know.
 
 import { h } from "../dom.js";
+import { ReviewState } from "../review-state.js";
 import { steps } from "../steps/index.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
+import { historySection, resultLinks } from "./history.js";
 
 export class ResultElement extends StateElement {
   /** @type {string | null} */ #picked = null;
@@ -30,7 +32,8 @@ export class ResultElement extends StateElement {
     const result = stage && results[stage];
     if (!stage || !result) return this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
     const sections = (steps[stage]?.result(result, this.state) ?? []).filter((section) => section !== null);
-    this.replaceChildren(...(solved.length > 1 ? [this.#stages(solved, stage)] : []), ...sections);
+    const about = this.state instanceof ReviewState ? [] : [resultLinks(this.state.id, stage), historySection(this.state.id, stage)];
+    this.replaceChildren(...(solved.length > 1 ? [this.#stages(solved, stage)] : []), ...sections, ...about);
   }
 
   /** @param {string[]} solved @param {string} shown */

@@ -2,12 +2,12 @@
 
 import { api } from "../api.js";
 import { h } from "../dom.js";
-import { decimalsForAll, measured } from "../format.js";
+import { decimalsForAll, fixed, measured } from "../format.js";
 import { icon, mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { copyButton } from "../components/copy.js";
 
-/** @import {PoseConvention, StageResult, ToolNumbers} from "../model.js" */
+/** @import {AtWorkpiece, PoseConvention, StageResult, ToolNumbers} from "../model.js" */
 /** @import {SessionState} from "../state.js" */
 
 /** Every ± of the page is at this coverage factor. */
@@ -98,6 +98,27 @@ function unitOf(name, convention) {
   if (/^q|^[xyz]?w$/.test(name)) return "";
   if (/^[xyz]$/i.test(name)) return convention === "ur" || convention === "ros" ? "m" : "mm";
   return convention === "ur" ? "rad" : "°";
+}
+
+/**
+ * What the uncertainty means where it matters: how far off a point of the workpiece may lie.
+ * @param {StageResult} result
+ */
+export function workpiecePanel({ at_workpiece: rows = [] }) {
+  if (!rows.length) return null;
+  const digits = (/** @type {AtWorkpiece} */ row) => decimalsForAll(row.sigmas_mm.map((sigma) => sigma * K));
+  return h(
+    "section", { class: "panel", "aria-labelledby": "workpiece-title" },
+    h("h2", { id: "workpiece-title" }, t("workpiece.title")),
+    h("p", { class: "soft small" }, t("workpiece.what")),
+    h("table", { class: "number compare" },
+      h("thead", {}, h("tr", {}, ...["by", "point", "x", "y", "z", "worst"].map((head, index) => h("th", { scope: "col", class: index > 0 && "right" }, t(/** @type {"workpiece.by"} */ (`workpiece.${head}`)))))),
+      h("tbody", {}, ...rows.map((row) => h("tr", {},
+        h("th", { scope: "row" }, t(/** @type {"workpiece.tool"} */ (`workpiece.${row.of}`), { mount: row.where ?? "" })),
+        h("td", { class: "right" }, `${row.point_mm.map((value) => fixed(value, 0)).join("  ")} mm`),
+        ...row.sigmas_mm.map((sigma) => h("td", { class: "right" }, `±${fixed(sigma * K, digits(row))} mm`)),
+        h("td", { class: "right" }, `±${fixed(row.worst_sigma_mm * K, digits(row))} mm`))))),
+  );
 }
 
 /** @param {string} name @param {...string} cells */

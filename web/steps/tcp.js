@@ -5,8 +5,8 @@ import { decimalsForAll, fixed, measured, plusMinus, significant, small } from "
 import { mark } from "../icons.js";
 import { t } from "../texts.js";
 import { residualPlot } from "../components/residual-plot.js";
-import { banner, compareRow, framePanel, K, pair, rawNumbers, verdictWord } from "./parts.js";
-import { differenceInSigmas, positionSigmas_mm, rotationSigmas_deg, worst } from "../uncertainty.js";
+import { banner, compareRow, framePanel, K, pair, rawNumbers, verdictWord, workpiecePanel } from "./parts.js";
+import { differenceInSigmas, differenceSigma, positionSigmas_mm, rotationSigmas_deg, worst } from "../uncertainty.js";
 
 /** @import {StageResult, TcpResult} from "../model.js" */
 /** @import {SessionState} from "../state.js" */
@@ -32,6 +32,7 @@ function sections(result, state) {
   return [
     banner(result),
     h("div", { class: "result-pair" }, toolFrame(result, state), evidence(result)),
+    workpiecePanel(result),
     plot(result, state),
     comparison(result),
     rawNumbers(result, result.tool0_from_laser),
@@ -73,7 +74,15 @@ function plot(result, state) {
     h("h2", { id: "residuals-title" }, t("residuals.title")),
     h("p", { class: "soft small" }, t("residuals.what")),
     residualPlot(result, state),
+    ...byOrientation(result, state),
   );
+}
+
+/** @param {TcpResult} result @param {SessionState} state */
+function byOrientation(result, state) {
+  const turned = result.turned_deg ?? {};
+  if (Object.values(turned).every((angle) => angle < 1)) return [];
+  return [h("h3", {}, t("residuals.by_turn")), h("p", { class: "soft small" }, t("residuals.by_turn_what")), residualPlot(result, state, turned)];
 }
 
 /** @param {TcpResult} result */
@@ -90,7 +99,7 @@ function comparison(result) {
       h("thead", {}, h("tr", {}, ...["what", "joint", "two", "difference"].map((name, index) =>
         h("th", { scope: "col", class: index > 0 && "right" }, t(/** @type {"compare.what"} */ (`compare.${name}`)))))),
       body),
-    body && h("p", { class: "soft small" }, t("compare.note")),
+    body && h("p", { class: "soft small" }, t(two.covariance ? "compare.note" : "compare.note_joint")),
   );
 }
 
@@ -100,14 +109,18 @@ function comparison(result) {
  */
 function comparisonRows(result, other) {
   const sigmas = positionSigmas_mm(result);
+  const covariance = result.two_step?.covariance ?? null;
   const decimals = decimalsForAll(sigmas.map((sigma) => sigma * K));
   const rows = ["x", "y", "z"].map((axis, index) => {
     const mine = result.tool0_from_laser[index]?.[3] ?? 0;
     const theirs = other[index]?.[3] ?? 0;
     const sigma = sigmas[index] ?? 0;
-    return compareRow(t("compare.axis", { axis }), measured(mine, sigma * K, "mm", decimals), `${fixed(theirs, decimals)} mm`, `${fixed((theirs - mine) / sigma, 1)} σ`);
+    const variance = covariance?.[3 + index]?.[3 + index];
+    const shown = variance ? measured(theirs, Math.sqrt(variance) * K, "mm", decimals) : `${fixed(theirs, decimals)} mm`;
+    const apart = (theirs - mine) / (variance ? differenceSigma(variance, sigma ** 2) : sigma);
+    return compareRow(t("compare.axis", { axis }), measured(mine, sigma * K, "mm", decimals), shown, `${fixed(apart, 1)} σ`);
   });
-  const turned = differenceInSigmas(result, other);
+  const turned = differenceInSigmas(result, other, covariance);
   rows.push(compareRow(t("compare.rotation"), plusMinus(worst(rotationSigmas_deg(result.covariance)) * K, "°"), t("compare.turned", { angle: significant(turned.angle_deg, 2) }), `${fixed(turned.sigmas, 1)} σ`));
   const two = result.two_step;
   rows.push(compareRow(t("evidence.scatter"), small(result.center_scatter_rms_mm), small(two?.center_scatter_rms_mm), ""));

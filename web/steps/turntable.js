@@ -7,7 +7,7 @@ import { t } from "../texts.js";
 import { anglePlot } from "../components/angle-plot.js";
 import { residualPlot } from "../components/residual-plot.js";
 import { positionSigmas_mm, rotationSigmas_deg, worst } from "../uncertainty.js";
-import { banner, compareRow, framePanel, K, pair, rawNumbers, verdictWord } from "./parts.js";
+import { banner, compareRow, framePanel, K, pair, rawNumbers, verdictWord, workpiecePanel } from "./parts.js";
 
 /** @import {ChainResult, StageResult, TableResult, TurntableResidual} from "../model.js" */
 /** @import {SessionState} from "../state.js" */
@@ -41,31 +41,18 @@ function sections(result, state, name) {
   const written = isChain(result) ? state.tool?.chain : state.tool?.turntable;
   const table = framePanel(state, {
     id: "table-frame", title: t("table.frame"), what: "table.frame_what", matrix: result.base_from_turntable,
-    sigmas_mm: inBase(covariance, result.base_from_turntable), written: written?.conventions,
+    sigmas_mm: positionSigmas_mm({ covariance }), written: written?.conventions,
   });
   return [
     banner(result, name),
     h("div", { class: "result-pair" }, table, axis(result)),
     isChain(result) ? h("div", { class: "result-pair" }, chainTool(result, state), noise(result)) : null,
+    workpiecePanel(result),
     wobble(result, state),
     circles(result),
     isChain(result) ? residuals(result, state) : null,
     rawNumbers(result, result.base_from_turntable, t("table.raw")),
   ];
-}
-
-/**
- * Standard deviations of the frame's origin along base's axes; the covariance has them along the frame's own.
- * @param {number[][]} covariance
- * @param {number[][]} matrix
- */
-function inBase(covariance, matrix) {
-  return [0, 1, 2].map((axis) => {
-    const row = matrix[axis] ?? [];
-    let variance = 0;
-    for (let i = 0; i < 3; i++) for (let j = 0; j < 3; j++) variance += (row[i] ?? 0) * (covariance[3 + i]?.[3 + j] ?? 0) * (row[j] ?? 0);
-    return Math.sqrt(Math.max(variance, 0));
-  });
 }
 
 /** @param {TableResult} result */
