@@ -14,12 +14,25 @@ from server import errors, openapi
 from server.auth.door import Door
 from server.auth.logins import Logins
 from server.auth.refusals import Refusals
+from server.backlog import Backlog
 from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
 from server.patience import Patience
-from server.routes import archives, captures, clouds, health, history, merged, pages, sessions, solves, tokens
+from server.routes import (
+    archives,
+    batches,
+    captures,
+    clouds,
+    health,
+    history,
+    merged,
+    pages,
+    sessions,
+    solves,
+    tokens,
+)
 from server.scenes.cloud_controls import cloud_router
 from server.scenes.controls import controls_router
 from server.scenes.manager import SceneManager
@@ -51,9 +64,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.past_scenes = past_scenes
         measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
-        app.state.measuring, app.state.logins = measuring, Logins(settings.data, store)
+        backlog = Backlog(store, measuring)
+        app.state.measuring, app.state.backlog = measuring, backlog
+        app.state.logins = Logins(settings.data, store)
         try:
             await run_in_threadpool(_start, store, jobs)
+            backlog.start()
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield
@@ -61,6 +77,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             hub.close()
             await run_in_threadpool(scenes.stop)
             await run_in_threadpool(jobs.stop)
+            await run_in_threadpool(backlog.stop)
             await run_in_threadpool(measuring.stop)
             store.close()
 
@@ -79,7 +96,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for module in (sessions, captures, solves, history, clouds, merged, archives, tokens, health):
+    for module in (sessions, captures, batches, solves, history, clouds, merged, archives, tokens, health):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(pages.router)

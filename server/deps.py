@@ -9,13 +9,14 @@ from fastapi import Depends, Header, Path, Query, Request
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
+from server.backlog import Backlog
 from server.events import Hub
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
 from server.settings import Settings
 from server.store.answers import remember_answer, stored_answer
 from server.store.database import Store
-from server.store.models import Data
+from server.store.models import AnswerRow, Data
 
 # These are coroutines because FastAPI hands every plain function to another thread first.
 
@@ -40,11 +41,16 @@ async def _measuring(request: Request) -> Measuring:
     return request.app.state.measuring
 
 
+async def _backlog(request: Request) -> Backlog:
+    return request.app.state.backlog
+
+
 SettingsDep = Annotated[Settings, Depends(_settings)]
 StoreDep = Annotated[Store, Depends(_store)]
 HubDep = Annotated[Hub, Depends(_hub)]
 JobsDep = Annotated[Jobs, Depends(_jobs)]
 MeasuringDep = Annotated[Measuring, Depends(_measuring)]
+BacklogDep = Annotated[Backlog, Depends(_backlog)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]
 CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64)]
@@ -73,6 +79,13 @@ class Once:
             return None
         with store.read() as db:
             return self._answered(db, _fingerprint(content))
+
+    def known(self, store: Store) -> bool:
+        """Return whether this key was answered before, whatever the content."""
+        if self._key is None:
+            return False
+        with store.read() as db:
+            return db.get(AnswerRow, (self._scope, self._key)) is not None
 
     def run(
         self, store: Store, content: Any, status: int, act: Callable[[Transaction], Data]

@@ -18,8 +18,8 @@ from server.errors import ForbiddenError, refuse
 from server.origin import is_safe, is_same_origin
 from server.policies import policy_for
 from server.settings import Settings, is_loopback
+from server.uploads import comes_in_pieces
 
-_ARCHIVES = "/api/v1/archives"
 _NO_DEVICES = "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=(), display-capture=()"
 
 
@@ -78,8 +78,8 @@ class Guard:
             return False
 
     def _limit(self, scope: Scope) -> int:
-        """Return how many bytes a request may have: archives go to a file as they come, all else to memory."""
-        return self._max_archive_bytes if scope["path"].startswith(_ARCHIVES) else self._max_bytes
+        """Return how many bytes a request may have: what comes in pieces goes to the disk, all else to memory."""
+        return self._max_archive_bytes if comes_in_pieces(scope["path"]) else self._max_bytes
 
 
 def _limited(receive: Receive, limit: int) -> Receive:

@@ -8,9 +8,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import problem_of_status, problem_response
 from server.settings import Settings
-
-_SLOW_ROUTES = ("/api/v1/archives",)
-"""Bodies of gigabytes: here the pieces must come in time, the answer may take what it needs."""
+from server.uploads import comes_in_pieces
 
 
 class Patience:
@@ -27,7 +25,7 @@ class Patience:
             await self._app(scope, receive, send)
             return
         receive = self._hurried(receive)
-        if scope["path"].startswith(_SLOW_ROUTES):
+        if comes_in_pieces(scope["path"]):  # they must come in time, the answer may take what it needs
             await self._app(scope, receive, send)
             return
         answer = _Answer(send)

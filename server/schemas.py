@@ -152,6 +152,21 @@ class Problem(BaseModel):
     where: str
 
 
+class BatchItem(BaseModel):
+    """What became of one capture of a batch: 201 stored now, 200 stored before, else refused and why."""
+
+    id: str | None
+    status: int
+    problem: Problem | None = None
+
+
+class BatchAnswer(BaseModel):
+    """What became of each capture of a batch, in their order; `stored` counts those that are there now."""
+
+    items: list[BatchItem]
+    stored: int
+
+
 class Job(BaseModel):
     """A solve on its way or past."""
 

@@ -8,6 +8,11 @@ from typing import Any
 from calib_core.errors import InputError
 
 
+def comes_in_pieces(path: str) -> bool:
+    """Return whether a route takes bodies of gigabytes, piece by piece, never all of one in memory."""
+    return path.startswith("/api/v1/archives") or path.endswith("/captures/batch")
+
+
 def named_files(record: dict[str, Any], uploads: list[tuple[str, bytes]]) -> dict[str, bytes]:
     """Return the uploads under the record's file names; a record without `files` is given some.
 

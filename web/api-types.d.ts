@@ -44,6 +44,17 @@ export interface AxisDifference {
   sigmas: number | null;
 }
 
+export interface BatchAnswer {
+  items: BatchItem[];
+  stored: number;
+}
+
+export interface BatchItem {
+  id: string | null;
+  status: number;
+  problem?: Problem | null;
+}
+
 export interface Board {
   kind: "chessboard" | "charuco" | "circles" | "asymmetric-circles";
   columns: number;

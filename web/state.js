@@ -149,6 +149,7 @@ export class SessionState extends EventTarget {
     }
     if (name === "capture") {
       if (data.action === "removed") this.#drop(data.capture);
+      else if (data.count) this.#later("captures");
       else {
         this.#gone.delete(data.capture);
         this.#staleCaptures.add(data.capture);

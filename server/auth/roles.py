@@ -102,6 +102,7 @@ RULES: dict[Role, tuple[str, ...]] = {
     Role.CAPTURE: (
         f"POST {_API}/sessions",
         f"PATCH {_SESSION}",
+        f"POST {_SESSION}/captures/batch",
         f"POST {_SESSION}/captures",
         f"PATCH {_CAPTURE}",
         f"DELETE {_CAPTURE}",

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import CalibrationError, ConflictError
 from calib_core.records import Capture, Measured
 from server.store.database import publish_later
-from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, now
+from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, WaitingRow, now
 from server.store.sessions import no_such_session
 
 _SESSION = select(SessionRow.record, SessionRow.last_event, SessionRow.last_position).where(
@@ -37,7 +37,8 @@ _TOUCH = (
         updated=bindparam("moment"),
     )
 )
-_ADD_CAPTURES, _ADD_FILES, _ADD_EVENT = insert(CaptureRow), insert(FileRow), insert(EventRow)
+_ADD_CAPTURES, _ADD_FILES, _ADD_WAITING = insert(CaptureRow), insert(FileRow), insert(WaitingRow)
+_ADD_EVENT = insert(EventRow)
 
 
 _Named = tuple[Capture, Mapping[str, str]]
@@ -45,12 +46,13 @@ _Named = tuple[Capture, Mapping[str, str]]
 
 @dataclass(frozen=True)
 class Arrival:
-    """A capture with the SHA-256 and size in bytes of each of its files, by name."""
+    """A capture with the SHA-256 and size in bytes of each of its files, by name; it may wait to be measured."""
 
     capture: Capture
     measured: Measured
     digests: Mapping[str, str]
     sizes: Mapping[str, int]
+    waits: bool = False
 
 
 def session_record(db: Transaction, session_id: str) -> Data:
@@ -144,6 +146,7 @@ def add_captures(
     answers: list[Data | CalibrationError] = []
     captures: list[Data] = []
     files: list[Data] = []
+    waiting: list[Data] = []
     for a, reason in zip(arriving, reasons, strict=True):
         if reason is not None:
             answers.append(reason)
@@ -163,8 +166,12 @@ def add_captures(
         )
         files += [{**keys, "name": name, "sha256": d, "size": a.sizes[name]} for name, d in a.digests.items()]
         answers.append({**data, "measured": seen})
+        if a.waits:
+            waiting.append(keys)
     if captures:
         run(_ADD_CAPTURES, captures)
+        if waiting:
+            run(_ADD_WAITING, waiting)
         if files:
             run(_ADD_FILES, files)
         told = EventRow(session_id=session_id, id=event + 1, kind="capture", data=_added(captures), created=moment)
@@ -173,6 +180,17 @@ def add_captures(
         touched = {"session": session_id, "count": len(captures), "event": event + 1, "moment": moment}
         run(_TOUCH, {**touched, "place": position + len(captures)})
     return answers
+
+
+def is_stored(db: Transaction, session_id: str, arrival: Arrival) -> bool:
+    """Return whether this very capture is there already: it was sent again after an answer got lost."""
+    row = db.get(CaptureRow, (session_id, arrival.capture.id))
+    if row is None or row.record != arrival.capture.to_json():
+        return False
+    names = select(FileRow.name, FileRow.sha256).where(
+        FileRow.session_id == session_id, FileRow.capture_id == arrival.capture.id
+    )
+    return dict(db.execute(names).all()) == dict(arrival.digests)
 
 
 def _added(captures: Sequence[Data]) -> Data:

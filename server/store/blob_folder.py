@@ -4,12 +4,16 @@ import os
 import tempfile
 import time
 from collections.abc import Generator, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
+from secrets import token_hex
 from typing import IO
 
 from server.store.blobs import YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
+
+_FORCING = 16
 
 
 class FolderBlobs(Blobs):
@@ -37,7 +41,7 @@ class FolderBlobs(Blobs):
         return digest if self._renewed(digest) else self.mend(content)
 
     def put_all(self, contents: Sequence[bytes]) -> list[str]:
-        """Store many files durably: all are written before the first is forced to the disk, which takes them along."""
+        """Store many files durably and return the SHA-256 of each."""
         digests = [sha256(content).hexdigest() for content in contents]
         with ExitStack() as stack:
             written: dict[str, tuple[IO[bytes], Path]] = {}
@@ -46,11 +50,12 @@ class FolderBlobs(Blobs):
                     written[digest] = stack.enter_context(self._new_file())
                     written[digest][0].write(content)
                     written[digest][0].flush()
-            for digest, (file, path) in written.items():
-                os.fsync(file.fileno())
-                path.replace(self.path(digest))
-            for folder in {self.path(digest).parent for digest in written}:
-                _sync_folder(folder)
+            # Many threads at once: the disk's journal is forced for all that wait, not for each.
+            with ThreadPoolExecutor(_FORCING) as threads:
+                list(threads.map(os.fsync, [file.fileno() for file, _ in written.values()]))
+                for digest, (_, path) in written.items():
+                    path.replace(self.path(digest))
+                list(threads.map(_sync_folder, {self.path(digest).parent for digest in written}))
         return digests
 
     def put_pieces(self, pieces: Pieces) -> tuple[str, int]:
@@ -143,12 +148,13 @@ class FolderBlobs(Blobs):
 
     @contextmanager
     def _new_file(self) -> Generator[tuple[IO[bytes], Path]]:
-        handle, name = tempfile.mkstemp(dir=self._arriving)
+        path = self._arriving / token_hex(16)
         try:
-            with os.fdopen(handle, "wb") as file:
-                yield file, Path(name)
+            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+                yield file, path
         finally:
-            Path(name).unlink(missing_ok=True)  # it has another name now, or is not wanted
+            with suppress(FileNotFoundError):  # it has another name now; else it is not wanted
+                path.unlink()
 
     def _place(self, file: IO[bytes], path: Path, digest: str) -> None:
         target = self.path(digest)

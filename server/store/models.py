@@ -64,6 +64,22 @@ class CaptureRow(Base):
     __table_args__ = (Index("captures_in_order", "session_id", "position"),)
 
 
+class WaitingRow(Base):
+    """A capture that came with many others and waits to be measured."""
+
+    __tablename__ = "waiting"
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
+    session_id: Mapped[str] = mapped_column(String(32))
+    capture_id: Mapped[str] = mapped_column(String(64))
+
+    __table_args__ = (
+        ForeignKeyConstraint(
+            ["session_id", "capture_id"], ["captures.session_id", "captures.id"], ondelete="CASCADE"
+        ),
+        Index("waiting_by_capture", "session_id", "capture_id"),
+    )
+
+
 class FileRow(Base):
     """One file of a capture: the name in its record and the blob with its bytes."""
 

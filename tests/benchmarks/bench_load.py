@@ -95,32 +95,53 @@ def open_page(address: str, session: str, with_scene: bool) -> Generator[list[st
         browser.close()
 
 
-def loaded(address: str, process: psutil.Process, seconds: float, page: bool, scene: bool) -> dict[str, Any]:
-    """Send captures for so many seconds and return what came of it."""
+def new_sessions(address: str, count: int) -> list[str]:
+    """Make sessions of the simulated cell's cell and return their ids."""
     with httpx.Client(base_url=f"{address}/api/v1", trust_env=False, timeout=30) as api:
         cell = simulate("tcp", 1).session.cell.to_json()
-        sessions = [api.post("/sessions", json={"cell": cell}).json()["id"] for _ in range(CLIENTS)]
-    split = address.removeprefix("http://").split(":")
-    arguments = {"host": split[0], "port": int(split[1]), "per_s": PER_S, "seconds": seconds}
+        return [api.post("/sessions", json={"cell": cell}).json()["id"] for _ in range(count)]
+
+
+def clients(address: str, **arguments: Any) -> dict[str, Any]:
+    """Let clients send from a process of their own, and return what became of it."""
+    host, port = address.removeprefix("http://").split(":")
+    command = [sys.executable, str(Path(__file__).with_name("load_clients.py"))]
+    arguments = {"host": host, "port": int(port), **arguments}
+    out = subprocess.run([*command, json.dumps(arguments)], stdout=subprocess.PIPE, check=True).stdout
+    return json.loads(out)
+
+
+def loaded(address: str, process: psutil.Process, seconds: float, page: bool, scene: bool) -> dict[str, Any]:
+    """Send captures for so many seconds and return what came of it."""
+    sessions = new_sessions(address, CLIENTS)
     with open_page(address, sessions[0], scene) if page else nullcontext([]) as complaints:
         watch = Watch(process)
         watch.start()
-        out = subprocess.run(
-            [sys.executable, str(Path(__file__).with_name("load_clients.py")),
-             json.dumps({**arguments, "sessions": sessions})],
-            stdout=subprocess.PIPE, check=True,
-        ).stdout  # fmt: skip
+        found = clients(address, sessions=sessions, per_s=PER_S, seconds=seconds)
         watch.stop()
     with httpx.Client(base_url=f"{address}/api/v1", trust_env=False, timeout=30) as api:
         stored = sum(len(api.get(f"/sessions/{session}").json()["captures"]) for session in sessions)
-    return {**json.loads(out), "complaints": complaints, "watch": watch, "stored": stored}
+    return {**found, "complaints": complaints, "watch": watch, "stored": stored}
 
 
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes the two minutes of the target."""
     seconds = 120.0 if full else 12.0
     with tempfile.TemporaryDirectory() as folder, served(Path(folder) / "data") as (address, process):
-        return capture_rows(loaded(address, process, seconds, page=True, scene=False), seconds)
+        rows = capture_rows(loaded(address, process, seconds, page=True, scene=False), seconds)
+        return [*rows, batch_row(address, 5000 if full else 1000)]
+
+
+def batch_row(address: str, captures: int) -> Row:
+    """Return how many profiles a second one request brings in, each on the disk when it is answered."""
+    (session,) = new_sessions(address, 1)
+    found = clients(address, session=session, captures=captures)
+    (seconds,) = found["durations_s"]
+    for error in found["errors"]:
+        print(f"  {error}")
+    rate = captures / seconds
+    holds = rate >= 1000 and not found["errors"]
+    return Row(f"one batch of {captures} profiles", "≥ 1,000 a second", f"{rate:.0f} a second", holds)
 
 
 def capture_rows(found: dict[str, Any], seconds: float) -> list[Row]:

@@ -67,8 +67,8 @@ class Load:
 
     host: str
     port: int
-    per_s: float
-    seconds: float
+    per_s: float = 1.0
+    seconds: float = 0.0
     cell: SimulatedSession = field(default_factory=lambda: simulate("tcp", 1))
     sent: Sent = field(default_factory=Sent)
 
@@ -108,6 +108,35 @@ async def send(sessions: list[str], **arguments: Any) -> Sent:
     return load.sent
 
 
+def batch_body(load: Load, session: str, captures: int) -> bytes:
+    """Return captures of the simulated cell as the batch route takes them."""
+    body: list[bytes] = []
+    for number in range(captures):
+        capture = load.cell.session.captures[number % _DISTINCT]
+        content = b"# %s, capture %d\n" % (session.encode(), number) + load.cell.files[capture.files[0]]
+        record = {**capture.to_json(), "id": f"b{number:06d}", "files": [f"captures/b{number:06d}.csv"]}
+        body += [json.dumps({**record, "sizes": [len(content)]}).encode(), b"\n", content]
+    return b"".join(body)
+
+
+async def send_batch(session: str, captures: int, **arguments: Any) -> Sent:
+    """Send many captures in one request."""
+    load = Load(**arguments)
+    body = batch_body(load, session, captures)
+    connection = Connection(load.host, load.port)
+    began_s = time.perf_counter()
+    status, answer = await connection.post(
+        f"/api/v1/sessions/{session}/captures/batch", "application/x-scancell-captures", body
+    )
+    load.sent.durations_s.append(time.perf_counter() - began_s)
+    connection.close()
+    items = json.loads(answer).get("items", [])
+    if status != 200 or [item["status"] for item in items] != [201] * captures:
+        load.sent.errors.append(f"{status}: {answer[:200].decode(errors='replace')}")
+    return load.sent
+
+
 if __name__ == "__main__":
     arguments = json.loads(sys.argv[1])
-    print(json.dumps(asdict(asyncio.run(send(**arguments)))))
+    act = send_batch if "session" in arguments else send
+    print(json.dumps(asdict(asyncio.run(act(**arguments)))))

@@ -1,0 +1,82 @@
+"""Captures that wait to be measured."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import bindparam, delete, select, update
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.records import Measured
+from server.store.database import record_event
+from server.store.models import CaptureRow, Data, FileRow, SessionRow, WaitingRow
+
+_NOTE = (
+    update(CaptureRow)
+    .where(
+        CaptureRow.session_id == bindparam("session"),
+        CaptureRow.id == bindparam("capture"),
+        CaptureRow.revision == bindparam("of_revision"),
+    )
+    .values(measured=bindparam("seen"))
+)
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A capture that waits, with all that measuring it takes; `digests` by file name."""
+
+    number: int
+    session_id: str
+    session_record: Data
+    capture_id: str
+    revision: int
+    record: Data
+    digests: Mapping[str, str]
+
+
+def first_waiting(db: Transaction, limit: int) -> list[Waiting]:
+    """Return those that have waited longest, captures of one session together."""
+    query = (
+        select(WaitingRow.number, SessionRow, CaptureRow)
+        .join(SessionRow, SessionRow.id == WaitingRow.session_id)
+        .join(
+            CaptureRow,
+            (CaptureRow.session_id == WaitingRow.session_id) & (CaptureRow.id == WaitingRow.capture_id),
+        )
+        .order_by(WaitingRow.number)
+        .limit(limit)
+    )
+    rows = db.execute(query).all()
+    digests: dict[tuple[str, str], dict[str, str]] = {}
+    files = select(FileRow).where(
+        FileRow.session_id.in_({row[1].id for row in rows}), FileRow.capture_id.in_({row[2].id for row in rows})
+    )
+    for file in db.scalars(files):
+        digests.setdefault((file.session_id, file.capture_id), {})[file.name] = file.sha256
+    waiting = [
+        Waiting(
+            number, session.id, session.record, c.id, c.revision, c.record, digests.get((session.id, c.id), {})
+        )
+        for number, session, c in rows
+    ]
+    return sorted(waiting, key=lambda w: w.session_id)
+
+
+def note_measured(
+    db: Transaction, session_id: str, waiting: Sequence[Waiting], measured: Sequence[Measured]
+) -> None:
+    """Store what was measured, except where the cell or the capture was changed meanwhile.
+
+    What was measured for another cell goes on waiting; a capture that was changed was measured with its change.
+    """
+    session = db.get(SessionRow, session_id, with_for_update=True, populate_existing=True)
+    if session is None or not waiting or session.record["cell"] != waiting[0].session_record["cell"]:
+        return
+    rows = [
+        {"session": session_id, "capture": w.capture_id, "of_revision": w.revision, "seen": m.to_json()}
+        for w, m in zip(waiting, measured, strict=True)
+    ]
+    db.connection().execute(_NOTE, rows)
+    db.execute(delete(WaitingRow).where(WaitingRow.number.in_([w.number for w in waiting])))
+    data: Data = {"action": "changed", "capture": waiting[-1].capture_id}
+    record_event(db, session, "capture", data if len(waiting) == 1 else {**data, "count": len(waiting)})
