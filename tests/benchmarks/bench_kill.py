@@ -52,7 +52,7 @@ def run(full: bool) -> list[Row]:
     ]
 
 
-def kill_rounds(kills: int, seed: int, longest_s: float = 3.0) -> Counts:
+def kill_rounds(kills: int, seed: int, longest_s: float = 2.0) -> Counts:
     """Kill a server under load, and starts that migrate, at random moments; look at what is left each time.
 
     Parameters
@@ -75,6 +75,9 @@ def kill_rounds(kills: int, seed: int, longest_s: float = 3.0) -> Counts:
                     _migration_round(counts, Path(folder) / "old", random)
                 else:
                     server = _load_round(counts, server, data, archive, captures, random.uniform(0.05, longest_s))
+                if counts.kills % 20 == 0:
+                    wrong = len(counts.found.lost), len(counts.found.half), counts.starts_failed
+                    print(f"    {counts.kills} kills, {counts.acknowledged} captures; wrong: {wrong}", flush=True)
         finally:
             server.kill()
         counts.found.half += _leftovers(data)
