@@ -1,14 +1,7 @@
-"""Voxel fusion beside Open3D (transform, append, voxel_down_sample): time, extra memory, occupied voxels.
+"""Voxel fusion beside Open3D (transform, append, voxel_down_sample): time, extra memory, occupied voxels."""
 
-    PYTHONPATH=. python tests/benchmarks/bench_merge.py --points 500
-
-fuses that many million points out of core instead, and prints the memory as it goes.
-"""
-
-import argparse
 import gc
 import resource
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +12,6 @@ from harness import Row
 
 from calib_core.fusion.merge import VoxelGrid, fuse
 from calib_core.kernels.fusion import pack_keys
-from calib_core.session.spill import FolderSpill
 
 VOXEL_MM = 0.5
 
@@ -112,35 +104,3 @@ def same_voxels(what: str, points: np.ndarray, ways: list[np.ndarray], thinned: 
     differ = len(np.setxor1d(keys, pack_keys(voxels)))
     figures = f"{len(keys):,} voxels, {differ} differ"
     return Row(f"{what}: occupied voxels", "the same", figures, differ == 0)
-
-
-def out_of_core(millions: int, most_bytes: int = 150_000_000) -> None:
-    """Fuse scans of a million points, each of another object, and print memory and disk as it goes."""
-    points, ways = view(1000), poses(72)
-    start = time.perf_counter()
-    with FolderSpill() as store:
-        grid = VoxelGrid(VOXEL_MM, store=store, most_bytes=most_bytes)
-        for n in range(millions):
-            way = ways[n % 72].copy()
-            way[:3, 3] += 300.0 * np.array([n // 72 % 3, n // 216, 0])  # one vase beside the other
-            grid.add(points, way[None])
-            if (n + 1) % 50 == 0:
-                print(
-                    f"{n + 1:4d} M points, {status_mb('VmRSS'):6.0f} MB now, {status_mb('VmHWM'):6.0f} MB peak, "
-                    f"{store.bytes_written / 1e6:6.0f} MB spilled, {time.perf_counter() - start:5.1f} s",
-                    flush=True,
-                )
-        fused = counted = 0
-        for piece in grid.clouds():
-            fused, counted = fused + len(piece), counted + int(piece.counts.sum())
-    print(
-        f"{fused:,} voxels of {counted:,} points, table at most {grid.peak_bytes / 1e6:.0f} MB, "
-        f"{grid.spills} spills, {status_mb('VmHWM'):.0f} MB at most, {time.perf_counter() - start:.1f} s"
-    )
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--points", type=int, default=500, help="millions")
-    out_of_core(parser.parse_args().points)
-    sys.exit(0)
