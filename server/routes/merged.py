@@ -59,11 +59,11 @@ def section(
         axis=axis,
         at_mm=at_mm,
         width_mm=width_mm,
-        across=(_AXES[across[0]], _AXES[across[1]]),
-        low_mm=(float(low[across[0]]), float(low[across[1]])),
-        high_mm=(float(high[across[0]]), float(high[across[1]])),
+        across=[_AXES[across[0]], _AXES[across[1]]],
+        low_mm=low[across].astype(float).tolist(),
+        high_mm=high[across].astype(float).tolist(),
         count=len(inside),
-        points=[(round(u, 3), round(v, 3)) for u, v in shown[:, across].astype(float).tolist()],
+        points=shown[:, across].astype(float).round(3).tolist(),
         deviations_mm=None if deviation is None else _numbers(deviation.of(shown)),
         limit_mm=None if deviation is None else deviation.limit_mm,
     )
@@ -90,7 +90,7 @@ def deviation(
         largest_mm=found.largest_mm(1.0),
         limit_mm=seen.limit_mm,
         histogram=histogram(found.values_mm, seen.limit_mm).tolist(),
-        center_mm=None if found.center_mm is None else _place(found.center_mm),
+        center_mm=None if found.center_mm is None else found.center_mm.tolist(),
         diameter_mm=None if found.radius_mm is None else 2 * found.radius_mm,
     )
 
@@ -113,7 +113,12 @@ def put_reference(
         _require_millimetres(float(np.linalg.norm(high - low)), MergeResult.model_validate(merge))
     sha256, size = store.blobs.put_pieces(ply_pieces(mesh.corners_mm, triangles=mesh.triangles))
     _replace_reference(store, session_id, Output(sha256, size))
-    return ReferenceMesh(triangles=len(mesh.triangles), low_mm=_place(low), high_mm=_place(high), sha256=sha256)
+    return ReferenceMesh(
+        triangles=len(mesh.triangles),
+        low_mm=low.astype(float).tolist(),
+        high_mm=high.astype(float).tolist(),
+        sha256=sha256,
+    )
 
 
 @router.delete("/merged/reference", status_code=204)
@@ -163,8 +168,3 @@ def _require_millimetres(extent_mm: float, merge: MergeResult) -> None:
 
 def _numbers(values: NDArray[np.float64]) -> list[float | None]:
     return [round(value, 4) if np.isfinite(value) else None for value in values.tolist()]
-
-
-def _place(values: NDArray[np.floating]) -> tuple[float, float, float]:
-    x, y, z = values.astype(float).tolist()
-    return x, y, z

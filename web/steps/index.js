@@ -2,6 +2,7 @@
 
 import { camera } from "./camera.js";
 import { laserPlane } from "./laser-plane.js";
+import { merge } from "./merge.js";
 import { tcp } from "./tcp.js";
 import { chain, turntable } from "./turntable.js";
 
@@ -15,4 +16,4 @@ import { chain, turntable } from "./turntable.js";
  */
 
 /** @type {Record<string, StepPage>} */
-export const steps = { camera, "laser-plane": laserPlane, tcp, turntable, chain };
+export const steps = { camera, "laser-plane": laserPlane, tcp, turntable, chain, merge };

@@ -1,0 +1,105 @@
+// The merged cloud: how far overlapping scans lie apart beside what was expected, what became of each scan, the files.
+
+import { api } from "../api.js";
+import { MergedElement } from "../components/merged.js";
+import { h, make } from "../dom.js";
+import { fixed, integer, small } from "../format.js";
+import { mark } from "../icons.js";
+import { t } from "../texts.js";
+import { banner, pair, verdictWord } from "./parts.js";
+
+/** @import {MergeResidual, MergeResult, StageResult} from "../model.js" */
+/** @import {SessionState} from "../state.js" */
+
+const OF_CLOUD = /** @type {const} */ (["ply", "pcd", "xyz", "e57"]);
+const OF_MESH = /** @type {const} */ (["ply", "stl"]);
+
+/** @param {MergeResult} result */
+function summary(result) {
+  return [h(
+    "div", { class: "answer" },
+    h("h3", {}, t("step.merge"), " ", mark(result.stale ? "stale" : result.verdict, verdictWord(result))),
+    h("p", { class: "number" }, t("merge.points", { points: integer(result.points) })),
+    result.overlap_rms_mm !== null && h("p", { class: "small soft" }, t("merge.apart_short", { apart: small(result.overlap_rms_mm), expected: small(result.expected_overlap_rms_mm) })),
+  )];
+}
+
+/** @param {MergeResult} result @param {SessionState} state */
+function sections(result, state) {
+  return [
+    banner(result, t("step.merge")),
+    h("div", { class: "result-pair" }, figures(result), files(result, state)),
+    result.cloud ? make(MergedElement, { state }) : null,
+    scans(result),
+    h("p", { class: "soft small" }, `${result.method} · ${result.software} · ${t("raw.inputs", { hash: result.inputs_sha256.slice(0, 12) })}`),
+  ];
+}
+
+/** @param {MergeResult} result */
+function figures(result) {
+  const size = result.high_mm.map((high, axis) => fixed(high - (result.low_mm[axis] ?? 0), 1)).join(" × ");
+  return h(
+    "section", { class: "panel", "aria-labelledby": "merge-title" },
+    h("h2", { id: "merge-title" }, t("merge.apart")),
+    h("dl", { class: "pairs number" },
+      pair(t("merge.measured"), small(result.overlap_rms_mm)),
+      pair(t("merge.expected"), small(result.expected_overlap_rms_mm)),
+      result.registered_overlap_rms_mm !== null && result.registered_overlap_rms_mm !== undefined && pair(t("merge.registered"), small(result.registered_overlap_rms_mm)),
+      pair(t("merge.pairs"), integer(result.overlap_pairs)),
+    ),
+    h("p", { class: "soft small" }, t("merge.apart_what")),
+    h("h3", {}, t("merge.cloud")),
+    h("dl", { class: "pairs number" },
+      pair(t("quality.points"), t("merge.of", { part: integer(result.points), all: integer(result.scanned_points) })),
+      pair(t("merge.voxel"), `${fixed(result.voxel_mm, 2)} mm`),
+      pair(t("merge.size"), `${size} mm`),
+      pair(t("merge.triangles"), result.mesh ? integer(result.triangles ?? 0) : "–"),
+    ),
+  );
+}
+
+/** @param {MergeResult} result @param {SessionState} state */
+function files(result, state) {
+  const link = (/** @type {string} */ stem, /** @type {string} */ format) =>
+    h("a", { class: "file", href: api.cloudAddress(state.id, `${stem}.${format}`), download: `${state.id}-${stem}.${format}` }, format.toUpperCase());
+  const row = (/** @type {string} */ name, /** @type {string} */ stem, /** @type {readonly string[]} */ formats) =>
+    h("div", { class: "files-row" }, h("h3", {}, name), ...formats.map((format) => link(stem, format)));
+  return h(
+    "section", { class: "panel", "aria-labelledby": "merge-files" },
+    h("h2", { id: "merge-files" }, t("merge.files")),
+    result.cloud ? row(t("merge.cloud"), "merged", OF_CLOUD) : h("p", {}, t("merge.no_cloud")),
+    result.mesh && row(t("merge.mesh"), "mesh", OF_MESH),
+    h("p", { class: "soft small" }, t(result.frame === "turntable" ? "merge.in_table" : "merge.in_base"), " ", t("merge.units")),
+  );
+}
+
+/** @param {MergeResult} result */
+function scans(result) {
+  const heads = /** @type {const} */ (["scan", "kept", "stray", "mixed", "grazing", "off", "expected_short"]);
+  return h(
+    "section", { class: "panel", "aria-labelledby": "merge-scans" },
+    h("h2", { id: "merge-scans" }, t("merge.each")),
+    h("div", { class: "wide-table", role: "region", tabindex: 0, "aria-labelledby": "merge-scans" },
+      h("table", { class: "number compare" },
+        h("thead", {}, h("tr", {}, ...heads.map((head, index) => h("th", { scope: "col", class: index > 0 && "right" }, t(`merge.${head}`))))),
+        h("tbody", {}, ...result.residuals.map(scanRow)))),
+    h("p", { class: "soft small" }, t("merge.each_what")),
+  );
+}
+
+/** @param {MergeResidual} row */
+function scanRow(row) {
+  const share = (/** @type {number | undefined} */ count) => h("td", { class: "right" }, row.points ? `${fixed((100 * (count ?? 0)) / row.points, 1)} %` : "–");
+  const name = h("th", { scope: "row" }, row.capture);
+  if (!row.used) return h("tr", {}, name, h("td", { colspan: 6 }, mark("warn", row.reason ?? t("captures.rejected"))));
+  return h("tr", {}, name,
+    h("td", { class: "right" }, row.points ? t("merge.of", { part: integer(row.kept ?? 0), all: integer(row.points) }) : "–"),
+    share(row.stray), share(row.mixed), share(row.grazing),
+    h("td", { class: "right" }, small(row.overlap_rms_mm)), h("td", { class: "right" }, small(row.expected_overlap_rms_mm)));
+}
+
+/** @type {import("./index.js").StepPage} */
+export const merge = {
+  summary: (result) => summary(/** @type {MergeResult} */ (result)),
+  result: (/** @type {StageResult} */ result, state) => sections(/** @type {MergeResult} */ (result), state),
+};
