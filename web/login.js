@@ -16,7 +16,7 @@ function destination() {
 const problem = h("p", { class: "form-problem", role: "alert", id: "login-problem", hidden: true });
 const field = h("input", {
   id: "token", name: "token", type: "password", required: true, autocomplete: "current-password", spellcheck: "false",
-  autocapitalize: "none", autofocus: true, "aria-describedby": "token-hint login-problem",
+  autocapitalize: "none", "aria-describedby": "token-hint login-problem",
 });
 const button = h("button", { type: "submit", class: "primary" }, t("login.go"));
 

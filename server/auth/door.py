@@ -46,12 +46,12 @@ class Door:
             self._count(identity, act.address)
             _require(identity, scope, act)
         except (LoginError, ForbiddenError) as error:
-            await run_in_threadpool(_refusals(scope).note, scope["app"].state.store, act)
             if isinstance(error, LoginError) and _is_page(scope):
                 page = RedirectResponse(f"/login?next={quote(act.path, safe='')}", status_code=303)
                 await page(scope, receive, send)
-            else:
-                await refuse(error, scope, receive, send)
+                return
+            await run_in_threadpool(_refusals(scope).note, scope["app"].state.store, act)
+            await refuse(error, scope, receive, send)
             return
         except CalibrationError as error:
             await refuse(error, scope, receive, send)

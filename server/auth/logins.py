@@ -104,10 +104,9 @@ class Logins:
         row = self._row(db, token)
         if row is None:
             raise LoginError(
-                "a token that is good",
+                "a good token",
                 "one that is unknown, expired or revoked",
                 "Check that all of it was pasted, or ask an admin of this server for a new one.",
-                "token",
             )
         cookie = new_cookie()
         add_login(db, self._digest(cookie), row, lifetime)
