@@ -124,11 +124,12 @@ class Known(Record):
 
 
 class MergeSettings(Record):
-    """How scans are merged; all may be left out."""
+    """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile."""
 
     voxel_mm: Positive = 0.5
     mesh: Literal["poisson", "grid", "none"] = "poisson"
     registration: bool = False
+    memory_mb: Positive = 1000.0
 
 
 class Cell(Record):
@@ -505,8 +506,8 @@ class MergeResult(Result):
     frame or, without a turntable, in the robot's base.  `expected_overlap_rms_mm` follows from noise and from what
     the calibration leaves uncertain; `registered_overlap_rms_mm` is that after a registration, and
     `registration_shift_rms_mm` how far it moved the scans.  `surface_sigma_mm` is the standard deviation of the
-    merged surface's place along its normal.  `calibrated_by` says where tool and table come from: the stage, or
-    "known".
+    merged surface's place along its normal.  `spills` counts how often memory was emptied to disk; `calibrated_by`
+    says where tool and table come from: the stage, or "known".
     """
 
     stage: Literal["merge"] = "merge"
@@ -515,6 +516,7 @@ class MergeResult(Result):
     points: int
     scanned_points: int
     voxel_mm: float
+    spills: int = 0
     overlap_rms_mm: float | None
     expected_overlap_rms_mm: float | None
     overlap_pairs: int

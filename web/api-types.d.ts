@@ -474,6 +474,7 @@ export interface MergeResult {
   points: number;
   scanned_points: number;
   voxel_mm: number;
+  spills?: number;
   overlap_rms_mm: number | null;
   expected_overlap_rms_mm: number | null;
   overlap_pairs: number;
@@ -494,6 +495,7 @@ export interface MergeSettings {
   voxel_mm?: number;
   mesh?: "poisson" | "grid" | "none";
   registration?: boolean;
+  memory_mb?: number;
 }
 
 export interface MomentChange {

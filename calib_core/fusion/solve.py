@@ -10,7 +10,7 @@ from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.certainty import surface_sigma_mm
 from calib_core.fusion.clean import KEPT, CleanOptions, CleanScan, clean_scan
-from calib_core.fusion.merge import SpillStore, VoxelCloud, VoxelGrid
+from calib_core.fusion.merge import SpillStore, VoxelGrid
 from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, sheet
 from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap, patches
 from calib_core.fusion.register import Registration, register
@@ -19,6 +19,7 @@ from calib_core.fusion.scan import Scan
 Progress = Callable[[float, str], None]
 
 _PATCH_VOXELS = 3.0
+_POISSON_BYTES = 1000  # a point, about: the octree and its system of equations
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class MergeOptions:
     clean : CleanOptions
     patch_mm : float, optional
         Voxels in which scans are compared; three times `voxel_mm` if left out.
+    most_bytes : int
+        Memory for voxels, and again for a mesh; used with a store.
     """
 
     voxel_mm: float = 0.5
@@ -41,6 +44,7 @@ class MergeOptions:
     registration: bool = False
     clean: CleanOptions = field(default_factory=CleanOptions)
     patch_mm: float | None = None
+    most_bytes: int = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -53,12 +57,23 @@ class ScanCounts:
 
 
 @dataclass(frozen=True, eq=False)
+class Extent:
+    """How many points a cloud has, and the lowest and highest of their coordinates, (3,) mm."""
+
+    points: int
+    low_mm: FloatArray
+    high_mm: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class MergeSolution:
     """The merged cloud and its evidence.
 
     Parameters
     ----------
-    cloud : VoxelCloud
+    grid : VoxelGrid
+        All points, in memory or in the store, which must still be there to take them out.
+    extent : Extent
     mesh : Mesh or None
     overlap : Overlap
         Before any registration; rows of `per_scan` as `used`.
@@ -78,7 +93,8 @@ class MergeSolution:
     warnings : tuple of str
     """
 
-    cloud: VoxelCloud
+    grid: VoxelGrid
+    extent: Extent
     mesh: Mesh | None
     overlap: Overlap
     surface_sigma_mm: float
@@ -123,7 +139,7 @@ def solve_merge(
     tell = progress or _say_nothing
     if not scans:
         raise InputError("at least one scan", "none", "Scan the object and add the captures.", "captures")
-    grid = VoxelGrid(o.voxel_mm, normals=True, store=store)
+    grid = VoxelGrid(o.voxel_mm, normals=True, store=store, most_bytes=o.most_bytes)
     failed: dict[str, MeasurementError] = {}
     counts: dict[str, ScanCounts] = {}
     used: list[int] = []
@@ -131,12 +147,12 @@ def solve_merge(
 
     def take(clean: CleanScan) -> None:
         grid.add(clean.points_in_turntable_mm, None, clean.weights, clean.normals, clean.name)
-        if o.mesh == "grid":
+        if o.mesh == "grid" and _mesh_bytes(sheets) <= o.most_bytes:
             sheets.append(sheet(clean))
 
     def cleaned() -> Iterator[CleanScan]:
         for number, scan in enumerate(scans):
-            tell(0.6 * number / len(scans), f"Cleaning and merging {scan.name}")
+            tell(0.6 * number / len(scans), f"Cleaning and merging {scan.name}{_on_disk(grid)}")
             try:
                 clean = clean_scan(scan, o.clean)
             except MeasurementError as error:
@@ -164,15 +180,16 @@ def solve_merge(
         seen, left = registration.moved, registration.errors
         for done, (number, move) in enumerate(zip(used, registration.turntable_from_scan, strict=True)):
             scan = scans[number]
-            tell(0.62 + 0.13 * done / len(used), f"Merging {scan.name}")
+            tell(0.62 + 0.13 * done / len(used), f"Merging {scan.name}{_on_disk(grid)}")
             take(clean_scan(_moved(scan, move), o.clean))
     tell(0.75, "Gathering the points")
-    cloud = grid.cloud()
+    extent = _extent(grid)
     tell(0.8, "Building the mesh")
-    mesh, warnings = _mesh(cloud, sheets, o)
+    mesh, warnings = _mesh(grid, extent, sheets, o)
     tell(1.0, "Merged")
     return MergeSolution(
-        cloud=cloud,
+        grid=grid,
+        extent=extent,
         mesh=mesh,
         overlap=apart,
         surface_sigma_mm=surface_sigma_mm(seen, left),
@@ -200,13 +217,35 @@ def _moved(scan: Scan, turntable_from_scan: FloatArray) -> Scan:
     return replace(scan, turntable_from_laser=turntable_from_scan @ scan.turntable_from_laser)
 
 
-def _mesh(cloud: VoxelCloud, sheets: Sequence[Mesh], options: MergeOptions) -> tuple[Mesh | None, list[str]]:
+def _on_disk(grid: VoxelGrid) -> str:
+    return f" (memory was emptied to the disk {grid.spills} times)" if grid.spills else ""
+
+
+def _extent(grid: VoxelGrid) -> Extent:
+    points, low, high = 0, np.full(3, np.inf), np.full(3, -np.inf)
+    for cloud in grid.clouds():
+        points += len(cloud)
+        low, high = np.minimum(low, cloud.points_mm.min(axis=0)), np.maximum(high, cloud.points_mm.max(axis=0))
+    return Extent(points, low, high)
+
+
+def _mesh_bytes(sheets: Sequence[Mesh]) -> int:
+    return sum(one.points_mm.nbytes + one.triangles.nbytes for one in sheets)
+
+
+def _mesh(
+    grid: VoxelGrid, extent: Extent, sheets: Sequence[Mesh], options: MergeOptions
+) -> tuple[Mesh | None, list[str]]:
     """Return the mesh that is asked for; without one, and why not, where the points do not give it."""
     if options.mesh == "none":
         return None, []
+    needed = _POISSON_BYTES * extent.points if options.mesh == "poisson" else _mesh_bytes(sheets)
+    if grid.spills and needed > options.most_bytes:
+        to_do = "Allow more memory (cell.merge.memory_mb), take larger voxels, or cell.merge.mesh = none."
+        return None, [f"No mesh: it would need more than the memory allowed. {to_do}"]
     try:
         if options.mesh == "grid":
             return joined(sheets), []
-        return poisson_mesh(cloud, options.voxel_mm), []
+        return poisson_mesh(grid.cloud(), options.voxel_mm), []
     except CalibrationError as error:
         return None, [f"No mesh: need {error.need}, got {error.got}. {error.to_do}"]

@@ -42,17 +42,42 @@ def ply_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ, triangles: Arra
         If there are no points, or names and columns differ in number.
     """
     table = _table(values, names)
-    header = ["ply", "format binary_little_endian 1.0", "comment unit mm", f"element vertex {len(table)}"]
-    header += [f"property float {name}" for name in names]
     faces = None if triangles is None else _faces(triangles, len(table))
-    if faces is not None:
-        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-    yield ("\n".join([*header, "end_header"]) + "\n").encode("ascii")
+    yield _ply_header(names, len(table), None if faces is None else len(faces))
     yield table.data.cast("B")
     if faces is not None:
         records = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
         records["count"], records["corners"] = 3, faces
         yield records.tobytes()
+
+
+def ply_pieces_of(tables: Iterable[ArrayLike], count: int, names: tuple[str, ...] = _XYZ) -> Pieces:
+    """Give a binary PLY file of points that are never in memory together.
+
+    Parameters
+    ----------
+    tables : iterable of (N, K) float32
+        As in `ply_pieces`.
+    count : int
+        Of all points.
+    names : tuple of K str
+
+    Raises
+    ------
+    InputError
+        If there are no points, or names and columns differ in number.
+    """
+    yield _ply_header(names, count, None)
+    for values in tables:
+        yield _table(values, names).data.cast("B")
+
+
+def _ply_header(names: tuple[str, ...], points: int, triangles: int | None) -> bytes:
+    header = ["ply", "format binary_little_endian 1.0", "comment unit mm", f"element vertex {points}"]
+    header += [f"property float {name}" for name in names]
+    if triangles is not None:
+        header += [f"element face {triangles}", "property list uchar int vertex_indices"]
+    return ("\n".join([*header, "end_header"]) + "\n").encode("ascii")
 
 
 def pcd_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ) -> Pieces:

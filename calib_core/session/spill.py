@@ -1,6 +1,5 @@
-"""Where a merge puts the voxels that memory does not hold: one file a tile, in a folder that goes away."""
+"""Where a merge puts the voxels that memory does not hold: a nameless file, which goes away whatever happens."""
 
-import shutil
 import tempfile
 from pathlib import Path
 from types import TracebackType
@@ -8,13 +7,15 @@ from types import TracebackType
 from calib_core.errors import InputError
 
 
-class FolderSpill:
-    """A store of tiles in a temporary folder; use it in a `with` statement.
+class FileSpill:
+    """A store of tiles in a temporary file that has no name; use it in a `with` statement.
+
+    However the process ends, the system takes the file away with it.
 
     Parameters
     ----------
     parent : Path, optional
-        Where to make the folder; the system's temporary folder otherwise.
+        A folder on the disk to use; the system's temporary folder otherwise.
 
     Raises
     ------
@@ -23,28 +24,45 @@ class FolderSpill:
     """
 
     def __init__(self, parent: Path | None = None) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix="scancell-merge-", dir=parent))
+        self._folder = str(parent or tempfile.gettempdir())
+        try:
+            # Every write goes to the disk, so that a full one is met here.
+            self._file = tempfile.TemporaryFile(dir=parent, buffering=0)  # noqa: SIM115 (`__exit__` closes it)
+        except OSError as error:
+            raise self._no_room(error) from None
+        self._places: dict[int, list[tuple[int, int]]] = {}
         self.bytes_written = 0
 
-    def __enter__(self) -> "FolderSpill":
+    def __enter__(self) -> "FileSpill":
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        shutil.rmtree(self.folder, ignore_errors=True)
+        self._file.close()
 
     def append(self, tile: int, data: bytes) -> None:
         """Add bytes to a tile; raises InputError."""
+        place = self.bytes_written
         try:
-            with (self.folder / f"{tile}.voxels").open("ab") as file:
-                file.write(data)
+            self._file.seek(place)
+            rest = memoryview(data)
+            while len(rest):
+                rest = rest[self._file.write(rest) :]
         except OSError as error:
-            got = error.strerror or type(error).__name__
-            to_do = "Make room there, merge with larger voxels, or allow more memory."
-            raise InputError("room for the merge's intermediate files", got, to_do, str(self.folder)) from None
+            raise self._no_room(error) from None
+        self._places.setdefault(tile, []).append((place, len(data)))
         self.bytes_written += len(data)
 
     def read(self, tile: int) -> bytes:
         """Return all bytes of a tile."""
-        return (self.folder / f"{tile}.voxels").read_bytes()
+        pieces: list[bytes] = []
+        for place, size in self._places[tile]:
+            self._file.seek(place)
+            pieces.append(self._file.read(size))
+        return b"".join(pieces)
+
+    def _no_room(self, error: OSError) -> InputError:
+        got = (error.strerror or type(error).__name__).lower()
+        to_do = "Make room there, merge with larger voxels, or allow more memory (cell.merge.memory_mb)."
+        return InputError("room for the merge's intermediate file", got, to_do, self._folder)

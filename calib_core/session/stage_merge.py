@@ -20,8 +20,9 @@ from calib_core.records import (
     VarianceComponents,
     Verdict,
 )
-from calib_core.session.point_writers import Pieces, ply_pieces
+from calib_core.session.point_writers import Pieces, ply_pieces, ply_pieces_of
 from calib_core.session.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
+from calib_core.session.spill import FileSpill
 from calib_core.session.stage_tcp import SOFTWARE, StageInput
 from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE
 
@@ -59,12 +60,13 @@ def solve_merge_stage(given: StageInput) -> MergeResult:
     def tell(fraction: float, what: str) -> None:
         given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
 
-    solution = solve_merge(plan.scans, plan.errors, plan.options, tell)
-    result = _result(given, plan, solution)
-    if given.store is not None:
-        given.store(CLOUD_FILE, _cloud_pieces(solution))
-        if solution.mesh is not None:
-            given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
+    with FileSpill() as spill:
+        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, spill)
+        result = _result(given, plan, solution)
+        if given.store is not None:
+            given.store(CLOUD_FILE, _cloud_pieces(solution))
+            if solution.mesh is not None:
+                given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
     return result
 
 
@@ -89,15 +91,20 @@ def plan_merge(given: StageInput) -> MergePlan:
     groups = scan_groups(captures)
     calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
     settings = given.session.cell.merge
-    options = MergeOptions(settings.voxel_mm, settings.mesh, settings.registration)
+    options = MergeOptions(
+        settings.voxel_mm, settings.mesh, settings.registration, most_bytes=int(1e6 * settings.memory_mb)
+    )
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
     return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options)
 
 
 def _cloud_pieces(solution: MergeSolution) -> Pieces:
-    cloud = solution.cloud
-    table = np.column_stack([cloud.points_mm, np.nan_to_num(cloud.normals), cloud.sigma_mm])
-    return ply_pieces(table, ("x", "y", "z", "nx", "ny", "nz", "sigma"))
+    names = ("x", "y", "z", "nx", "ny", "nz", "sigma")
+    tables = (
+        np.column_stack([cloud.points_mm, np.nan_to_num(cloud.normals), cloud.sigma_mm])
+        for cloud in solution.grid.clouds()
+    )
+    return ply_pieces_of(tables, solution.extent.points, names)
 
 
 def _calibration(given: StageInput, with_table: bool) -> _Calibration:
@@ -216,7 +223,6 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
     apart, calibration = solution.overlap, plan.calibration
     warnings = [*calibration.warnings, *solution.warnings, *_doubts(solution)]
     verdict: Verdict = "warn" if warnings else "pass"
-    points = solution.cloud.points_mm
     registered, table = solution.registration, calibration.placement.base_from_turntable
     return MergeResult(
         method="chain, cleaning on the scan's grid, voxel means weighted by 1/σ²"
@@ -227,9 +233,10 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         warnings=warnings,
         frame="base" if table is None else "turntable",
         cloud=CLOUD_FILE,
-        points=len(points),
+        points=solution.extent.points,
         scanned_points=sum(counts.points for counts in solution.counts.values()),
         voxel_mm=given.session.cell.merge.voxel_mm,
+        spills=solution.grid.spills,
         overlap_rms_mm=_number(apart.rms_mm),
         expected_overlap_rms_mm=_number(apart.expected_rms_mm),
         overlap_pairs=apart.pairs,
@@ -241,8 +248,8 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         base_from_turntable=None if table is None else table.to_rows(),
         mesh=MESH_FILE if solution.mesh else None,
         triangles=len(solution.mesh.triangles) if solution.mesh else 0,
-        low_mm=points.min(axis=0).tolist(),
-        high_mm=points.max(axis=0).tolist(),
+        low_mm=solution.extent.low_mm.tolist(),
+        high_mm=solution.extent.high_mm.tolist(),
         residuals=_rows(given, plan.groups, solution),
     )
 

@@ -44,7 +44,7 @@ class Run:
 
 
 def ball_of(solution: MergeSolution, truth: dict[str, object]) -> Ball:
-    fit = fit_sphere(solution.cloud.points_mm.astype(float))
+    fit = fit_sphere(solution.grid.cloud().points_mm.astype(float))
     covariance = sphere_covariance(solution.patches, solution.errors, fit.center_mm)
     return Ball(
         diameter_error_mm=2 * fit.radius_mm - float(str(truth["ball_diameter_mm"])),

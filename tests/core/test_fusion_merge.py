@@ -12,7 +12,7 @@ from calib_core.frames import RigidTransform
 from calib_core.fusion.merge import VoxelCloud, VoxelGrid, fuse
 from calib_core.fusion.scan import Scan, as_rows, scan_of_cloud, scan_of_profiles
 from calib_core.kernels.fusion import pack_keys, unpack_keys
-from calib_core.session.spill import FolderSpill
+from calib_core.session.spill import FileSpill
 
 
 def plain(points: np.ndarray, weights: np.ndarray, size: float) -> dict[tuple[int, int, int], np.ndarray]:
@@ -86,7 +86,7 @@ def test_beyond_the_memory_allowed_the_answer_is_the_same(tmp_path: Path, most_b
     rng = np.random.default_rng(1)
     points = rng.uniform(-200, 200, (60, 200, 3)).astype(np.float32)
     free, bounded = VoxelGrid(2.0), None
-    with FolderSpill(tmp_path) as store:
+    with FileSpill(tmp_path) as store:
         bounded = VoxelGrid(2.0, store=store, most_bytes=most_bytes)
         for part in np.array_split(points, 6):
             free.add(part)
@@ -102,16 +102,13 @@ def test_beyond_the_memory_allowed_the_answer_is_the_same(tmp_path: Path, most_b
 
 
 def test_a_full_disk_while_spilling_is_named_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
     points = np.random.default_rng(2).uniform(-200, 200, (60, 200, 3)).astype(np.float32)
-    with FolderSpill(tmp_path) as store:
+    with FileSpill(tmp_path) as store:
         grid = VoxelGrid(2.0, store=store, most_bytes=40_000)
-        monkeypatch.setattr(Path, "open", full)
-        with pytest.raises(InputError, match="No space left on device"):
-            grid.add(points)
-        monkeypatch.undo()
+        with Path("/dev/full").open("r+b", buffering=0) as full, monkeypatch.context() as patched:
+            patched.setattr(store, "_file", full)
+            with pytest.raises(InputError, match="no space left on device"):
+                grid.add(points)
     assert not list(tmp_path.iterdir())
 
 

@@ -37,7 +37,7 @@ def test_scans_become_one_cloud_and_one_mesh_and_progress_moves():
     )
     assert solution.used == tuple(scan.name for scan in scans)
     assert 0.4 < solution.overlap.rms_mm / solution.overlap.expected_rms_mm < 2.0
-    assert radial_rms(solution.cloud.points_mm) < 0.06
+    assert radial_rms(solution.grid.cloud().points_mm) < 0.06
     assert solution.mesh is not None
     assert radial_rms(solution.mesh.points_mm) < 0.1
     assert told == sorted(told)
@@ -57,7 +57,7 @@ def test_registration_is_an_option_and_makes_the_cloud_thinner():
     assert registered.overlap.rms_mm == pytest.approx(as_calibrated.overlap.rms_mm)  # reported before registration
     assert registered.registration.after.rms_mm < 0.5 * registered.overlap.rms_mm
     assert registered.registration.shift_mm.max() > 0.02
-    roughness = [fit_sphere(s.cloud.points_mm.astype(float)).rms_mm for s in (as_calibrated, registered)]
+    roughness = [fit_sphere(s.grid.cloud().points_mm.astype(float)).rms_mm for s in (as_calibrated, registered)]
     assert roughness[1] < roughness[0]
 
 

@@ -227,3 +227,30 @@ def test_the_moves_of_a_scan_by_tool_and_table_are_those_of_finite_steps():
         moved = here + np.cross(moves[:3, column], here) * 1e-6 + moves[3:, column] * 1e-6
         np.testing.assert_allclose(place(change), moved, atol=1e-8)
     assert move_of_pose_change(pose.matrix, np.zeros((6, 1))).shape == (6, 1)
+
+
+def test_beyond_the_memory_allowed_the_merge_goes_by_way_of_the_disk(tmp_path: Path):
+    told: list[str] = []
+    clouds = {}
+    for name, memory_mb in (("memory", 1000.0), ("disk", 0.5)):
+        given = session(memory_mb=memory_mb, voxel_mm=0.2)
+        result = solve(
+            given,
+            store=lambda file, pieces, name=name: write_pieces(tmp_path / name / file, pieces),
+            progress=lambda _fraction, what: told.append(what),
+        )
+        points = parse_cloud((tmp_path / name / CLOUD_FILE).read_bytes(), CLOUD_FILE)
+        assert len(points) == result.points
+        clouds[name] = points[np.lexsort(np.round(points, 2).T)], result
+    (whole, in_memory), (pieced, on_disk) = clouds.values()
+    assert (in_memory.spills, on_disk.spills > 1) == (0, True)
+    np.testing.assert_allclose(pieced, whole, atol=0.02)  # in another order where coordinates nearly agree
+    assert on_disk.overlap_rms_mm == in_memory.overlap_rms_mm
+    np.testing.assert_allclose(on_disk.high_mm, in_memory.high_mm, atol=1e-5)
+    assert any("emptied to the disk" in what for what in told)
+
+
+def test_a_mesh_that_memory_does_not_allow_is_left_out_with_the_reason():
+    result = solve(session(memory_mb=0.5, voxel_mm=0.2, mesh="poisson"), store=lambda _name, pieces: list(pieces))
+    assert result.mesh is None
+    assert any("cell.merge.memory_mb" in warning for warning in result.warnings)
