@@ -61,8 +61,10 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
 
 
 def _places_mm(facts: SceneFacts) -> FloatArray:
-    """Return the places (N, 3) that a view must hold: flanges, scanners, sphere."""
+    """Return the places (N, 3) that a view must hold: flanges, also the next one, scanners, sphere."""
     places = [capture.base_from_tool0.translation_mm for capture in facts.captures]
+    if facts.next_pose is not None:
+        places.append(facts.next_pose.translation_mm)
     for capture in facts.captures:
         laser = facts.base_from_laser(capture)
         if laser is not None:

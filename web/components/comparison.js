@@ -163,7 +163,8 @@ function valueWords(figure, value) {
 
 /** @param {RowDifference[]} rows @param {{ left: string, right: string }} names */
 function pairPlot(rows, names) {
-  const values = rows.flatMap((row) => [row.left?.["mahalanobis"], row.right?.["mahalanobis"]]).filter((value) => typeof value === "number");
+  // What was rejected may lie far off; it is drawn at the edge.
+  const values = rows.flatMap((row) => [row.left_used ? row.left?.["mahalanobis"] : 0, row.right_used ? row.right?.["mahalanobis"] : 0]).filter((value) => typeof value === "number");
   const top = Math.min(12, Math.max(4, Math.ceil(Math.max(0, ...values) + 0.5)));
   const width = Math.max(WIDTH, LEFT + rows.length * 16);
   const x = (/** @type {number} */ index) => LEFT + ((index + 0.5) * (width - LEFT)) / rows.length;

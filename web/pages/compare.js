@@ -94,7 +94,7 @@ export class ComparePage extends HTMLElement {
 
 /** @param {Comparison} comparison */
 function names({ left, right }) {
-  if (left.session === right.session) return { left: t("comparison.solved", { when: when(left.created) }), right: t("comparison.solved", { when: when(right.created) }) };
+  if (left.session === right.session) return { left: t("comparison.first", { when: when(left.created) }), right: t("comparison.second", { when: when(right.created) }) };
   return { left: left.name || left.session, right: right.name || right.session };
 }
 

@@ -112,10 +112,10 @@ export function workpiecePanel({ at_workpiece: rows = [] }) {
     h("h2", { id: "workpiece-title" }, t("workpiece.title")),
     h("p", { class: "soft small" }, t("workpiece.what")),
     h("table", { class: "number compare" },
-      h("thead", {}, h("tr", {}, ...["by", "point", "x", "y", "z", "worst"].map((head, index) => h("th", { scope: "col", class: index > 0 && "right" }, t(/** @type {"workpiece.by"} */ (`workpiece.${head}`)))))),
+      h("thead", {}, h("tr", {}, ...["by", "x", "y", "z", "worst"].map((head, index) => h("th", { scope: "col", class: index > 0 && "right" }, t(/** @type {"workpiece.by"} */ (`workpiece.${head}`)))))),
       h("tbody", {}, ...rows.map((row) => h("tr", {},
-        h("th", { scope: "row" }, t(/** @type {"workpiece.tool"} */ (`workpiece.${row.of}`), { mount: row.where ?? "" })),
-        h("td", { class: "right" }, `${row.point_mm.map((value) => fixed(value, 0)).join("  ")} mm`),
+        h("th", { scope: "row" }, t(/** @type {"workpiece.tool"} */ (`workpiece.${row.of}`), { mount: row.where ?? "" }), h("br"),
+          h("span", { class: "soft" }, t("workpiece.at", { point: row.point_mm.map((value) => fixed(value, 0)).join(", ") }))),
         ...row.sigmas_mm.map((sigma) => h("td", { class: "right" }, `±${fixed(sigma * K, digits(row))} mm`)),
         h("td", { class: "right" }, `±${fixed(row.worst_sigma_mm * K, digits(row))} mm`))))),
   );
