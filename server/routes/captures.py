@@ -26,8 +26,9 @@ from server.deps import (
 from server.measuring import check_poses
 from server.measuring_processes import Measuring
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
+from server.sources.receiving import receive
 from server.sources.simulated import next_capture
-from server.store.arrivals import Arrival, add_captures, require_free, session_record
+from server.store.arrivals import add_captures
 from server.store.blobs import chunks_to_end
 from server.store.captures import (
     capture_data,
@@ -122,20 +123,11 @@ def _store(
     contents: Mapping[str, bytes],
     content: Any = None,
 ) -> Response:
-    digests = digests_of(contents)
-    content = content or [capture.to_json(), digests]
+    content = content or [capture.to_json(), digests_of(contents)]
     answered = once.answered(store, content)
     if answered is not None:
         return answered
-    with store.read() as db:
-        record = session_record(db, session_id)
-        require_free(db, session_id, capture, digests)
-    session = empty_session(record, session_id)
-    check_poses(session, capture)
-    measured = measuring.measure(session, capture, contents.__getitem__)
-    for part in contents.values():
-        store.blobs.put(part)
-    arrival = Arrival(capture, measured, digests, {name: len(part) for name, part in contents.items()})
+    arrival, record = receive(store, measuring, session_id, capture, contents)
 
     def act(db: Transaction) -> Data:
         (stored,) = add_captures(db, session_id, [arrival], record)
@@ -152,7 +144,7 @@ def list_all(session_id: SessionId, store: StoreDep, limit: Limit = 200, cursor:
     """List captures in the order of their arrival, with what was measured."""
     with store.read() as db:
         session_row(db, session_id)
-        return JSONResponse(list_captures(db, session_id, limit, cursor))
+        return Response(list_captures(db, session_id, limit, cursor), media_type="application/json")
 
 
 @router.get("/captures/{capture_id}", response_model=StoredCapture)

@@ -1,11 +1,12 @@
 """Sessions: made, listed, read as a whole, changed, removed."""
 
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import Text, cast, delete, func, select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
@@ -181,18 +182,42 @@ def empty_session(record: Data, session_id: str) -> Session:
     return parse_session({**record, "captures": []}, session_id)
 
 
+class _MeasuredWhenAsked(Mapping[str, Measured]):
+    """What was measured, by capture, read from its JSON text when it is asked for: mostly it is not."""
+
+    def __init__(self, texts: Mapping[str, str]) -> None:
+        self._texts = texts
+
+    def __getitem__(self, capture: str) -> Measured:
+        return _measured(self._texts[capture])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._texts)
+
+    def __len__(self) -> int:
+        return len(self._texts)
+
+
+@lru_cache(maxsize=1000)
+def _measured(text: str) -> Measured:
+    """Return the record in a text; the session that is worked on is asked for again with every event."""
+    return Measured.model_validate_json(text)
+
+
 def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSession:
     """Return all of a session; raises NotFoundError."""
     row = session_row(db, session_id)
-    captures = db.scalars(
-        select(CaptureRow).where(CaptureRow.session_id == session_id).order_by(CaptureRow.position)
+    captures = db.execute(
+        select(CaptureRow.id, CaptureRow.record, cast(CaptureRow.measured, Text).label("measured"))
+        .where(CaptureRow.session_id == session_id)
+        .order_by(CaptureRow.position)
     ).all()
     files = db.execute(select(FileRow.name, FileRow.sha256).where(FileRow.session_id == session_id))
     outputs = db.scalars(select(OutputRow).where(OutputRow.session_id == session_id))
     return StoredSession(
         id=session_id,
         session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),
-        measured={c.id: Measured.model_validate(c.measured) for c in captures},
+        measured=_MeasuredWhenAsked({c.id: c.measured for c in captures}),
         results=latest_results(db, session_id),
         digests=dict(files.all()),
         outputs={row.name: Output(row.sha256, row.size) for row in outputs},
