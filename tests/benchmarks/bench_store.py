@@ -109,7 +109,7 @@ Request = tuple[str, dict[str, Any], Check]
 
 
 def _requests(ids: list[str]) -> dict[str, Callable[[Any], Request]]:
-    """Return what the start page and a session's page ask, each time for another session, from the answer before."""
+    """Return what the pages ask, each time for another session; each is given the answer before."""
     random = np.random.default_rng(3)
 
     def path(end: str = "") -> str:
