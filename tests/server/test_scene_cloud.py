@@ -1,0 +1,164 @@
+"""The merged cloud in the scene: the stored one instead of raw scans, its colours, sections and deviations."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.session.point_writers import ply_pieces
+from calib_core.session.stored_clouds import CLOUD_FILE, REFERENCE_FILE
+from server.scenes.cloud_layers import height_range_mm
+from server.scenes.cloud_view import Against, CloudView, Section
+from server.scenes.colors import DIVERGING, VIRIDIS, WAITING
+from server.scenes.facts import SceneFacts, SceneInput, scene_facts
+from server.scenes.layers import draw
+from server.scenes.legend import legend_html
+from server.scenes.live import LiveScene
+from server.scenes.look import look_at
+from server.scenes.merged import MAX_SCAN_POINTS
+from server.scenes.nodes import Node
+from server.scenes.stored import scene_input
+from tests.server.test_scene_steps import merged_scene
+
+SIDE = np.linspace(-40.0, 40.0, 81)
+PLATE = np.stack(np.meshgrid(SIDE, SIDE, [10.0], indexing="ij"), axis=-1).reshape(-1, 3)
+BALL_MM, RADIUS_MM = np.array([0.0, 0.0, 40.0]), 12.0
+
+
+def ball(count: int = 3000) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    normal = rng.normal(size=(count, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return BALL_MM + (RADIUS_MM + rng.normal(0, 0.01, count))[:, None] * normal
+
+
+CLOUD = np.concatenate([PLATE, ball()])
+# A square two tenths above the plate: every point of it lies 0.2 mm inside.
+REFERENCE = np.array([[-50, -50, 10.2], [50, -50, 10.2], [50, 50, 10.2], [-50, 50, 10.2]], dtype=float)
+
+
+def ply(points: np.ndarray, triangles: np.ndarray | None = None) -> bytes:
+    return b"".join(bytes(piece) for piece in ply_pieces(points, triangles=triangles))
+
+
+def fused_scene(points: np.ndarray = CLOUD, reference: bytes | None = None) -> SceneInput:
+    """The scene of merged scans, with a merged cloud stored beside them."""
+    raw, _ = merged_scene()
+    files = {CLOUD_FILE: ply(points)} | ({} if reference is None else {REFERENCE_FILE: reference})
+    results = {stage: result.to_json() | {"cloud": CLOUD_FILE} for stage, result in raw.results.items()}
+    scene = scene_input(raw.session, lambda _: b"", [], results, files.get)
+    return replace(scene, load_scans=raw.load_scans, outputs=tuple(files))
+
+
+def drawn(facts: SceneFacts, view: CloudView | None = None) -> dict[str, Node]:
+    return draw(facts, look_at(facts, cloud=view))
+
+
+def points_of(nodes: dict[str, Node]) -> np.ndarray:
+    """The points of the merged cloud in its own frame, mm."""
+    chunks = [
+        node for name, node in nodes.items() if name.startswith("/scans/merged/") and "points" in node.arguments
+    ]
+    clouds = [c for c in chunks if c.method == "add_point_cloud"]
+    return np.concatenate([(c.arguments["points"].astype(float) + c.arguments["position"]) * 1000 for c in clouds])
+
+
+def test_the_stored_cloud_is_drawn_and_the_scans_where_their_colours_are_asked() -> None:
+    facts = scene_facts(fused_scene())
+    np.testing.assert_allclose(points_of(drawn(facts)), CLOUD, atol=1e-3)
+    assert "cleaned and merged" in legend_html(facts, look_at(facts))
+    by_scan = drawn(facts, CloudView("by scan"))
+    assert len(points_of(by_scan)) == 1000  # two scans of 500 points
+    assert "as they were measured" in legend_html(facts, look_at(facts, cloud=CloudView("by scan")))
+
+
+def test_a_large_cloud_is_thinned_evenly_and_said_to_be() -> None:
+    rng = np.random.default_rng(1)
+    facts = scene_facts(fused_scene(rng.uniform(-50, 50, (MAX_SCAN_POINTS + 200_001, 3))))
+    shown = points_of(drawn(facts))
+    assert len(shown) == MAX_SCAN_POINTS
+    assert np.abs(shown.mean(axis=0)).max() < 0.3
+    assert f"{MAX_SCAN_POINTS:,} of {MAX_SCAN_POINTS + 200_001:,} points" in legend_html(facts, look_at(facts))
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_section_hides_one_side_and_keeps_the_colours(axis: str) -> None:
+    facts = scene_facts(fused_scene())
+    number = "xyz".index(axis)
+    for keep, side in (("below", -1), ("above", 1)):
+        section = Section(axis, 12.0, keep)  # pyright: ignore[reportArgumentType]
+        nodes = drawn(facts, CloudView("by height", section))
+        along = points_of(nodes)[:, number]
+        assert len(along) == int((side * (CLOUD[:, number] - 12.0) >= 0).sum())
+        assert (side * (along - 12.0) >= -1e-3).all()
+        assert "/scans/merged/cut" in nodes
+        assert f"Cut at {axis} = 12.0 mm" in legend_html(facts, look_at(facts, cloud=CloudView(section=section)))
+    assert facts.merged is not None
+    assert height_range_mm(facts.merged)[1] > 50  # of the whole cloud, not of what is left of it
+
+
+def live_colors(scene: SceneInput, view: CloudView, look: Callable[[np.ndarray], None]) -> str:
+    live = LiveScene(scene)
+    try:
+        live.show_cloud(view)
+        look(np.asarray(live._handles["/scans/merged/0"].colors))  # pyright: ignore[reportPrivateUsage]
+        return live.legend
+    finally:
+        live.stop()
+
+
+def test_deviations_from_a_mesh_are_blue_inside() -> None:
+    reference = ply(REFERENCE, np.array([[0, 1, 2], [0, 2, 3]]))
+    scene = fused_scene(PLATE, reference)
+
+    def all_blue(colors: np.ndarray) -> None:
+        assert (colors[:, 2] > colors[:, 0]).all()
+        assert tuple(colors[0]) == DIVERGING[0]
+
+    legend = live_colors(scene, CloudView("by deviation"), all_blue)
+    assert "Distance to the reference mesh" in legend
+    assert "RMS 0.200 mm over 6,561 points" in legend
+    assert "200 µm" in legend
+
+
+def test_deviations_from_the_sphere_leave_the_rest_grey() -> None:
+    def plate_grey(colors: np.ndarray) -> None:
+        assert (colors[: len(PLATE)] == WAITING).all()
+        assert len(np.unique(colors[len(PLATE) :], axis=0)) > 50
+
+    view = CloudView("by deviation", against=Against("sphere", 2 * RADIUS_MM))
+    legend = live_colors(fused_scene(), view, plate_grey)
+    assert "the sphere, diameter 24.000 mm (known)" in legend
+    assert "RMS 0.010 mm" in legend
+
+
+def test_without_a_reference_or_a_sphere_the_legend_says_so() -> None:
+    def grey(colors: np.ndarray) -> None:
+        assert (colors == WAITING).all()
+
+    assert "a reference mesh" in live_colors(fused_scene(PLATE), CloudView("by deviation"), grey)
+    view = CloudView("by deviation", against=Against("sphere", 5.0))
+    assert "No deviations" in live_colors(fused_scene(PLATE), view, grey)
+
+
+def test_the_cloud_is_read_once_and_again_after_another_merge() -> None:
+    read: list[int] = []
+    scene = fused_scene()
+    counted = replace(scene, load_merged=lambda: (read.append(1), scene.load_merged())[1])
+    live = LiveScene(counted)
+    try:
+        live.update(counted)
+        live.highlight("s0")
+        assert len(read) == 1
+        live.update(replace(counted, outputs=("clouds/merged.ply another",)))
+        assert len(read) == 2
+    finally:
+        live.stop()
+
+
+def test_heights_run_from_dark_to_light() -> None:
+    facts = scene_facts(fused_scene())
+    colors = drawn(facts)["/scans/merged/0"].arguments["colors"]
+    assert tuple(colors[np.argmin(CLOUD[:, 2])]) == VIRIDIS[0]
+    assert tuple(colors[np.argmax(CLOUD[:, 2])]) == VIRIDIS[-1]
