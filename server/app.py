@@ -19,6 +19,7 @@ from server.events import Hub
 from server.guard import Guard
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
+from server.metrics import Metrics
 from server.patience import Patience
 from server.routes import (
     archives,
@@ -42,6 +43,7 @@ from server.scenes.stored import follow_scene
 from server.settings import Settings
 from server.store.answers import forget_old_answers
 from server.store.database import Store
+from server.watch import Watch
 
 _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
 
@@ -70,6 +72,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         try:
             await run_in_threadpool(_start, store, jobs)
             backlog.start()
+            app.state.metrics.watch_store(store, settings.data)
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield
@@ -93,12 +96,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         generate_unique_id_function=openapi.operation_id,
     )
     app.state.settings, app.state.hub, app.state.refusals = settings, hub, Refusals()
+    app.state.metrics = Metrics()
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
     for module in (sessions, captures, batches, solves, history, clouds, merged, archives, tokens, health):
         api.include_router(module.router)
     app.include_router(api)
+    app.include_router(health.probes)
     app.include_router(pages.router)
     app.include_router(scenes_router)
     app.include_router(controls_router)
@@ -107,6 +112,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(Patience, settings=settings)
     app.add_middleware(Door, settings=settings)
     app.add_middleware(Guard, settings=settings)
+    app.add_middleware(Watch, metrics=app.state.metrics)
     return app
 
 

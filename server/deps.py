@@ -13,6 +13,7 @@ from server.backlog import Backlog
 from server.events import Hub
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
+from server.metrics import Metrics
 from server.settings import Settings
 from server.store.answers import remember_answer, stored_answer
 from server.store.database import Store
@@ -41,6 +42,10 @@ async def _measuring(request: Request) -> Measuring:
     return request.app.state.measuring
 
 
+async def _metrics(request: Request) -> Metrics:
+    return request.app.state.metrics
+
+
 async def _backlog(request: Request) -> Backlog:
     return request.app.state.backlog
 
@@ -50,6 +55,7 @@ StoreDep = Annotated[Store, Depends(_store)]
 HubDep = Annotated[Hub, Depends(_hub)]
 JobsDep = Annotated[Jobs, Depends(_jobs)]
 MeasuringDep = Annotated[Measuring, Depends(_measuring)]
+MetricsDep = Annotated[Metrics, Depends(_metrics)]
 BacklogDep = Annotated[Backlog, Depends(_backlog)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]

@@ -259,5 +259,5 @@ class ReferenceMesh(BaseModel):
 class Health(BaseModel):
     """Whether the server answers, and whether it is ready to solve."""
 
-    status: Literal["ready", "starting"]
+    status: Literal["ready", "starting", "stopping"]
     version: str

@@ -1,5 +1,6 @@
 """Serving over HTTP and WebSockets with uvicorn."""
 
+import math
 from signal import SIGINT
 from socket import socket
 from types import FrameType
@@ -36,7 +37,8 @@ class WorkbenchServer(uvicorn.Server):
             server_header=False,
             ws_max_size=_MAX_MESSAGE_BYTES,
             ws_per_message_deflate=False,
-            timeout_graceful_shutdown=5,
+            timeout_graceful_shutdown=math.ceil(settings.shutdown_grace_s),
+            log_config=None,
             proxy_headers=bool(settings.trusted_proxies),
             forwarded_allow_ips=settings.trusted_proxies,
             ssl_certfile=settings.tls_certificate,

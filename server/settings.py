@@ -2,7 +2,7 @@
 
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -55,6 +55,11 @@ class Settings(BaseSettings):
     warm_up: bool = Field(default=True, description="Compile and import what solving needs at start-up.")
     job_timeout_s: Annotated[float, Field(gt=0)] = 3600.0
     cancel_grace_s: Annotated[float, Field(ge=0)] = 2.0
+
+    shutdown_grace_s: Annotated[float, Field(ge=0)] = Field(
+        default=10.0, description="What is under way when the server is told to stop may take this long."
+    )
+    log: Literal["json", "text", "auto"] = Field(default="auto", description="auto: text on a terminal.")
 
     allowed_hosts: list[str] = Field(default_factory=list, description="Further names this server is called by.")
     require_login: bool = Field(default=False, description="Also on loopback, as behind a proxy.")

@@ -22,7 +22,7 @@ from server.origin import is_safe
 from server.settings import Settings, is_loopback
 from server.store.audit import Act, acting
 
-_NO_PAGES = ("/api/", "/scenes/", "/openapi.json")
+_NO_PAGES = ("/api/", "/scenes/", "/openapi.json", "/metrics")
 _LOOPBACK_FACTOR = 10.0
 """How many times more often a program on this machine may ask."""
 

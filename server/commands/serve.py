@@ -13,10 +13,13 @@ def serve(host: str, port: int, data: Path) -> int:
     if not 0 <= port <= 65535:
         raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
     _require_free(host, port)
+    from server.logs import set_up
     from server.serve import WorkbenchServer
     from server.settings import Settings
 
-    server = WorkbenchServer(Settings(host=host, port=port, data=data))
+    settings = Settings(host=host, port=port, data=data)
+    set_up(settings.log)
+    server = WorkbenchServer(settings)
     threading.Thread(target=_announce, args=(server,), daemon=True).start()
     server.run()
     return 0

@@ -1,0 +1,131 @@
+"""Running it: health, figures, the log, and an end that loses nothing."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from tests.server.live_server import make_session, upload
+from tests.server.test_captures import arc_csv, record
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def site(client: httpx.Client) -> str:
+    return str(client.base_url).removesuffix("/api/v1/")
+
+
+def figures(client: httpx.Client) -> dict[str, float]:
+    answer = client.get(site(client) + "/metrics")
+    assert answer.headers["content-type"].startswith("text/plain")
+    lines = [line for line in answer.text.splitlines() if not line.startswith("#")]
+    return {name: float(value) for name, _, value in (line.rpartition(" ") for line in lines)}
+
+
+def test_health_tells_ready_from_alive(start: Callable[..., Any]) -> None:
+    with start(warm_up=True) as client:
+        early = client.get(site(client) + "/health")
+        assert (early.status_code, early.json()["status"]) == (503, "starting")
+        assert client.get(site(client) + "/health/alive").text == "alive"
+    with start() as client:
+        ready = client.get(site(client) + "/health")
+        assert (ready.status_code, ready.json()["status"]) == (200, "ready")
+
+
+def test_metrics_count_requests_by_route_and_what_is_stored(start: Callable[..., Any]) -> None:
+    with start() as client:
+        sessions = [make_session(client) for _ in range(3)]
+        for session in sessions:
+            upload(client, session, record(), arc_csv())
+            client.get(f"/sessions/{session}/nothing")
+        client.request("BREW", "/sessions")
+        found = figures(client)
+    route = 'route="/api/v1/sessions/{session_id}/captures"'
+    assert found[f'scancell_requests_total{{method="POST",{route},status="201"}}'] == 3
+    assert found[f"scancell_request_seconds_count{{{route}}}"] == 3
+    assert found['scancell_requests_total{method="GET",route="none",status="404"}'] == 3
+    assert any('method="other"' in name for name in found)
+    assert found["scancell_sessions"] == 3
+    assert found['scancell_jobs{status="running"}'] == 0
+    assert found["scancell_disk_free_bytes"] > 0
+    assert found["scancell_requests_in_progress"] == 1  # the one that asks
+    assert not any(session in name for name in found for session in sessions)
+
+
+def serve(data: Path) -> tuple["subprocess.Popen[str]", str]:
+    command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--data", str(data)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "SCANCELL_WARM_UP": "false", "SCANCELL_LOG": "json"}
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, env=environment
+    )
+    assert process.stdout is not None
+    address = next(word for word in process.stdout.readline().split() if word.startswith("http"))
+    return process, address
+
+
+def slow_upload(address: str, session: str, begun: threading.Event) -> bytes:
+    """Send a capture in two halves, the second when the server has been told to stop; return its answer."""
+    form = (
+        b'--b\r\nContent-Disposition: form-data; name="record"\r\n\r\n'
+        + json.dumps({**record(), "files": ["a.csv"]}).encode()
+        + b'\r\n--b\r\nContent-Disposition: form-data; name="files"; filename="a.csv"\r\n\r\n'
+        + arc_csv()
+        + b"\r\n--b--\r\n"
+    )
+    host, port = address.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=30) as connection:
+        head = (
+            f"POST /api/v1/sessions/{session}/captures HTTP/1.1\r\nHost: {host}:{port}\r\nConnection: close\r\n"
+            f"Content-Type: multipart/form-data; boundary=b\r\nContent-Length: {len(form)}\r\n\r\n"
+        )
+        connection.sendall(head.encode() + form[:1000])
+        begun.set()
+        time.sleep(1.5)
+        connection.sendall(form[1000:])
+        answer = b""
+        while piece := connection.recv(65536):
+            answer += piece
+        return answer
+
+
+def test_a_server_told_to_stop_finishes_what_it_has_begun(tmp_path: Path) -> None:
+    process, address = serve(tmp_path / "data")
+    try:
+        with httpx.Client(base_url=f"{address}/api/v1", timeout=30, trust_env=False) as client:
+            session = make_session(client)
+            named = client.get(f"/sessions/{session}", headers={"X-Request-ID": "mine-1"})
+            assert named.headers["X-Request-ID"] == "mine-1"
+            made_up = client.get(f"/sessions/{session}", headers={"X-Request-ID": "a b\t{}"})
+            assert len(made_up.headers["X-Request-ID"]) == 16
+            begun, answers = threading.Event(), list[bytes]()
+            sender = threading.Thread(target=lambda: answers.append(slow_upload(address, session, begun)))
+            with client.stream("GET", f"/sessions/{session}/events") as stream:
+                sender.start()
+                assert begun.wait(10)
+                time.sleep(0.3)
+                process.send_signal(signal.SIGTERM)
+                for _ in stream.iter_raw():  # ends by itself, whole
+                    pass
+            sender.join(timeout=30)
+        assert process.wait(timeout=30) == 0
+    finally:
+        process.kill()
+        _, said = process.communicate()
+    assert answers[0].startswith(b"HTTP/1.1 201"), answers
+    lines = [json.loads(line) for line in said.splitlines()]
+    requests = {line["request"]: line for line in lines if line["logger"] == "scancell.requests"}
+    mine = requests["mine-1"]
+    assert (mine["method"], mine["route"], mine["status"]) == ("GET", "/api/v1/sessions/{session_id}", 200)
+    assert mine["ms"] > 0
+    assert mine["user"]
+    assert [line["status"] for line in requests.values()] == [201, 200, 200, 200, 201]
+    assert not [line for line in lines if line["level"] == "error"], said
