@@ -325,7 +325,7 @@ export interface GuideStep {
 }
 
 export interface Health {
-  status: "ready" | "starting";
+  status: "ready" | "starting" | "stopping";
   version: string;
 }
 
