@@ -60,6 +60,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         store = Store(settings, hub.publish)
+        app.state.metrics.watch_store(store, settings.data)
         jobs = Jobs(settings, store)
         past_scenes = PastScenes(store)
         scenes = SceneManager(past_scenes.load, partial(follow_scene, hub))
@@ -72,7 +73,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         try:
             await run_in_threadpool(_start, store, jobs)
             backlog.start()
-            app.state.metrics.watch_store(store, settings.data)
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield

@@ -73,7 +73,7 @@ def role_that_should_do(method: str, path: str) -> str:
     Who looks needs `read`, who changes something `capture`. Tokens, the log, removing a session are the admin's;
     the login page, its files and the signs of life are anybody's.
     """
-    if path in ("/login", "/web/{path:path}") or re.fullmatch(r"/api/v1/(me|log(in|out)|health\S*)", path):
+    if path in ("/login", "/web/{path:path}") or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
         return "nobody"
     if (
         "/tokens" in path
