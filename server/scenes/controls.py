@@ -11,7 +11,7 @@ from server.scenes.bridge import bridge
 from server.scenes.layers import LAYERS
 from server.scenes.live import LiveScene
 from server.scenes.manager import SceneManager
-from server.scenes.page import CONTENT_SECURITY_POLICY, client_page
+from server.scenes.page import client_page, content_security_policy
 from server.scenes.router import Past, Scenes, SessionId, require_scene
 from server.scenes.views import VIEWS
 
@@ -105,7 +105,7 @@ def offline(session: SessionId, scenes: Scenes) -> Response:
 def viewer_page(session: SessionId, viewer: Viewer, scenes: Scenes) -> HTMLResponse:
     """Return the page that draws the scene for one viewer, whose camera and picture can then be asked for."""
     require_scene(scenes, session)
-    headers = {"Content-Security-Policy": CONTENT_SECURITY_POLICY, "Cache-Control": "no-cache"}
+    headers = {"Content-Security-Policy": content_security_policy(), "Cache-Control": "no-cache"}
     return HTMLResponse(client_page(), headers=headers)
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from calib_core.errors import NotFoundError
 from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
-from server.scenes.page import CONTENT_SECURITY_POLICY, client_page
+from server.scenes.page import client_page, content_security_policy
 from server.scenes.past import PastScenes
 
 scenes_router = APIRouter(prefix="/scenes", tags=["scenes"])
@@ -50,7 +50,7 @@ def scene_address(session: SessionId, request: Request) -> RedirectResponse:
 def scene_page(session: SessionId, scenes: Scenes) -> HTMLResponse:
     """Return the page that draws the session's scene, live. `?theme=dark` or `?theme=light` sets its theme."""
     require_scene(scenes, session)
-    headers = {"Content-Security-Policy": CONTENT_SECURITY_POLICY, "Cache-Control": "no-cache"}
+    headers = {"Content-Security-Policy": content_security_policy(), "Cache-Control": "no-cache"}
     return HTMLResponse(client_page(), headers=headers)
 
 

@@ -261,6 +261,7 @@ def test_the_page_may_only_talk_to_its_own_server(client: httpx.Client) -> None:
     policy = page.headers["content-security-policy"]
     assert "connect-src 'self' blob: data:" in policy
     assert "http" not in policy
+    assert "'unsafe-inline'" not in policy.split("script-src")[1].split(";")[0]
     assert "<title>Scene</title>" in page.text
     redirect = client.get("/scenes/s1?theme=dark", follow_redirects=False)
     assert redirect.headers["location"] == "/scenes/s1/?theme=dark"
