@@ -62,13 +62,13 @@ def motion_of(poses: Sequence[RigidTransform]) -> Motion:
     home = poses[reference]
     shifts = np.array([home.rotation.T @ (poses[k].translation_mm - home.translation_mm) for k in largest[1:]])
     shifts = shifts.reshape(-1, 3)
-    turns: list[FloatArray] = []
-    for k in range(len(poses)):
-        turn = vector_from_rotation(home.rotation.T @ rotations[k])
-        if np.linalg.norm(turn) >= _LEAST_TURN_RAD and nearest_turn_rad(turn, turns) > EQUAL_ORIENTATION_RAD:
-            turns.append(turn)
+    turns = vector_from_rotation(home.rotation.T @ rotations)
+    kept: list[int] = []
+    for k in np.flatnonzero(np.linalg.norm(turns, axis=1) >= _LEAST_TURN_RAD):
+        if not kept or _angles_rad(rotations[k], rotations[kept]).min() > EQUAL_ORIENTATION_RAD:
+            kept.append(int(k))
     long_enough = np.linalg.norm(shifts, axis=1) >= _LEAST_SHIFT_MM
-    return Motion(reference, shifts[long_enough], np.array(turns).reshape(-1, 3))
+    return Motion(reference, shifts[long_enough], turns[kept])
 
 
 def next_shift(motion: Motion, home: RigidTransform, length_mm: float) -> RigidTransform:
@@ -115,6 +115,12 @@ def nearest_turn_rad(turn: FloatArray, others: Sequence[FloatArray]) -> float:
         return np.pi
     between = Rotation.from_rotvec(turn).inv() * Rotation.from_rotvec(np.array(others))
     return float(between.magnitude().min())
+
+
+def _angles_rad(rotation: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the angles (N,) from a rotation (3, 3) to others (N, 3, 3), from the length of the chord between."""
+    chords = np.linalg.norm((others - rotation).reshape(-1, 9), axis=1)
+    return 2 * np.arcsin(np.minimum(chords / np.sqrt(8), 1.0))
 
 
 def _units(vectors: FloatArray) -> FloatArray:
