@@ -26,6 +26,7 @@ from server.routes import (
     batches,
     captures,
     clouds,
+    folders,
     health,
     history,
     merged,
@@ -41,6 +42,7 @@ from server.scenes.past import PastScenes
 from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene
 from server.settings import Settings
+from server.sources.watching import session_watcher
 from server.store.answers import forget_old_answers
 from server.store.database import Store
 from server.watch import Watch
@@ -70,9 +72,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         backlog = Backlog(store, measuring)
         app.state.measuring, app.state.backlog = measuring, backlog
         app.state.logins = Logins(settings.data, store)
+        watcher = app.state.watcher = session_watcher(settings, store, measuring)
         try:
             await run_in_threadpool(_start, store, jobs)
             backlog.start()
+            watcher.start()
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield
@@ -80,6 +84,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             hub.close()
             await run_in_threadpool(scenes.stop)
             await run_in_threadpool(jobs.stop)
+            await run_in_threadpool(watcher.stop)
             await run_in_threadpool(backlog.stop)
             await run_in_threadpool(measuring.stop)
             store.close()
@@ -100,7 +105,19 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for module in (sessions, captures, batches, solves, history, clouds, merged, archives, tokens, health):
+    for module in (
+        sessions,
+        captures,
+        batches,
+        folders,
+        solves,
+        history,
+        clouds,
+        merged,
+        archives,
+        tokens,
+        health,
+    ):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(health.probes)

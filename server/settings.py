@@ -42,6 +42,10 @@ class Settings(BaseSettings):
     s3_endpoint: str | None = Field(default=None, description="Of an S3 store that is not Amazon's.")
     web: Path = Path(__file__).resolve().parents[1] / "web"
 
+    watch_root: Path | None = Field(
+        default=None, description="Sessions may watch folders below it for captures; left out: none."
+    )
+
     max_json_bytes: Annotated[int, Field(gt=0)] = 4 * MEBIBYTE
     max_upload_bytes: Annotated[int, Field(gt=0)] = 128 * MEBIBYTE
     max_archive_bytes: Annotated[int, Field(gt=0)] = 2048 * MEBIBYTE

@@ -1,0 +1,170 @@
+"""A folder that something else writes captures into: which files are whole, and which capture each makes.
+
+A file counts once its size and time have rested for a while: a scanner or a share may write it in portions.  Its
+pose comes from beside it: `NAME.json` with fields of the capture's record, `NAME.txt` or `NAME.pose` with a pose
+line, or a line that begins with the file's name in `poses.txt` or `poses.csv`.  Nothing in the folder is changed.
+"""
+
+import json
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from calib_core.errors import InputError
+from calib_core.records import Capture, Session, Step, parse_capture
+
+KINDS = {
+    ".csv": "profile", ".npy": "profile", ".ply": "cloud", ".pcd": "cloud", ".xyz": "cloud", ".png": "frame",
+    ".tif": "frame", ".tiff": "frame", ".bmp": "frame", ".jpg": "frame", ".jpeg": "frame",
+}  # fmt: skip
+POSE_FILES = ("poses.txt", "poses.csv")
+_POSE_ENDINGS = (".txt", ".pose")
+_OF_BOARD = ("camera", "laser-plane")  # their captures need no robot
+_MAX_NOTE_BYTES = 1_000_000
+
+Signature = tuple[int, int]
+"""A file's size in bytes and the time of its last change in nanoseconds."""
+
+
+@dataclass
+class Resting:
+    """How long files have rested: their signatures and since when (monotonic, s) these have been so."""
+
+    rest_s: float = 1.0
+    _seen: dict[str, tuple[Signature, float]] = field(default_factory=dict[str, tuple[Signature, float]])
+
+    def rested(self, found: dict[str, Signature], now_s: float) -> set[str]:
+        """Return the names whose files have not changed for `rest_s`, and forget those that are gone."""
+        before = self._seen
+        self._seen = {}
+        for name, signature in found.items():
+            known = before.get(name)
+            self._seen[name] = known if known is not None and known[0] == signature else (signature, now_s)
+        return {name for name, (_, since_s) in self._seen.items() if now_s - since_s >= self.rest_s}
+
+
+def files_in(folder: Path) -> dict[str, Signature]:
+    """Return the plain files of a folder that are not hidden, not empty and not links; raises OSError."""
+    found: dict[str, Signature] = {}
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.startswith((".", "~")) or not entry.is_file(follow_symlinks=False):
+                continue
+            status = entry.stat(follow_symlinks=False)
+            if status.st_size:
+                found[entry.name] = (status.st_size, status.st_mtime_ns)
+    return found
+
+
+def measurements(names: Collection[str]) -> list[str]:
+    """Return those names that hold a capture, in the order of their names; pose tables are none."""
+    return sorted(n for n in names if Path(n).suffix.lower() in KINDS and n.lower() not in POSE_FILES)
+
+
+def notes_of(name: str, names: Collection[str]) -> list[str]:
+    """Return the files that may tell the pose of a measurement, the closest first."""
+    stem = Path(name).stem
+    return [note for note in (f"{stem}.json", *(stem + e for e in _POSE_ENDINGS), *POSE_FILES) if note in names]
+
+
+def capture_of(
+    folder: Path, name: str, notes: list[str], session: Session, step: Step, taken: set[str]
+) -> Capture:
+    """Return the capture that a file makes.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        Of the measurement.
+    notes : list of str
+        The files that may tell its pose (see `notes_of`).
+    session : Session
+        Its cell's convention reads the pose.
+    step : str
+        What captures are taken for where the note says nothing else.
+    taken : set of str
+        Ids that the session has already.
+
+    Raises
+    ------
+    InputError
+        If a note cannot be used, or none tells the pose.
+    """
+    record: dict[str, Any] = {"step": step, "kind": _kind(name, session)}
+    for note in notes:
+        record |= _said(folder, note, name, session)
+        if "pose" in record or note.endswith(".json"):
+            break
+    if "pose" not in record and record["step"] not in _OF_BOARD and record["kind"] != "center":
+        raise InputError(
+            "the pose of this file",
+            "none beside it",
+            f"Write {Path(name).stem}.txt with the pose line, or a line that begins with {name} in poses.txt.",
+            name,
+        )
+    wanted = str(record.pop("id", "")) or Path(name).stem
+    capture_id = _free_id(wanted, taken)
+    file = f"captures/{capture_id}{Path(name).suffix.lower()}"
+    return parse_capture({**record, "id": capture_id, "files": [file]}, name)
+
+
+def _kind(name: str, session: Session) -> str:
+    kind = KINDS[Path(name).suffix.lower()]
+    return "cloud" if kind == "profile" and session.cell.scanner.kind == "cloud" else kind
+
+
+def _said(folder: Path, note: str, name: str, session: Session) -> dict[str, Any]:
+    """Return the fields of the record that a note gives, none where it says nothing of this file."""
+    content = (folder / note).read_bytes()
+    if len(content) > _MAX_NOTE_BYTES:
+        raise InputError("a short note", f"{len(content)} bytes", "Keep pose lines alone in it.", note)
+    text = content.decode("utf-8-sig", errors="replace")
+    if note.endswith(".json"):
+        return _fields(text, note)
+    for line in _lines_about(text, name) if note in POSE_FILES else iter([text]):
+        return {"pose": _pose(line, note, session)}
+    return {}
+
+
+def _fields(text: str, note: str) -> dict[str, Any]:
+    try:
+        data: Any = json.loads(text)
+    except ValueError as error:
+        raise InputError(
+            "JSON", f"something else ({error})", "Write the capture's record as JSON.", note
+        ) from None
+    if not isinstance(data, dict):
+        raise InputError("a JSON object", type(data).__name__, "Write the capture's record.", note)
+    return {name: value for name, value in data.items() if name not in ("files", "measured")}
+
+
+def _lines_about(text: str, name: str) -> Iterator[str]:
+    """Yield the lines that begin with a file's name, the last one first, without the name."""
+    for line in reversed(text.splitlines()):
+        for own in (name, Path(name).stem):
+            if line.startswith(own) and line[len(own) : len(own) + 1] in (" ", "\t", ",", ";", ":"):
+                yield line[len(own) + 1 :]
+                break
+
+
+def _pose(text: str, note: str, session: Session) -> list[float]:
+    from calib_core.robot_pose import parse_pose_lines
+
+    rows = parse_pose_lines(session.cell.pose_convention, text)
+    if len(rows) != 1 or rows[0].numbers is None or rows[0].pose is None:
+        got = rows[0].problem if len(rows) == 1 and rows[0].problem else f"{len(rows)} poses"
+        raise InputError("one pose", got, "Write one pose in the cell's convention.", note)
+    return list(rows[0].numbers)
+
+
+def _free_id(wanted: str, taken: set[str]) -> str:
+    clean = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in wanted).lstrip("._-")[:56]
+    clean = clean or "capture"
+    numbers = iter(range(2, len(taken) + 3))
+    free = clean
+    while free in taken:
+        free = f"{clean}-{next(numbers)}"
+    return free

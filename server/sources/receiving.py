@@ -1,0 +1,36 @@
+"""A capture on its way in, whatever it came from: checked, measured, its files stored."""
+
+from collections.abc import Mapping
+
+from calib_core.records import Capture
+from server.measuring import check_poses
+from server.measuring_processes import Measuring
+from server.store.arrivals import Arrival, require_free, session_record
+from server.store.database import Store
+from server.store.models import Data
+from server.store.sessions import empty_session
+from server.uploads import digests_of
+
+
+def receive(
+    store: Store, measuring: Measuring, session_id: str, capture: Capture, contents: Mapping[str, bytes]
+) -> tuple[Arrival, Data]:
+    """Return a measured capture, its files being blobs, and the session's record that it was measured for.
+
+    It is not in the session yet: `add_captures` puts it there.
+
+    Raises
+    ------
+    CalibrationError
+        If it cannot be used at all, or its id or a file's name is taken.
+    """
+    digests = digests_of(contents)
+    with store.read() as db:
+        record = session_record(db, session_id)
+        require_free(db, session_id, capture, digests)
+    session = empty_session(record, session_id)
+    check_poses(session, capture)
+    measured = measuring.measure(session, capture, contents.__getitem__)
+    for part in contents.values():
+        store.blobs.put(part)
+    return Arrival(capture, measured, digests, {name: len(part) for name, part in contents.items()}), record
