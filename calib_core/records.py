@@ -329,6 +329,24 @@ class Finding(Record):
     sentence: str
 
 
+class CameraSegment(Record):
+    """One band of depth of a segmental camera."""
+
+    near_mm: float
+    far_mm: float
+    distortion: dict[str, float]
+
+
+class RefinedCamera(Record):
+    """The camera as it was refined together with the plane of light: the one that belongs to that plane."""
+
+    model: Literal["plain", "rational", "tilted", "segmental"]
+    image_size: tuple[int, int]
+    camera_matrix: Rows
+    distortion: dict[str, float]
+    segments: list[CameraSegment] = Field(default_factory=list)
+
+
 class PlaneInCamera(Record):
     """The plane of light in the camera frame: normal · p = distance, distance not negative."""
 
@@ -352,6 +370,7 @@ class LaserPlaneResult(Result):
 
     `covariance` is of camera_from_laser, `plane_covariance` (4, 4) of the normal and the distance,
     `joint_covariance` of the camera's parameters named (none where the camera was brought) and normal / distance.
+    `camera` is the camera refined together with the plane, where the session's boards gave it.
     """
 
     stage: Literal["laser-plane"] = "laser-plane"
@@ -360,6 +379,7 @@ class LaserPlaneResult(Result):
     plane_rms_mm: float
     covariance: Rows
     plane_covariance: Rows
+    camera: RefinedCamera | None = None
     joint_parameters: list[str] = Field(default_factory=list)
     joint_covariance: Rows
     normal_sigma_deg: float
@@ -542,14 +562,6 @@ class CameraResidual(CaptureResidual):
     camera_from_board: Matrix4 | None = None
     points_px: Rows = Field(default_factory=list)
     residuals_px: Rows = Field(default_factory=list)
-
-
-class CameraSegment(Record):
-    """One band of depth of a segmental camera."""
-
-    near_mm: float
-    far_mm: float
-    distortion: dict[str, float]
 
 
 class CameraCandidate(Record):

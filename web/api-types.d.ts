@@ -277,6 +277,12 @@ export interface FigureDifference {
   right: number | null;
 }
 
+export interface FolderState {
+  available: boolean;
+  folders: string[];
+  watch: Watch | null;
+}
+
 export interface FrameDifference {
   frame: string;
   angle_deg: number;
@@ -386,6 +392,7 @@ export interface LaserPlaneResult {
   plane_rms_mm: number;
   covariance: number[][];
   plane_covariance: number[][];
+  camera?: RefinedCamera | null;
   joint_parameters?: string[];
   joint_covariance: number[][];
   normal_sigma_deg: number;
@@ -581,6 +588,19 @@ export interface ReferenceMesh {
   low_mm: number[];
   high_mm: number[];
   sha256: string;
+}
+
+export interface RefinedCamera {
+  model: "plain" | "rational" | "tilted" | "segmental";
+  image_size: unknown[];
+  camera_matrix: number[][];
+  distortion: Record<string, number>;
+  segments?: CameraSegment[];
+}
+
+export interface RefusedFile {
+  file: string;
+  reason: string;
 }
 
 export interface Replay {
@@ -924,4 +944,18 @@ export interface VarianceComponents {
 
 export interface ViewChange {
   view: string;
+}
+
+export interface Watch {
+  folder: string;
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  taken: number;
+  waiting: string[];
+  refused: RefusedFile[];
+  problem: string;
+}
+
+export interface WatchedFolder {
+  folder: string;
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
 }

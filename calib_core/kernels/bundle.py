@@ -18,6 +18,7 @@ IntArray = NDArray[np.int64]
 LENS = 4  # where the first band's coefficients stand
 SHAPE_TERMS = 7
 PLANE_TERMS = 3
+_LINE_STEPS = 2
 _TILT_STEP = 1e-5  # rad; the central difference of a homography's elements is exact to 1e-11 there
 
 
@@ -302,25 +303,34 @@ def add_laser_lines(
         x, y = 0.0, 0.0
         filled = 0
         for i in range(ends[view], ends[view + 1]):
-            band, weight = 0, 0.0
+            band, weight, slope, by_u, by_v = 0, 0.0, 1.0, 0.0, 0.0
             u, v, u_x, u_y, v_x, v_y = 0.0, 0.0, 1.0, 0.0, 0.0, 1.0
-            for _ in range(12):  # from the neighbour's ray: three steps do
-                if band_count > 1:
-                    depth = distance / (n0 * x + n1 * y + n2)
-                    band, weight, _ = band_position(depth, band_nears, band_fars)
-                    blend_bands(depth, bands, band_nears, band_fars, d)
-                u, v, u_x, u_y, v_x, v_y = _ray_gradients(x, y, d, shared, tilts, by_lens)
+            seen_u, seen_v, error = pixels[i, 0], pixels[i, 1], 0.0
+            # The slopes must be those where the line is, not where noise has put the centre: else they go with the
+            # noise, and its square draws the lens.  So the line is sought along the axis first.
+            for _ in range(_LINE_STEPS):
+                for _ in range(12):  # from the neighbour's ray: three steps do
+                    if band_count > 1:
+                        depth = distance / (n0 * x + n1 * y + n2)
+                        band, weight, _ = band_position(depth, band_nears, band_fars)
+                        blend_bands(depth, bands, band_nears, band_fars, d)
+                    u, v, u_x, u_y, v_x, v_y = _ray_gradients(x, y, d, shared, tilts, by_lens)
+                    determinant = u_x * v_y - u_y * v_x
+                    du, dv = seen_u - u, seen_v - v
+                    x += (v_y * du - u_y * dv) / determinant
+                    y += (u_x * dv - v_x * du) / determinant
+                    if du * du + dv * dv < 1e-14:
+                        break
                 determinant = u_x * v_y - u_y * v_x
-                du, dv = pixels[i, 0] - u, pixels[i, 1] - v
-                x += (v_y * du - u_y * dv) / determinant
-                y += (u_x * dv - v_x * du) / determinant
-                if du * du + dv * dv < 1e-14:
-                    break
-            determinant = u_x * v_y - u_y * v_x
-            by_u = (e0 * v_y - e1 * v_x) / determinant  # ∂((q − q_b) · m) / ∂u
-            by_v = (e1 * u_x - e0 * u_y) / determinant
-            slope = by_u if axes[i] == 0 else by_v
-            error = (e0 * x + e1 * y + e2) / slope
+                by_u = (e0 * v_y - e1 * v_x) / determinant  # ∂((q − q_b) · m) / ∂u
+                by_v = (e1 * u_x - e0 * u_y) / determinant
+                slope = by_u if axes[i] == 0 else by_v
+                off = (e0 * x + e1 * y + e2) / slope
+                error += off
+                if axes[i] == 0:
+                    seen_u -= off
+                else:
+                    seen_v -= off
             residuals[i] = error
             w = weights[i]
             if w == 0.0:

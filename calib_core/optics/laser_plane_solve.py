@@ -1,12 +1,11 @@
 """The plane of light from views of a board with the stripe on it, with everything that is uncertain in it.
 
 First the boards' poses from their corners, the stripe's points on the boards and a robust plane through them; then
-poses and plane together, corners and stripe centres weighed by their own noise.  The poses are eliminated, so that
-the plane's covariance holds their uncertainty too; the camera's own is carried through where it is given.
+everything together, see `laser_plane_joint`.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,9 @@ from numpy.typing import NDArray
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.adjust import (
-    Adjusted,
-    Adjustment,
     Corners,
-    LaserLines,
     State,
     fit_poses,
-    plane_start,
     shared_vector,
 )
 from calib_core.optics.board import BoardView
@@ -35,15 +30,14 @@ from calib_core.optics.laser_plane import (
     points_on_board,
     straight_part,
 )
+from calib_core.optics.laser_plane_joint import CameraUncertainty, refine_together
 from calib_core.optics.stripe import StripeCenters
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_HUBER = 3.0
 _POSE_HUBER = 2.0
-_LEAST_CORNER_SIGMA_PX = 0.01
-_LEAST_STRIPE_SIGMA_PX = 0.01
+_LEAST_CORNER_SIGMA_PX = 0.003
 _LEAST_POINTS = 30
 _INSIDE_SHARE = 0.25
 _EDGE_WIDTHS = 2.5
@@ -57,14 +51,6 @@ class PlaneView:
     name: str
     board: BoardView
     stripe: StripeCenters
-
-
-@dataclass(frozen=True, eq=False)
-class CameraUncertainty:
-    """The covariance (C, C) of the camera's parameters at places `free` (C,) of `adjust`'s shared vector."""
-
-    free: NDArray[np.int64]
-    covariance: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +73,8 @@ class PlaneSolution:
 
     Parameters
     ----------
+    camera : CameraModel
+        Refined with the plane, where the boards gave it; else as it was given.
     normal, distance_mm
         normal · p = distance in the camera frame, distance not negative.
     covariance : (4, 4)
@@ -107,6 +95,7 @@ class PlaneSolution:
         How much larger the stripe's residuals are than its centres' own standard deviations.
     """
 
+    camera: CameraModel
     normal: FloatArray
     distance_mm: float
     covariance: FloatArray
@@ -132,7 +121,7 @@ def solve_plane(
     camera : CameraModel
     views : sequence of PlaneView
     camera_uncertainty : CameraUncertainty, optional
-        Left out, the camera counts as exact.
+        Left out, the camera counts as exact.  With its boards, camera and plane are refined together.
     progress : callable, optional
 
     Raises
@@ -146,9 +135,10 @@ def solve_plane(
             f"{len(views)}",
             "Capture the board with the stripe on it at other distances and tilts.",
         )
-    corners = _corners(views)
+    others = () if camera_uncertainty is None else camera_uncertainty.boards or ()
+    corners = _corners([*(v.board for v in views), *others])
     posed, corner_sigma = _fit_poses(camera, corners)
-    poses = posed.poses()
+    poses = posed.poses()[: len(views)]
     progress(0.5, "fitting the plane")
     on_line = [_on_straight_line(camera, view, pose) for view, pose in zip(views, poses, strict=True)]
     kept = [view.stripe.selected(mask) for view, mask in zip(views, on_line, strict=True)]
@@ -161,39 +151,42 @@ def solve_plane(
     inliers = [kept[i].selected(mask) for i, mask in zip(used, fit.inliers, strict=True)]
     progress(0.7, "refining plane and boards together")
     weights = 1.0 / corner_sigma
-    weighted = corners.weighted(weights[corners.view_of_each]).take(used)
-    start = posed.take(used)
-    q, joint, end, factor = _jointly(camera, weighted, inliers, start, fit, camera_uncertainty)
+    adjusted = [*used, *range(len(views), corners.views)]
+    weighted = corners.weighted(weights[corners.view_of_each]).take(adjusted)
+    joint = refine_together(
+        camera, weighted, inliers, posed.take(adjusted), fit.normal / fit.distance_mm, camera_uncertainty
+    )
+    q, camera = joint.inverse_plane, joint.camera
     length = float(np.linalg.norm(q))
     normal, distance = oriented_plane(q / length, 1.0 / length)
-    covariance = plane_covariance_from_inverse(q, joint[-3:, -3:])
-    ended = end.poses()
+    covariance = plane_covariance_from_inverse(q, joint.covariance[-3:, -3:])
+    ended = joint.state.poses()[: len(used)]
     final = [_line(camera, views[i].name, s, p) for i, s, p in zip(used, inliers, ended, strict=True)]
     everywhere = np.concatenate([line.points_in_camera_mm for line in final])
-    figures = _figures(views, lines, poses, corner_sigma, reasons, normal, distance)
+    figures = _figures(views, lines, poses, corner_sigma[: len(views)], reasons, normal, distance)
     return PlaneSolution(
+        camera,
         normal,
         distance,
         covariance,
-        joint,
+        joint.covariance,
         float(np.sqrt(np.mean((everywhere @ normal - distance) ** 2))),
         ended,
         tuple(final),
         fit,
         figures,
-        factor,
+        joint.noise_factor,
     )
 
 
 def board_poses(camera: CameraModel, views: Sequence[BoardView]) -> tuple[list[RigidTransform], FloatArray]:
     """Return camera_from_board of each view and the standard deviation (V,) of a corner's coordinate, px."""
-    corners = Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
-    posed, sigma = _fit_poses(camera, corners)
+    posed, sigma = _fit_poses(camera, _corners(views))
     return posed.poses(), sigma
 
 
-def _corners(views: Sequence[PlaneView]) -> Corners:
-    return Corners.of([v.board.points_px for v in views], [v.board.points_in_board_mm for v in views])
+def _corners(views: Sequence[BoardView]) -> Corners:
+    return Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
 
 
 def _fit_poses(camera: CameraModel, corners: Corners) -> tuple[State, FloatArray]:
@@ -281,76 +274,6 @@ def _reasons(lines: Sequence[BoardLine], fit: PlaneFit) -> list[str | None]:
             reason = f"its line lies {rms:.2f} mm off the plane of the others: the board or the camera was moved"
         reasons.append(reason)
     return reasons
-
-
-def _jointly(
-    camera: CameraModel,
-    corners: Corners,
-    stripes: Sequence[StripeCenters],
-    start: State,
-    fit: PlaneFit,
-    uncertainty: CameraUncertainty | None,
-) -> tuple[FloatArray, FloatArray, State, float]:
-    """Return q = normal / distance, its covariance after the camera's, poses, the stripe's noise factor."""
-    bands, near, far = camera.bands
-    q = fit.normal / fit.distance_mm
-    shared = shared_vector(camera.camera_matrix, bands, q)
-    first = plane_start(len(bands))
-    plane = np.arange(first, first + 3)
-    sigma = np.concatenate([np.maximum(s.sigma_px, _LEAST_STRIPE_SIGMA_PX) for s in stripes])
-    ends = np.concatenate([[0], np.cumsum([len(s.sigma_px) for s in stripes])]).astype(np.int64)
-    axes = np.concatenate([np.full(len(s.sigma_px), 1 if s.axis == "columns" else 0) for s in stripes])
-    lines = LaserLines(np.concatenate([s.pixels for s in stripes]), axes.astype(np.int64), ends, 1.0 / sigma)
-    state = replace(start, shared=shared)
-    factor = 1.0
-    adjusted = None
-    for _ in range(3):
-        weighted = replace(lines, weights=lines.weights / factor)
-        adjustment = Adjustment(corners, near, far, plane, _HUBER, weighted)
-        adjusted = adjustment.solve(state)
-        state = adjusted.state
-        grown = 1.4826 * float(np.median(np.abs(adjusted.line_residuals * weighted.weights)))
-        if abs(grown - 1.0) < 0.05 or factor * grown < 1.0:
-            break
-        factor *= grown
-    assert adjusted is not None
-    q = state.shared[plane]
-    tension = _tension(adjusted, corners, start, (near, far), replace(lines, weights=lines.weights / factor))
-    covariance = adjusted.covariance * tension
-    if uncertainty is not None:
-        both = Adjustment(
-            corners, near, far, np.concatenate([uncertainty.free, plane]), _HUBER,
-            replace(lines, weights=lines.weights / factor),
-        ).equations(state).hessian  # fmt: skip
-        size = len(uncertainty.free)
-        follows = -np.linalg.solve(both[size:, size:], both[size:, :size])
-        cross = uncertainty.covariance @ follows.T
-        own = covariance + follows @ cross
-        covariance = np.block([[uncertainty.covariance, cross], [cross.T, own]])
-    return q, covariance, state, factor
-
-
-def _tension(
-    adjusted: Adjusted,
-    corners: Corners,
-    start: State,
-    bands: tuple[FloatArray, FloatArray],
-    lines: LaserLines,
-) -> float:
-    """Return how much more the boards disagree about the plane than corners and centres say (variance ratio).
-
-    Each board alone could have its corners and its straight line; that they lie in one plane costs something, and
-    it should cost one for each of 2 B − 3 degrees of freedom.  Errors of corners or lines that are common to a
-    whole board (its flatness, light that bleeds at edges) show up here and nowhere else.
-    """
-    alone = fit_poses(corners, start, bands, _HUBER).cost
-    for first, last in zip(lines.ends[:-1], lines.ends[1:], strict=True):
-        normed = adjusted.line_residuals[first:last] * lines.weights[first:last]
-        along = np.linspace(-1.0, 1.0, last - first)
-        within = np.abs(normed - np.polyval(np.polyfit(along, normed, 1), along))
-        alone += float(np.where(within < _HUBER, within**2 / 2, _HUBER * (within - _HUBER / 2)).sum())
-    freedom = 2 * corners.views - 3
-    return max(1.0, 2.0 * (adjusted.cost - alone) / max(freedom, 1))
 
 
 def _figures(

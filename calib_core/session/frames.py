@@ -57,12 +57,15 @@ def calibration_of(session: Session, read: ReadFile) -> ProfileCalibration:
     CalibrationError
         What the camera's or the plane's solver says.
     """
-    camera, _ = camera_of(session, read)
     known = session.cell.known.laser_plane
     if known is not None:
+        camera, _ = camera_of(session, read)
         return ProfileCalibration.of(camera, known.normal, known.distance_mm)
-    plane = plane_of(session, read).plane_in_camera
-    return ProfileCalibration.of(camera, plane.normal, plane.distance_mm)
+    from calib_core.session.stage_camera import camera_from_result
+
+    result = plane_of(session, read)
+    camera = camera_from_result(result.camera) if result.camera else camera_of(session, read)[0]
+    return ProfileCalibration.of(camera, result.plane_in_camera.normal, result.plane_in_camera.distance_mm)
 
 
 def plane_of(session: Session, read: ReadFile) -> LaserPlaneResult:

@@ -18,6 +18,7 @@ from calib_core.records import (
     CameraResult,
     CameraSegment,
     Capture,
+    RefinedCamera,
     Verdict,
 )
 from calib_core.session.boards import board_in, board_of
@@ -57,7 +58,7 @@ def solve_camera_stage(given: "StageInput") -> CameraResult:
     return remembered("camera", given.inputs_sha256, _result(given, solution, views, failed, image_size))
 
 
-def camera_from_result(result: CameraResult) -> CameraModel:
+def camera_from_result(result: CameraResult | RefinedCamera) -> CameraModel:
     """Return the camera that a result holds."""
     plain = CameraModel.from_names(result.camera_matrix, result.distortion, result.image_size)
     segments = tuple(
@@ -65,6 +66,14 @@ def camera_from_result(result: CameraResult) -> CameraModel:
         for s in result.segments
     )
     return CameraModel(plain.camera_matrix, plain.distortion, result.model, result.image_size, segments)
+
+
+def camera_segments(camera: CameraModel) -> list[CameraSegment]:
+    """Return the bands of a segmental camera as a result holds them."""
+    return [
+        CameraSegment(near_mm=s.near_mm, far_mm=s.far_mm, distortion=name_distortion(s.distortion))
+        for s in camera.segments
+    ]
 
 
 def _find_all(
@@ -142,10 +151,7 @@ def _result(
         camera_matrix=camera.camera_matrix.tolist(),
         distortion=camera.distortion_by_name,
         tilt_rad=camera.distortion[TILT].tolist(),
-        segments=[
-            CameraSegment(near_mm=s.near_mm, far_mm=s.far_mm, distortion=name_distortion(s.distortion))
-            for s in camera.segments
-        ],
+        segments=camera_segments(camera),
         reprojection_rms_px=solution.reprojection_rms_px,
         corner_sigma_px=solution.corner_sigma_px,
         parameters=list(solution.parameters),

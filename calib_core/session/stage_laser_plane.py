@@ -10,8 +10,8 @@ from calib_core.optics.laser_plane import (
     plane_warnings,
     rotation_sigma_deg,
 )
+from calib_core.optics.laser_plane_joint import CameraUncertainty
 from calib_core.optics.laser_plane_solve import (
-    CameraUncertainty,
     PlaneSolution,
     PlaneView,
     ViewFigures,
@@ -23,6 +23,7 @@ from calib_core.records import (
     LaserPlaneResidual,
     LaserPlaneResult,
     PlaneInCamera,
+    RefinedCamera,
     Verdict,
 )
 from calib_core.session.boards import board_in, board_of
@@ -67,7 +68,7 @@ def solve_laser_plane(
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
     try:
-        solution = solve_plane(camera, views, _uncertainty(camera_result), tell)
+        solution = solve_plane(camera, views, _uncertainty(given, camera_result), tell)
     except MotionError as error:
         if not failed:
             raise
@@ -102,14 +103,21 @@ def _require_size(camera: CameraModel, size: tuple[int, int], capture: Capture) 
         )
 
 
-def _uncertainty(result: CameraResult | None) -> CameraUncertainty | None:
+def _uncertainty(given: StageInput, result: CameraResult | None) -> CameraUncertainty | None:
+    """Return how well the camera is known, with the boards that it was found from besides the plane's."""
     if result is None:
         return None
     from calib_core.optics.camera import parameter_places
 
     own = [i for i, name in enumerate(result.parameters) if not name.startswith("board")]
     covariance = np.array(result.covariance)[np.ix_(own, own)]
-    return CameraUncertainty(parameter_places(result.parameters), covariance)
+    board = board_of(given.session.cell)
+    if not board.flat:  # the refinement takes boards to be flat
+        return CameraUncertainty(parameter_places(result.parameters), covariance)
+    used = {row.capture for row in result.residuals if row.used}
+    others = [c for c in given.session.captures if c.step == "camera" and c.id in used]
+    boards = tuple(board_in(capture, board, given.read) for capture in others)
+    return CameraUncertainty(parameter_places(result.parameters), covariance, boards)
 
 
 def _result(
@@ -138,11 +146,24 @@ def _result(
         plane_rms_mm=solution.rms_mm,
         covariance=camera_from_laser_covariance(normal, distance, covariance).tolist(),
         plane_covariance=covariance.tolist(),
+        camera=None if camera is None else _refined(solution.camera),
         joint_parameters=[name for name in camera.parameters if not name.startswith("board")] if camera else [],
         joint_covariance=solution.joint_covariance.tolist(),
         normal_sigma_deg=sigma_deg,
         distance_sigma_mm=float(np.sqrt(covariance[3, 3])),
         residuals=rows,
+    )
+
+
+def _refined(camera: CameraModel) -> RefinedCamera:
+    from calib_core.session.stage_camera import camera_segments
+
+    return RefinedCamera(
+        model=camera.model,
+        image_size=camera.image_size,
+        camera_matrix=camera.camera_matrix.tolist(),
+        distortion=camera.distortion_by_name,
+        segments=camera_segments(camera),
     )
 
 

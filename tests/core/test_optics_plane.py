@@ -1,14 +1,18 @@
 """The plane of light: exact without noise, with true covariance, robust, and honest where it is not determined."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView
+from calib_core.optics.camera import CameraOptions, calibrate_camera, parameter_places
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import BoardLine, fit_plane, plane_warnings, rotation_sigma_deg, straight_part
-from calib_core.optics.laser_plane_solve import CameraUncertainty, PlaneView, solve_plane
+from calib_core.optics.laser_plane_joint import CameraUncertainty
+from calib_core.optics.laser_plane_solve import PlaneView, solve_plane
 from calib_core.optics.stripe import StripeCenters
 
 MATRIX = np.array([[900.0, 0, 320.0], [0, 905.0, 240.0], [0, 0, 1]])
@@ -63,6 +67,27 @@ def test_an_uncertain_camera_makes_the_plane_less_certain() -> None:
     )
     np.testing.assert_array_equal(exact.normal, uncertain.normal)
     assert rotation_sigma_deg(uncertain.covariance) > 1.2 * rotation_sigma_deg(exact.covariance)
+
+
+def test_camera_boards_and_plane_refined_together_are_true_and_nearer_than_apart() -> None:
+    planes, focal, apart, together = [], [], [], []
+    for seed in range(36):
+        seen = views(seed)
+        boards = [v.board for v in seen]
+        solved = calibrate_camera(boards, (640, 480), CameraOptions(model="plain"))
+        known = CameraUncertainty(parameter_places(solved.parameters), solved.covariance)
+        first = solve_plane(solved.camera, seen, known)
+        found = solve_plane(solved.camera, seen, replace(known, boards=()))
+        error = np.array([*(found.normal - NORMAL), found.distance_mm - DISTANCE])
+        planes.append(error @ np.linalg.pinv(found.covariance, rcond=1e-10, hermitian=True) @ error)
+        deviation = np.sqrt(found.joint_covariance[0, 0])
+        focal.append((found.camera.camera_matrix[0, 0] - MATRIX[0, 0]) / deviation)
+        apart.append(first.distance_mm - DISTANCE)
+        together.append(found.distance_mm - DISTANCE)
+    # Mean of 36 χ² of 3 degrees: 3 ± 3.3 √(2·3/36) = ±1.35; a mean of 36 unit normals: ± 3.3 / 6.
+    assert 1.65 < np.mean(planes) < 4.35
+    assert abs(np.mean(focal)) < 0.55  # a stripe's noise, squared, once drew the focal length by this and more
+    assert np.mean(np.square(together)) < np.mean(np.square(apart))
 
 
 def test_one_moved_board_is_found_out() -> None:

@@ -1,0 +1,214 @@
+"""Plane of light, boards and, where the boards gave it, the camera, refined together.
+
+A line that is straight on every board, all of them in one plane, tells of the camera too: without it the camera's
+error goes into every point on the plane.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.optics.adjust import (
+    Adjusted,
+    Adjustment,
+    Corners,
+    LaserLines,
+    State,
+    fit_poses,
+    plane_start,
+    shared_vector,
+)
+from calib_core.optics.board import BoardView
+from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.stripe import StripeCenters
+
+FloatArray = NDArray[np.float64]
+
+HUBER = 3.0
+_LEAST_STRIPE_SIGMA_PX = 0.01
+_OUTLIER_SIGMAS = 6.0
+_NOISE_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CameraUncertainty:
+    """What is known of how well the camera is known.
+
+    Parameters
+    ----------
+    free : (C,)
+        Places of the camera's uncertain parameters in `adjust`'s shared vector.
+    covariance : (C, C)
+    boards : tuple of BoardView or None
+        The other boards that the camera was found from: camera, boards and plane are then refined together.  None:
+        the camera stays as it is, and its covariance is carried through.
+    """
+
+    free: NDArray[np.int64]
+    covariance: FloatArray
+    boards: tuple[BoardView, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Where the refinement ended.
+
+    Attributes
+    ----------
+    camera : CameraModel
+    inverse_plane : (3,)
+        q = normal / distance, 1/mm.
+    covariance : (C + 3, C + 3)
+        Of the camera's uncertain parameters, if any, and of q.
+    state : State
+        The plane's boards come first.
+    noise_factor : float
+        How much larger the stripe's residuals are than its centres' own standard deviations.
+    """
+
+    camera: CameraModel
+    inverse_plane: FloatArray
+    covariance: FloatArray
+    state: State
+    noise_factor: float
+
+
+def refine_together(
+    camera: CameraModel,
+    corners: Corners,
+    stripes: Sequence[StripeCenters],
+    start: State,
+    inverse_plane: FloatArray,
+    uncertainty: CameraUncertainty | None,
+) -> Joint:
+    """Return camera, plane and boards that fit corners and stripes best, with their covariance.
+
+    Parameters
+    ----------
+    camera : CameraModel
+    corners : Corners
+        Of the boards with the stripe, then of those without; weighed by their noise.
+    stripes : sequence of StripeCenters
+        Of the boards with the stripe.
+    start : State
+        Of all boards.
+    inverse_plane : (3,)
+        Where to begin.
+    uncertainty : CameraUncertainty, optional
+        Left out, the camera counts as exact.
+    """
+    bands, near, far = camera.bands
+    first = plane_start(len(bands))
+    plane = np.arange(first, first + 3)
+    with_camera = uncertainty is not None and uncertainty.boards is not None
+    free = np.concatenate([uncertainty.free, plane]) if uncertainty is not None and with_camera else plane
+    lines = _lines(stripes, corners.views)
+    problem = Adjustment(_without_outliers(corners, start, (near, far)), near, far, free, HUBER, lines)
+    state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane))
+    problem, adjusted, factor = _with_stripe_noise(problem, state)
+    shared = adjusted.state.shared
+    covariance = adjusted.covariance * max(_tension(problem, adjusted, start), _correlation(problem, adjusted))
+    if uncertainty is not None and not with_camera:
+        covariance = _carried_through(problem, adjusted, uncertainty, covariance)
+    return Joint(
+        _camera_with(camera, shared) if with_camera else camera, shared[plane], covariance, adjusted.state, factor
+    )
+
+
+def _lines(stripes: Sequence[StripeCenters], views: int) -> LaserLines:
+    counts = [len(s.sigma_px) for s in stripes] + [0] * (views - len(stripes))
+    sigma = np.concatenate([np.maximum(s.sigma_px, _LEAST_STRIPE_SIGMA_PX) for s in stripes])
+    axes = np.concatenate([np.full(len(s.sigma_px), 1 if s.axis == "columns" else 0) for s in stripes])
+    ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return LaserLines(np.concatenate([s.pixels for s in stripes]), axes.astype(np.int64), ends, 1.0 / sigma)
+
+
+def _without_outliers(corners: Corners, start: State, bands: tuple[FloatArray, FloatArray]) -> Corners:
+    residuals = fit_poses(corners, start, bands, HUBER).corner_residuals
+    far_off = np.hypot(*residuals.T) * corners.weights > _OUTLIER_SIGMAS
+    return corners.weighted(np.where(far_off, 0.0, corners.weights))
+
+
+def _with_stripe_noise(problem: Adjustment, state: State) -> tuple[Adjustment, Adjusted, float]:
+    """Return the solved problem with the stripe weighed by its residuals where those are the larger ones."""
+    lines, factor = problem.lines, 1.0
+    assert lines is not None
+    adjusted = problem.solve(state)
+    for _ in range(_NOISE_ROUNDS):
+        assert problem.lines is not None
+        grown = 1.4826 * float(np.median(np.abs(adjusted.line_residuals * problem.lines.weights)))
+        if abs(grown - 1.0) < 0.05 or factor * grown < 1.0:
+            break
+        factor *= grown
+        problem = replace(problem, lines=replace(lines, weights=lines.weights / factor))
+        adjusted = problem.solve(adjusted.state)
+    return problem, adjusted, factor
+
+
+def _camera_with(camera: CameraModel, shared: FloatArray) -> CameraModel:
+    """Return a camera with the lens and the bands of a shared vector."""
+    matrix = camera.camera_matrix.copy()
+    matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2] = shared[:4]
+    bands = shared[4 : 4 + 14 * len(camera.bands[0])].reshape(-1, 14)
+    segments = tuple(replace(s, distortion=d) for s, d in zip(camera.segments, bands, strict=False))
+    return replace(camera, camera_matrix=matrix, distortion=bands[len(bands) // 2], segments=segments)
+
+
+def _carried_through(
+    problem: Adjustment, adjusted: Adjusted, uncertainty: CameraUncertainty, covariance: FloatArray
+) -> FloatArray:
+    """Return the covariance of camera and plane where the camera stays: the plane follows its errors."""
+    size = len(uncertainty.free)
+    both_free = replace(problem, free=np.concatenate([uncertainty.free, problem.free]))
+    both = both_free.equations(adjusted.state).hessian
+    follows = -np.linalg.solve(both[size:, size:], both[size:, :size])
+    cross = uncertainty.covariance @ follows.T
+    return np.block([[uncertainty.covariance, cross], [cross.T, covariance + follows @ cross]])
+
+
+def _tension(problem: Adjustment, adjusted: Adjusted, start: State) -> float:
+    """Return how much more the boards disagree about the plane than corners and centres say (variance ratio).
+
+    Each board alone could have its corners and its straight line; that they lie in one plane costs something, and
+    it should cost one for each of 2 B − 3 degrees of freedom.  Errors of corners or lines that are common to a
+    whole board (its flatness, light that bleeds at edges) show up here and nowhere else.
+    """
+    lines = problem.lines
+    assert lines is not None
+    bands = (problem.band_nears, problem.band_fars)
+    shared = adjusted.state.shared
+    alone = fit_poses(problem.corners, replace(start, shared=shared), bands, HUBER).cost
+    boards = 0
+    for first, last in zip(lines.ends[:-1], lines.ends[1:], strict=True):
+        if first == last:
+            continue
+        boards += 1
+        normed = adjusted.line_residuals[first:last] * lines.weights[first:last]
+        along = np.linspace(-1.0, 1.0, last - first)
+        within = np.abs(normed - np.polyval(np.polyfit(along, normed, 1), along))
+        alone += float(np.where(within < HUBER, within**2 / 2, HUBER * (within - HUBER / 2)).sum())
+    return max(1.0, 2.0 * (adjusted.cost - alone) / max(2 * boards - 3, 1))
+
+
+def _correlation(problem: Adjustment, adjusted: Adjusted) -> float:
+    """Return how much more the boards' scores scatter than independent errors explain (variance ratio), or 1.
+
+    The same as `camera_evidence.correlation_inflation`, for corners and lines.
+    """
+    lines = problem.lines
+    assert lines is not None
+    size, views = len(problem.free), problem.corners.views
+    found, expected = 0.0, float(size)
+    for view in range(views):
+        first, last = lines.ends[view], lines.ends[view + 1]
+        there = slice(first, last)
+        own = LaserLines(lines.pixels[there], lines.axes[there], np.array([0, last - first]), lines.weights[there])
+        alone = replace(problem, corners=problem.corners.take([view]), lines=own)
+        equations = alone.equations(adjusted.state.take([view]))
+        share = adjusted.covariance @ equations.hessian
+        found += float(equations.gradient @ adjusted.covariance @ equations.gradient)
+        expected -= float(np.sum(share * share.T))
+    ratio = found / max(expected, 0.2 * size)
+    return ratio if ratio > 1 + 2 * np.sqrt(2 / (size * views)) else 1.0
