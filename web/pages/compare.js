@@ -63,6 +63,8 @@ export class ComparePage extends HTMLElement {
   /** @param {string} name @param {string} value */
   async #changed(name, value) {
     this.#query.set(name, value);
+    // A solve is one of its step.
+    if (name === "stage") for (const side of SIDES) this.#query.set(side, this.#value(side).split(":")[0] ?? "");
     window.history.replaceState(null, "", `/compare?${this.#query}`);
     await attempt(() => this.#refresh());
   }
@@ -71,6 +73,7 @@ export class ComparePage extends HTMLElement {
     const stage = this.#value("stage", "tcp");
     await Promise.all(SIDES.map((side) => this.#offerSolves(side, stage)));
     const [left, right] = SIDES.map((side) => this.#value(side));
+    this.#answer.replaceChildren(h("p", { class: "soft" }, t("comparison.wait")));
     if (!left || !right) return this.#answer.replaceChildren(h("p", { class: "soft" }, t("comparison.two")));
     try {
       const comparison = await api.compare(stage, left, right);

@@ -509,6 +509,7 @@ export const en = Object.freeze({
   "comparison.right_solve": "Its solve",
   "comparison.choose": "Choose …",
   "comparison.latest": "latest",
+  "comparison.wait": "Comparing …",
   "comparison.two": "Choose two sessions; the same one twice compares two of its solves.",
   "comparison.first": "first, solved {when}",
   "comparison.second": "second, solved {when}",

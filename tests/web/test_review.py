@@ -1,0 +1,162 @@
+"""A session's past in a real Chromium: time line, recomputing, history, results side by side, paper."""
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.server.live_server import simulated_session, wait_for
+from tests.web.browsing import leave_out_the_scene
+from tests.web.test_accessible import violations
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def api(address: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def session(api: httpx.Client) -> str:
+    """Fourteen captures of which one was spoiled, a solve, one left out, and a second solve."""
+    session = simulated_session(api, captures=14, scenario="tcp-moved-sphere")
+    for excluded in ([], ["p03"]):
+        for capture in excluded:
+            api.patch(f"/sessions/{session}/captures/{capture}", json={"excluded": True})
+        assert wait_for(api, api.post(f"/sessions/{session}/solve/tcp").json()["id"])["status"] == "done"
+    return session
+
+
+@pytest.fixture(params=["light", "dark"])
+def page(request: pytest.FixtureRequest, browser: Browser, address: str) -> Iterator[Page]:
+    """A page in either theme whose security policy lets the checker in."""
+    context = browser.new_context(
+        base_url=address, color_scheme=request.param, bypass_csp=True, reduced_motion="reduce"
+    )
+    leave_out_the_scene(context)
+    yield context.new_page()
+    context.close()
+
+
+def test_keys_move_through_time_and_everything_follows(open_page: Callable[..., Any], session: str) -> None:
+    page, watched = open_page(f"/sessions/{session}/review")
+    words = page.locator(".timeline-words")
+    # It opens at the last solve, as that was.
+    expect(words).to_contain_text("16 of 17 · TCP solved, usable")
+    expect(page.locator("sc-review-captures tbody tr")).to_have_count(14)
+    expect(page.locator("sc-review-captures tr", has_text="p03")).to_contain_text("left out")
+    newest = page.locator("sc-result .frame dd").first.inner_text()
+
+    slider = page.get_by_role("slider")
+    slider.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(words).to_contain_text("15 of 17 · TCP solved")
+    expect(page.locator("sc-review-captures tr", has_text="p03")).to_contain_text("used")
+    expect(page.locator("sc-result .frame dd").first).not_to_have_text(newest)
+    for _ in range(4):
+        page.keyboard.press("ArrowLeft")
+    expect(words).to_contain_text("11 of 17 · Capture p11")
+    expect(page.locator("sc-review-captures tbody tr")).to_have_count(11)
+    expect(page.locator("sc-result")).to_contain_text("Not solved yet")
+    expect(page.locator("sc-rail .status-working")).to_contain_text("TCP")
+    assert slider.get_attribute("aria-valuetext") == words.inner_text()
+
+    # The log and the arrows lead there as well; a capture picked in the table stays picked.
+    page.get_by_role("button", name="p02").first.click()
+    expect(page.locator("sc-review-captures tr.picked")).to_contain_text("p02")
+    page.get_by_role("button", name=re.compile("Capture p04, ")).click()
+    expect(page.locator("sc-review-captures tbody tr")).to_have_count(4)
+    expect(page.locator("sc-review-captures tr.picked")).to_contain_text("p02")
+    page.get_by_role("button", name="One step back").click()
+    expect(page.locator("sc-review-captures tbody tr")).to_have_count(3)
+    page.get_by_role("button", name="Play").first.click()
+    expect(page.locator("sc-review-captures tbody tr")).to_have_count(5)
+    page.get_by_role("button", name="Pause").click()
+    # Nothing on this page changes the session.
+    assert not page.locator("sc-review input[type=checkbox]:not(.scene-layer-list input)").count()
+    assert watched.complaints == []
+
+
+def test_recomputing_shows_stored_and_new(open_page: Callable[..., Any], session: str) -> None:
+    page, watched = open_page(f"/sessions/{session}/review")
+    page.get_by_role("button", name="Recompute and compare").click()
+    expect(page.locator(".recomputed .banner")).to_contain_text("Every number came out again", timeout=60_000)
+    page.get_by_text("TCP: stored and new side by side").click()
+    expect(page.locator(".side-by-side")).to_contain_text("The same to the last digit")
+    assert watched.complaints == []
+
+
+def test_a_session_that_is_not_there_says_so(open_page: Callable[..., Any]) -> None:
+    page, _ = open_page("/sessions/none/review")
+    expect(page.get_by_role("link", name="Back to all sessions")).to_be_visible()
+
+
+def test_from_a_result_to_its_history_and_to_the_comparison(
+    open_page: Callable[..., Any], session: str, api: httpx.Client
+) -> None:
+    page, watched = open_page(f"/sessions/{session}#result")
+    workpiece = page.get_by_role("region", name="What it means at the workpiece")
+    assert re.search(r"±0\.\d+ mm", workpiece.inner_text().replace("\u202f", " "))
+    # One plot over the captures, one over the orientation; the spoiled capture is crossed in both.
+    expect(page.locator(".residual-plot")).to_have_count(2)
+    expect(page.locator(".residual-plot .cross")).to_have_count(2)
+    page.get_by_text("History of this step").click()
+    expect(page.locator(".history tbody tr")).to_have_count(2)
+    expect(page.get_by_role("link", name="Report")).to_have_attribute("target", "_blank")
+
+    page.locator(".history").get_by_role("link", name="Compare").click()
+    expect(page).to_have_url(re.compile(r"/compare\?stage=tcp&left="))
+    expect(page.locator(".changes")).to_contain_text("Capture p03 was left out")
+    frame = page.get_by_role("region", name="How far apart: scanner on the flange")
+    expect(frame).to_contain_text("combined sigmas")
+    expect(frame).to_contain_text("At the workpiece")
+    expect(frame.locator("tbody tr")).to_have_count(6)
+    residuals = page.get_by_role("region", name="Residuals side by side")
+    expect(residuals.locator("tbody tr")).to_have_count(14)
+    expect(residuals.locator("tr", has_text="p08").locator(".mark-fail")).to_have_count(2)
+
+    # Another session, chosen in the form: the address keeps what is compared.
+    other = simulated_session(api, captures=14, seed=8)
+    wait_for(api, api.post(f"/sessions/{other}/solve/tcp").json()["id"])
+    page.reload()
+    page.get_by_label("Second session").select_option(other)
+    expect(page.locator(".comparison")).to_contain_text("differ by more than their uncertainty")
+    expect(page).to_have_url(re.compile(f"right={other}"))
+    # What was not solved is said where the answer would be.
+    page.get_by_label("Step").select_option("turntable")
+    expect(page.get_by_role("alert").filter(has_text="not solved")).to_be_visible()
+    assert [c for c in watched.complaints if "404" not in c] == []
+
+
+def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) -> None:
+    page.goto(f"/sessions/{session}/review")
+    expect(page.locator("sc-review-captures tbody tr")).to_have_count(14)
+    page.locator(".scene-layers summary").click()
+    assert violations(page, axe) == []
+    # On paper there are neither controls nor scene, and all of the columns.
+    page.emulate_media(media="print")
+    expect(page.locator("sc-scene")).to_be_hidden()
+    expect(page.get_by_role("slider")).to_be_hidden()
+    work = page.locator(".review-work").bounding_box()
+    assert work is not None
+    assert work["height"] > 1500
+    page.emulate_media(media="screen")
+
+    page.goto(f"/sessions/{session}#result")
+    expect(page.locator(".result-links")).to_be_visible()
+    page.get_by_text("History of this step").click()
+    expect(page.locator(".history tbody tr")).to_have_count(2)
+    assert violations(page, axe) == []
+
+    items = api.get(f"/sessions/{session}/results/tcp/history").json()["items"]
+    sides = "&".join(
+        f"{side}={session}:{item['number']}" for side, item in zip(("left", "right"), items, strict=True)
+    )
+    page.goto(f"/compare?stage=tcp&{sides}")
+    expect(page.locator(".comparison section")).to_have_count(4)
+    assert violations(page, axe) == []
