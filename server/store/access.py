@@ -1,6 +1,6 @@
 """The tables of who may: tokens, logins of the page, and the log of who did what."""
 
-from sqlalchemy import ForeignKey, Index, String
+from sqlalchemy import ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column
 
 from server.store.models import Base
@@ -42,5 +42,3 @@ class AuditRow(Base):
     method: Mapped[str] = mapped_column(String(16))
     path: Mapped[str] = mapped_column(String(500))
     outcome: Mapped[str] = mapped_column(String(16))
-
-    __table_args__ = (Index("audit_by_time", "created"),)
