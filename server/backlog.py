@@ -49,6 +49,10 @@ class Backlog:
                 self._batches -= 1
             self._woken.set()
 
+    def wake(self) -> None:
+        """Look at once for captures that wait."""
+        self._woken.set()
+
     def stop(self) -> None:
         """End after the capture that is being measured."""
         self._stopping.set()
@@ -100,13 +104,13 @@ class Backlog:
             note_measured(db, session_id, waiting[: len(measured)], measured)
 
 
-def to_wait(capture: Capture) -> Measured:
+def to_wait(capture: Capture, reason: str = "It is not measured yet: it came with many others.") -> Measured:
     """Return what is noted of a capture until it is measured."""
     return Measured(
         capture=capture.id,
         kind=capture.kind,
         verdict="warn",
-        reason="It is not measured yet: it came with many others.",
+        reason=reason,
         to_do="Wait a moment; nothing has to be sent again.",
     )
 

@@ -9,7 +9,19 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.records import Guide, Session, parse_session
-from server.deps import Cursor, HubDep, IfMatch, JobsDep, LastEventId, Limit, OnceDep, SessionId, StoreDep
+from server.backlog import to_wait
+from server.deps import (
+    BacklogDep,
+    Cursor,
+    HubDep,
+    IfMatch,
+    JobsDep,
+    LastEventId,
+    Limit,
+    OnceDep,
+    SessionId,
+    StoreDep,
+)
 from server.events import follow, to_sse
 from server.measuring import check_poses, measure
 from server.schemas import NewSession, PoseLine, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
@@ -31,10 +43,13 @@ from server.store.sessions import (
     unused,
 )
 from server.store.solves import unfinished_jobs
+from server.store.waiting import measure_anew
 from server.strict_json import StrictRoute, plain_json
 
 router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=StrictRoute)
 
+_MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
+_CHANGED = "It is measured anew: the cell was changed."
 # What measuring a capture depends on, beside the capture.
 _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner")
 
@@ -81,8 +96,13 @@ def get(session_id: SessionId, store: StoreDep) -> Response:
 
 
 @router.patch("/{session_id}", response_model=StoredSession)
-def change(session_id: SessionId, body: SessionChanges, store: StoreDep, if_match: IfMatch = None) -> Response:
-    """Change a session's name or cell; captures are measured anew where the cell's change bears on them."""
+def change(
+    session_id: SessionId, body: SessionChanges, store: StoreDep, backlog: BacklogDep, if_match: IfMatch = None
+) -> Response:
+    """Change a session's name or cell; captures are measured anew where the cell's change bears on them.
+
+    Where there are more than a few, that happens after the answer; a `capture` event tells of each that is done.
+    """
     changes = {n: v for n, v in body.model_dump(exclude_unset=True).items() if n not in STORE_FIELDS}
     if "captures" in changes:
         raise InputError("changes of the session", "captures", "Patch each capture by itself.", "captures")
@@ -93,17 +113,20 @@ def change(session_id: SessionId, body: SessionChanges, store: StoreDep, if_matc
     session = parse_session({**record, "captures": [c.to_json() for c in before.session.captures]}, "request")
     for capture in session.captures:
         check_poses(session, capture)
-    measured: dict[str, Data] = {}
-    if any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM):
-        measured = {c.id: measure(session, c, before.read).to_json() for c in session.captures}
+    anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
+    at_once = anew and len(session.captures) <= _MEASURED_AT_ONCE
+    measured = {c.id: measure(session, c, before.read).to_json() for c in session.captures} if at_once else {}
     with store.write() as db:
         row = locked_session(db, session_id)
         require_revision(row, if_match)
         if row.revision != revision:
             raise ConflictError("a session that rests", "one that was just changed", "Send the change again.")
+        if anew and not at_once:
+            measure_anew(db, session_id, {c.id: to_wait(c, _CHANGED) for c in session.captures})
         change_session(db, row, _without_captures(session), measured)
         answer = session_data(db, row)
         tag = etag(row)
+    backlog.wake()
     return JSONResponse(answer, headers={"ETag": tag})
 
 

@@ -62,6 +62,18 @@ def first_waiting(db: Transaction, limit: int) -> list[Waiting]:
     return sorted(waiting, key=lambda w: w.session_id)
 
 
+def measure_anew(db: Transaction, session_id: str, until_then: Mapping[str, Measured]) -> None:
+    """Let captures wait to be measured anew, with what is noted of each until then."""
+    for capture_id, measured in until_then.items():
+        db.get_one(CaptureRow, (session_id, capture_id)).measured = measured.to_json()
+    already = set(db.scalars(select(WaitingRow.capture_id).where(WaitingRow.session_id == session_id)))
+    db.add_all(
+        WaitingRow(session_id=session_id, capture_id=capture_id)
+        for capture_id in until_then
+        if capture_id not in already
+    )
+
+
 def note_measured(
     db: Transaction, session_id: str, waiting: Sequence[Waiting], measured: Sequence[Measured]
 ) -> None:

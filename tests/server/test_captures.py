@@ -1,6 +1,7 @@
 """Captures over REST: stored as they came, measured, corrected, removed; refused where they are of no use."""
 
 import json
+import time
 from collections.abc import Iterator
 from hashlib import sha256
 from typing import Any
@@ -192,6 +193,22 @@ def test_a_new_diameter_measures_all_captures_anew(client: httpx.Client) -> None
     assert measured["verdict"] == "fail"  # a circle of 15 mm does not lie on a sphere of 10 mm
     answer = client.patch(f"/sessions/{session}", json={"cell": {"pose_convention": "abb"}})
     assert_problem(answer, 422, "p01", "7")
+
+
+def test_many_captures_are_measured_anew_after_the_answer(client: httpx.Client) -> None:
+    session = make_session(client)
+    for number in range(11):
+        assert upload(client, session, record(f"p{number}"), arc_csv(15.0)).json()["measured"]["verdict"] == "pass"
+    changed = client.patch(f"/sessions/{session}", json={"cell": {"sphere_diameter_mm": 20.0}})
+    assert changed.status_code == 200, changed.text
+    end_s = time.monotonic() + 30
+    while time.monotonic() < end_s:
+        items = client.get(f"/sessions/{session}/captures").json()["items"]
+        assert {item["measured"]["verdict"] for item in items} <= {"warn", "fail"}  # never the old cell's
+        if all(item["measured"]["verdict"] == "fail" for item in items):
+            return
+        time.sleep(0.02)
+    raise AssertionError("they are not measured anew")
 
 
 def test_a_removed_capture_is_gone_and_may_come_again(client: httpx.Client) -> None:
