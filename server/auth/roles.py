@@ -100,6 +100,8 @@ RULES: dict[Role, tuple[str, ...]] = {
         "POST /scenes/{session}/turn",
         "POST /scenes/{session}/cloud",
         "POST /scenes/{session}/moment",
+        # Reads numbers; nothing is stored.
+        f"POST {_SESSION}/pose-lines",
         # Lights a capture up in the scene; nothing of it is stored.
         "POST /scenes/{session}/highlight",
     ),
@@ -113,7 +115,6 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"POST {_SESSION}/sources/simulated/capture",
         f"PUT {_SESSION}/sources/folder",
         f"DELETE {_SESSION}/sources/folder",
-        f"POST {_SESSION}/pose-lines",
         f"POST {_SESSION}/solve/{{stage}}",
         f"POST {_SESSION}/replay",
         f"PUT {_SESSION}/merged/reference",

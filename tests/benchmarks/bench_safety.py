@@ -81,7 +81,7 @@ def role_that_should_do(method: str, path: str) -> str:
         or (method, path) == ("DELETE", "/api/v1/sessions/{session_id}")
     ):
         return "admin"
-    looks = method in ("GET", "WS") or path.startswith("/scenes/")
+    looks = method in ("GET", "WS") or path.startswith("/scenes/") or path.endswith("/pose-lines")
     return "read" if looks else "capture"
 
 
