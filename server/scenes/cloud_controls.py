@@ -1,4 +1,4 @@
-"""The address by which a page sets how the merged cloud is shown: its colours, a section, what it is compared with."""
+"""The address by which a page sets how the merged cloud is shown: colours, a section, what it is compared with."""
 
 from typing import Literal
 
@@ -30,7 +30,7 @@ class CloudShown(BaseModel):
 
 @cloud_router.post("/cloud", status_code=204, summary="How the merged cloud is shown")
 def show_cloud(session: SessionId, body: CloudShown, scenes: Scenes) -> None:
-    """Colour the merged cloud by height, scan or deviation, and cut it open; nothing happens where nobody looks."""
+    """Colour the merged cloud, and cut it open; nothing happens where nobody looks."""
     section = body.section and Section(body.section.axis, body.section.at_mm, body.section.keep)
     view = CloudView(f"by {body.colors}", section, Against(body.against, body.diameter_mm))
     scenes.show_cloud(session, view)
