@@ -24,6 +24,66 @@ RowArray = NDArray[np.int32]
 _NOISE_SAMPLES = 512
 _QUANTISATION_VARIANCE = 1 / 12
 _NO_LIMIT = 1e9
+_NARROWEST_PX = 0.9  # narrower peaks' responses change too fast from row to row to be interpolated
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def look(
+    image: ImageArray,
+    columns: RowArray,
+    seeds: RowArray,
+    codes: CodeArray,
+    short: SingleArray,
+    filters: SingleArray,
+    taps: int,
+    width_px: float,
+    tables: SingleArray,
+    figures: FloatArray,
+    limits: FloatArray,
+) -> FloatArray:
+    """Measure the columns' peaks, all at once first; look a second time where one is not as it should be.
+
+    Parameters
+    ----------
+    columns, seeds, codes : (N,)
+        Codes are written.
+    short, filters, taps, width_px, tables, figures : see `stripe_peaks.measure_peaks`, `stripe.measure_columns`
+    limits : (6,)
+        See `stripe.measure_columns`.
+
+    Returns
+    -------
+    (5, N)
+        Centre, its standard deviation, amplitude, sum of squared residuals of the shape, background.
+    """
+    if width_px < _NARROWEST_PX:
+        out, clean = np.full((5, columns.shape[0]), np.nan), np.zeros(columns.shape[0], np.bool_)
+    else:
+        first = np.array([limits[0], limits[1], limits[3], limits[5]])
+        out, clean = measure_peaks(
+            image, columns, seeds, codes == OK, short, filters, taps, width_px, figures, first
+        )
+    measure_columns(image, columns, seeds, clean, tables, figures, limits, out, codes)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sample(
+    image: ImageArray,
+    columns: RowArray,
+    seeds: RowArray,
+    variance: float,
+    short: SingleArray,
+    filters: SingleArray,
+    taps: int,
+    width_px: float,
+    tables: SingleArray,
+    figures: FloatArray,
+) -> FloatArray:
+    """Measure a few columns' peaks, (5, N), whatever their amplitude and saturation."""
+    codes = np.zeros(columns.shape[0], np.uint8)
+    limits = np.array([variance, 0.0, 6.0 * np.sqrt(variance), _NO_LIMIT, _NO_LIMIT, 0.0])
+    return look(image, columns, seeds, codes, short, filters, taps, width_px, tables, figures, limits)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -39,6 +99,7 @@ def survey(
     filters: SingleArray,
     taps: int,
     width_px: float,
+    tables: SingleArray,
     figures: FloatArray,
 ) -> tuple[float, RowArray, CodeArray, RowArray, FloatArray]:
     """Find the peak of each column to a row or two, and measure a few of them.
@@ -49,7 +110,7 @@ def survey(
     rivalry : see `stripe_seeds.choose_seeds`
     samples : int
         About how many columns are measured.
-    short, filters, taps, width_px, figures : see `stripe_peaks.measure_peaks`
+    short, filters, taps, width_px, tables, figures : see `look`
         For even noise.
 
     Returns
@@ -76,11 +137,7 @@ def survey(
             if n % every == 0:
                 sampled[n // every] = j
             n += 1
-    limits = np.array([variance, 0.0, _NO_LIMIT, 0.0])
-    sought = np.ones(sampled.shape[0], np.bool_)
-    measured, _ = measure_peaks(
-        image, sampled, seeds[sampled], sought, short, filters, taps, width_px, figures, limits
-    )
+    measured = sample(image, sampled, seeds[sampled], variance, short, filters, taps, width_px, tables, figures)
     return variance, seeds, codes, sampled, measured
 
 
@@ -113,16 +170,14 @@ def measure(
     figures: FloatArray,
     limits: FloatArray,
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Measure every column's peak, and look a second time where one is not as it should be.
+    """Measure every column's peak; keep those that are as they should be and that others continue.
 
     Parameters
     ----------
     image : (H, W)
     seeds, codes : (W,)
         Codes are written.
-    short, filters, taps, width_px, tables, figures : see `stripe_peaks.measure_peaks`, `stripe.measure_columns`
-    limits : (6,)
-        See `stripe.measure_columns`.
+    short, filters, taps, width_px, tables, figures, limits : see `look`
 
     Returns
     -------
@@ -132,11 +187,7 @@ def measure(
         How many columns have each code.
     """
     columns = np.arange(image.shape[1]).astype(np.int32)
-    first_limits = np.array([limits[0], limits[1], limits[3], limits[5]])
-    out, clean = measure_peaks(
-        image, columns, seeds, codes == OK, short, filters, taps, width_px, figures, first_limits
-    )
-    measure_columns(image, columns, seeds, clean, tables, figures, limits, out, codes)
+    out = look(image, columns, seeds, codes, short, filters, taps, width_px, tables, figures, limits)
     counts = mark_alone(out[0], codes, 5, 3)
     centers = np.empty((4, counts[OK]))
     n = 0

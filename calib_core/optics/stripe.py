@@ -106,8 +106,8 @@ class StripeCenters:
 
 
 @dataclass(frozen=True, eq=False)
-class _Filters:
-    """Filters of one peak width and noise ratio: what `kernels.stripe_peaks` and `kernels.stripe` take."""
+class StripeFilters:
+    """Filters of one peak width and noise ratio: what `kernels.stripe_frame` takes."""
 
     width_px: float
     short: NDArray[np.float32]
@@ -122,11 +122,7 @@ class _Filters:
         return int(self.tables.shape[2])
 
     @property
-    def first_look(self) -> tuple[NDArray[np.float32], NDArray[np.float32], int, float, FloatArray]:
-        return self.short, self.whole, self.taps, self.width_px, self.figures
-
-    @property
-    def both_looks(
+    def arrays(
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], int, float, NDArray[np.float32], FloatArray]:
         return self.short, self.whole, self.taps, self.width_px, self.tables, self.figures
@@ -188,29 +184,26 @@ def _measure(
 ) -> tuple[NDArray[np.uint8], StripeCenters]:
     """Find one centre per column; return each column's code and the good centres."""
     from calib_core.kernels import stripe_frame as kernel
-    from calib_core.kernels.stripe_peaks import measure_peaks
 
-    filters = _filters(round(start_width, 2), 0.0)
+    filters = filters_of(round(start_width, 2), 0.0)
     height, width = image.shape
     bits, word = (8, np.uint16) if image.dtype == np.uint8 else (16, np.uint32)
     words = (image if width % 2 == 0 else np.ascontiguousarray(image[:, :-1])).view(word)
     rows = max(3, min(round(1.5 * start_width), 60, height // 10))
     step = max(1, int(1.5 * start_width))
     variance, seeds, codes, columns, peaks = kernel.survey(
-        image, words, bits, rows, step, options.rivalry, _SAMPLED_COLUMNS, *filters.first_look
+        image, words, bits, rows, step, options.rivalry, _SAMPLED_COLUMNS, *filters.arrays
     )
     hot = 6.0 * variance**0.5 + 0.02 * saturation
     if not options.width_px and len(columns):
         width_px = _peak_width(image, columns, peaks[0], start_width, hot)
-        filters = _filters(round(width_px, 2), 0.0)
-        limits = np.array([variance, 0.0, 1e9, 0.0])
-        sought = np.ones(len(columns), dtype=bool)
-        peaks, _ = measure_peaks(image, columns, seeds[columns], sought, *filters.first_look, limits)
+        filters = filters_of(round(width_px, 2), 0.0)
+        peaks = kernel.sample(image, columns, seeds[columns], variance, *filters.arrays)
     light, amplitude = kernel.noise_growth(peaks, variance, filters.taps, filters.mean_shape)
-    filters = _filters(filters.width_px, _noise_ratio(light * amplitude / variance))
+    filters = filters_of(filters.width_px, _noise_ratio(light * amplitude / variance))
     least = options.least_snr * (variance / filters.energy) ** 0.5
     limits = np.array([variance, light, hot, saturation, 3.0 * filters.width_px, least])
-    centers, counts = kernel.measure(image, seeds, codes, *filters.both_looks, limits)
+    centers, counts = kernel.measure(image, seeds, codes, *filters.arrays, limits)
     left_out = {reason: n for reason, n in zip(_REASONS[1:], counts[1:].tolist(), strict=True) if n}
     column, row, sigma, amplitudes = centers
     return codes, StripeCenters(
@@ -265,7 +258,11 @@ def _noise_ratio(ratio: float) -> float:
 
 
 @lru_cache(maxsize=64)
-def _filters(width_px: float, noise_ratio: float) -> _Filters:
+def filters_of(width_px: float, noise_ratio: float) -> StripeFilters:
+    """Return the filters of a Gaussian peak: its standard deviation (px), and its light's noise beside the dark's.
+
+    The centring filter is h = g′/(1 + ρ g), the maximum-likelihood position for variance a (1 + ρ g).
+    """
     reach = 2.7 if noise_ratio == 0.0 else 3.2  # the filter that is nearly a centroid has longer arms
     half = int(np.ceil(reach * width_px)) + 1
     phase = np.linspace(-0.5, 0.5, _PHASES + 1)
@@ -282,7 +279,7 @@ def _filters(width_px: float, noise_ratio: float) -> _Filters:
     turn = u[middle] / width_px**2
     whole = np.stack([h[middle], slope[middle], g[middle], turn * g[middle], (turn**2 - width_px**-2) * g[middle]])
     inner = min(half - 1, int(1.5 * width_px)) | 1  # odd: padded by one zero, its middle is easy to tell
-    return _Filters(
+    return StripeFilters(
         width_px,
         _padded(h[middle : middle + 1, half - inner : half + inner + 1]),
         _padded(whole if noise_ratio else whole[:3]),

@@ -72,6 +72,43 @@ def test_stated_sigmas_are_true() -> None:
         assert 0.9 < np.sqrt(np.mean(normed**2)) < 1.1
 
 
+@pytest.mark.parametrize("width_px", [0.85, 0.95, 2.0, 6.0])
+def test_narrow_and_wide_peaks_state_true_sigmas(width_px: float) -> None:
+    center = curve()
+    found = find_stripe(frame(light(center, width_px=width_px), 4))
+    assert len(found.row_px) > 0.99 * WIDTH
+    assert 0.9 < np.sqrt(np.mean((errors(found, center) / found.sigma_px) ** 2)) < 1.1
+
+
+@pytest.mark.parametrize(("width_px", "read_noise", "gain"), [(0.95, 4.0, 0.0), (2.0, 1.0, 0.0), (3.0, 2.0, 0.5)])
+def test_all_columns_at_once_and_one_by_one_agree(width_px: float, read_noise: float, gain: float) -> None:
+    from calib_core.kernels.stripe import measure_columns
+    from calib_core.kernels.stripe_peaks import measure_peaks
+    from calib_core.optics.stripe import filters_of
+
+    center = curve()
+    image = frame(light(center, width_px=width_px), 6, read_noise, gain)
+    filters = filters_of(width_px, 1.0 if gain else 0.0)
+    columns, seeds = np.arange(WIDTH, dtype=np.int32), np.rint(center + 1.2).astype(np.int32)
+    variance = read_noise**2 + gain * 10.0 + 1 / 12
+    at_once, clean = measure_peaks(
+        image, columns, seeds, np.ones(WIDTH, bool), filters.short, filters.whole, filters.taps, width_px,
+        filters.figures, np.array([variance, gain, 255.0, 0.0]),
+    )  # fmt: skip
+    singly, codes = np.full((5, WIDTH), np.nan), np.zeros(WIDTH, np.uint8)
+    limits = np.array([variance, gain, 1e9, 255.0, 100.0, 0.0])
+    measure_columns(
+        image, columns, seeds, np.zeros(WIDTH, bool), filters.tables, filters.figures, limits, singly, codes
+    )
+    assert clean.mean() > 0.95
+    # Both look for the same zero: one by steps of filters, the other by interpolation between rows.
+    apart = (at_once[0] - singly[0])[clean] / singly[1, clean]
+    assert np.abs(apart).max() < 0.3
+    assert np.sqrt(np.mean(apart**2)) < 0.08
+    np.testing.assert_allclose(at_once[1, clean], singly[1, clean], rtol=0.02)
+    np.testing.assert_allclose(at_once[2, clean], singly[2, clean], rtol=0.03)
+
+
 def test_rows_are_columns_turned() -> None:
     center = curve()
     image = frame(light(center), 1)
