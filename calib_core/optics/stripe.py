@@ -119,12 +119,14 @@ class StripeFilters:
 
     @property
     def taps(self) -> int:
+        """How many rows the centring filter reaches over."""
         return int(self.tables.shape[2])
 
     @property
     def arrays(
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], int, float, NDArray[np.float32], FloatArray]:
+        """What the kernels take, in their order."""
         return self.short, self.whole, self.taps, self.width_px, self.tables, self.figures
 
 
