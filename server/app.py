@@ -17,6 +17,7 @@ from server.auth.refusals import Refusals
 from server.backlog import Backlog
 from server.events import Hub
 from server.guard import Guard
+from server.housekeeping import Housekeeping
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
 from server.metrics import Metrics
@@ -41,9 +42,9 @@ from server.scenes.manager import SceneManager
 from server.scenes.past import PastScenes
 from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene
+from server.scenes.trials import trials_router
 from server.settings import Settings
 from server.sources.watching import session_watcher
-from server.store.answers import forget_old_answers
 from server.store.database import Store
 from server.watch import Watch
 
@@ -70,6 +71,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         backlog = Backlog(store, measuring)
+        housekeeping = Housekeeping(store)
         app.state.measuring, app.state.backlog = measuring, backlog
         app.state.logins = Logins(settings.data, store)
         watcher = app.state.watcher = session_watcher(settings, store, measuring)
@@ -77,6 +79,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(_start, store, jobs)
             backlog.start()
             watcher.start()
+            housekeeping.start()
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield
@@ -86,6 +89,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(jobs.stop)
             await run_in_threadpool(watcher.stop)
             await run_in_threadpool(backlog.stop)
+            await run_in_threadpool(housekeeping.stop)
             await run_in_threadpool(measuring.stop)
             store.close()
 
@@ -124,6 +128,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(pages.router)
     app.include_router(scenes_router)
     app.include_router(controls_router)
+    app.include_router(trials_router)
     app.include_router(cloud_router)
     app.mount("/web", StaticFiles(directory=settings.web, check_dir=False), name="web")
     app.add_middleware(Patience, settings=settings)
@@ -136,6 +141,4 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 def _start(store: Store, jobs: Jobs) -> None:
     store.migrate()
     store.blobs.clean()
-    with store.write() as db:
-        forget_old_answers(db)
     jobs.start()

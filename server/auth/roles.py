@@ -102,6 +102,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         "POST /scenes/{session}/moment",
         # Reads numbers; nothing is stored.
         f"POST {_SESSION}/pose-lines",
+        "POST /scenes/{session}/trial",
         # Lights a capture up in the scene; nothing of it is stored.
         "POST /scenes/{session}/highlight",
     ),

@@ -16,6 +16,7 @@ from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.signs import cross, short
 from server.scenes.table_layers import sphere_places, table_axis, table_circles, table_turned
+from server.scenes.trial import trial
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 _FAN_RAYS = 24
@@ -126,6 +127,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "points": ("Points by residual", residual_points),
     "sphere": ("Sphere", sphere),
     "ghost": ("Pose to take next", ghost),
+    "trial": ("Poses being read", trial),
     "table": ("Turntable: axis and frame", table_axis),
     "circles": ("Turntable: circles", table_circles),
     "places": ("Turntable: sphere at each angle", sphere_places),

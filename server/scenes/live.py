@@ -7,7 +7,11 @@ from collections.abc import Generator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
+import numpy as np
+
+from calib_core.frames import RigidTransform
 from server.scenes.cloud_view import CloudColors, CloudView
+from server.scenes.detail import Details
 from server.scenes.deviation import KeptDeviations
 from server.scenes.facts import SceneFacts, SceneInput, scene_facts
 from server.scenes.kept import PointCache
@@ -17,7 +21,7 @@ from server.scenes.look import Look, look_at
 from server.scenes.nodes import Node
 from server.scenes.panel import Panel, PanelActions, take
 from server.scenes.viewers import Viewers
-from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view
+from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view, view_of_places
 
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
@@ -53,12 +57,14 @@ class LiveScene:
         self._scene = scene
         self._picked: str | None = None
         self._turned_to = 0
+        self._trial: tuple[RigidTransform, ...] = ()
         self._cloud = CloudView()
         self._deviations = KeptDeviations()
         self._server = start_viser(self.secret)
         self.port = self._server.get_port()
         self.viewers = Viewers(self._server)
         self._panel = Panel(self._server, PanelActions(self._view, self.turn_to, self.color_scans))
+        self._details = Details(self._drawn_now)
         self._server.on_client_connect(self._welcome)
         self.update(scene)
 
@@ -81,6 +87,17 @@ class LiveScene:
         """Light up one capture, or none; return how many nodes were sent."""
         with self._lock:
             self._picked = capture_id
+            return self._redraw()
+
+    def try_poses(self, poses: tuple[RigidTransform, ...]) -> int:
+        """Show poses that are being read, beside everything else; return how many nodes were sent.
+
+        Where the session has no captures yet, everybody is taken to where these poses are in sight.
+        """
+        with self._lock:
+            new, self._trial = poses and not self._trial, poses
+            if new and not self._known.captures:
+                self._show(view_of_places(np.array([pose.translation_mm for pose in poses])))
             return self._redraw()
 
     def turn_to(self, place: int) -> int:
@@ -125,6 +142,7 @@ class LiveScene:
 
     def stop(self) -> None:
         """Close the port, end the threads and forget the scene."""
+        self._details.stop()
         self._panel.stop()
         stop_viser(self._server)
 
@@ -135,7 +153,12 @@ class LiveScene:
         self.legend = legend_html(facts, look)
         self._panel.say_rejected(rejected_html(facts))
         self._panel.show_captures(len(facts.captures), facts.merged is not None)
+        self._details.refresh(self._server.get_clients())
         return sent
+
+    def _drawn_now(self) -> tuple[SceneFacts, Look]:
+        with self._lock:
+            return self._known, self._look(self._known)
 
     @property
     def _known(self) -> SceneFacts:
@@ -151,7 +174,8 @@ class LiveScene:
             against = self._cloud.against
             reference = self._scene.load_reference() if against.kind == "mesh" else None
             deviation = self._deviations.of(facts.merged.points_mm, against, reference)
-        return look_at(facts, picked, alone=place > 0, cloud=self._cloud, deviation=deviation)
+        look = look_at(facts, picked, alone=place > 0, cloud=self._cloud, deviation=deviation)
+        return replace(look, trial=self._trial)
 
     def _send(self, nodes: Mapping[str, Node]) -> int:
         """Send what differs from what is drawn; a node that only moved is moved, not sent again."""
@@ -177,6 +201,7 @@ class LiveScene:
 
     def _welcome(self, client: "ClientHandle") -> None:
         """Set a newcomer further away whose window is narrow; viser's first camera is the same for all."""
+        self._details.follow(client)
         if client.camera.aspect < 1:
             with client.atomic():
                 take(client.camera, self._view(first_view(self._known)))

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from calib_core.frames import RigidTransform
 from server.scenes.cloud_view import CloudView
 from server.scenes.colors import residual_limit_mm
 from server.scenes.deviation import CloudDeviation
@@ -14,6 +15,7 @@ class Look:
 
     With `alone` the cell is shown as it stood at the picked capture, its table turned, without the other captures.
     `deviation` is what the cloud is coloured by where the view asks for that, or the sentence why it cannot be.
+    `trial` are poses that are being read.
     """
 
     limit_mm: float
@@ -21,6 +23,7 @@ class Look:
     alone: bool = False
     cloud: CloudView = field(default_factory=CloudView)
     deviation: CloudDeviation | str | None = None
+    trial: tuple[RigidTransform, ...] = ()
 
     def shown(self, facts: SceneFacts) -> tuple[CaptureFacts, ...]:
         """Return the captures whose robot and scanner are drawn."""

@@ -60,6 +60,11 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
     return _around(everything, direction)
 
 
+def view_of_places(places_mm: FloatArray) -> View:
+    """Return a view that holds places (N, 3) in the base, mm, and the base itself."""
+    return _around(np.concatenate([places_mm, np.zeros((1, 3))]), _ISOMETRIC)
+
+
 def _places_mm(facts: SceneFacts) -> FloatArray:
     """Return the places (N, 3) that a view must hold: flanges, also the next one, scanners, sphere."""
     places = [capture.base_from_tool0.translation_mm for capture in facts.captures]

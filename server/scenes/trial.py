@@ -1,0 +1,24 @@
+"""Poses that are being read and not stored yet: what a convention makes of them, seen before anything is done."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from server.scenes import nodes
+from server.scenes.colors import GHOST
+from server.scenes.facts import SceneFacts
+from server.scenes.look import Look
+from server.scenes.nodes import Node
+
+_AXES_MM = 60.0
+
+
+def trial(_facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw the flange of each pose, with its number, and the way from one to the next."""
+    for number, pose in enumerate(look.trial, start=1):
+        yield nodes.axes(f"/trial/{number}", pose, _AXES_MM, GHOST)
+        above = pose.translation_mm + np.array([0.0, 0.0, 14.0])
+        yield nodes.label(f"/trial/{number}/name", above, f"line {number}", 0.9)
+    if len(look.trial) > 1:
+        places = np.array([pose.translation_mm for pose in look.trial])
+        yield nodes.lines("/trial/way", np.stack([places[:-1], places[1:]], axis=1), GHOST, 1.5)

@@ -1,0 +1,32 @@
+"""The address by which a page shows poses in the scene before they are stored."""
+
+from fastapi import APIRouter
+from pydantic import BaseModel, Field
+
+from calib_core.frames import RigidTransform
+from server.scenes.router import Scenes, SessionId
+
+trials_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
+
+_MOST = 300
+
+
+class Trial(BaseModel):
+    """Poses of the flange in the base, 4×4, rows, mm; none takes away those that are shown."""
+
+    poses: list[list[list[float]]] = Field(max_length=_MOST)
+
+
+@trials_router.post("/trial", status_code=204, summary="Show poses that are being read")
+def try_poses(session: SessionId, body: Trial, scenes: Scenes) -> None:
+    """Show poses in the session's scene without storing them; where nobody looks, nothing happens.
+
+    Raises
+    ------
+    InputError
+        If one is no rigid transform.
+    """
+    poses = tuple(RigidTransform.from_rounded(rows, "base", "tool0") for rows in body.poses)
+    live = scenes.live(session)
+    if live is not None:
+        live.try_poses(poses)
