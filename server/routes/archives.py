@@ -73,14 +73,16 @@ def get_archive(
     store: StoreDep,
     scene: Annotated[bool, Query(description="With the 3-D scene as a page of its own.")] = True,
 ) -> StreamingResponse:
-    """Return the session as one zip that still computes years later: record, files, results, report, scene."""
+    """Return the session as one zip that still computes years later: record, files, results, past, pages."""
+    from server.store.archived_history import HISTORY_FILE, history_bytes
     from server.store.archives import pack_stored
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
+        past = history_bytes(db, session_id)
     file = store.blobs.scratch()
     try:
-        pack_stored(stored, file, _pages(stored, scene))
+        pack_stored(stored, file, {**_pages(stored, scene), HISTORY_FILE: past})
         size = file.seek(0, 2)
     except BaseException:
         file.close()

@@ -17,6 +17,7 @@ from calib_core.session.folder import SESSION_FILE, to_json_bytes
 from calib_core.session.pipeline import STAGES
 from calib_core.session.stored_results import output_names
 from server.measuring import check_poses, measure
+from server.store.archived_history import ArchivedHistory, read_history, restore
 from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
 from server.store.models import Data, SessionRow
@@ -33,6 +34,7 @@ class Import:
 
     session: Session
     results: Mapping[str, Data]
+    history: ArchivedHistory
     measured: dict[str, Measured] = field(default_factory=dict[str, Measured])
     digests: dict[str, str] = field(default_factory=dict[str, str])
     sizes: dict[str, int] = field(default_factory=dict[str, int])
@@ -48,7 +50,7 @@ def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes
     out : binary file
         To read and write.
     pages : mapping
-        What goes in beside the session: its scene and its report, by file name.
+        What goes in beside the session: its scene, its report, its past, by file name.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def read_import(file: IO[bytes], blobs: Blobs, limits: ArchiveLimits = LIMITS) -
     with open_bag(file, _WHERE, limits) as bag:
         bag.verify()
         archived = read_archive(bag)
-        found = Import(archived.session, archived.results)
+        found = Import(archived.session, archived.results, read_history(bag))
         _require_storable(archived)
         for capture in archived.session.captures:
             check_poses(archived.session, capture)
@@ -114,8 +116,11 @@ def add_import(db: Transaction, found: Import) -> SessionRow:
         if isinstance(answer, CalibrationError):
             raise answer
     db.refresh(row)
+    known = restore(db, row.id, found.history)
     for stage, result in found.results.items():
-        store_result(db, row, stage, result, outputs=found.outputs.get(stage))
+        past = known.get(stage)
+        solved_from, created = (past.origin(), past.created) if past else (None, None)
+        store_result(db, row, stage, result, solved_from, found.outputs.get(stage), created)
     return row
 
 

@@ -48,7 +48,7 @@ def timeline(db: Transaction, session_id: str) -> list[Data]:
     NotFoundError
     """
     session = session_row(db, session_id)
-    past = _past_results(db, session_id)
+    past = past_results(db, session_id)
     items = [*_captures(db, session_id, past), *_results(past), *_ended_without_result(db, session_id)]
     items.sort(key=lambda item: item[0])
     found = [data for _, data in items]
@@ -74,7 +74,7 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
     stored = load_session(db, blobs, session_id)
     if place == len(items) - 1:
         return Moment(place, stored, latest_numbers(db, session_id))
-    past = {result.number: result for result in _past_results(db, session_id)}
+    past = {result.number: result for result in past_results(db, session_id)}
     before = items[: place + 1]
     numbers = {item["stage"]: item["number"] for item in before if item["kind"] == "result"}
     earlier = [past[item["number"]] for item in before if item["kind"] == "result"]
@@ -106,7 +106,7 @@ def latest_numbers(db: Transaction, session_id: str) -> dict[str, int]:
 def stage_history(db: Transaction, session_id: str, stage: str) -> list[PastResult]:
     """Return all results of a stage, the newest first; raises NotFoundError where there is no such session."""
     session_row(db, session_id)
-    return [result for result in reversed(_past_results(db, session_id, stage)) if result.stage == stage]
+    return [result for result in reversed(past_results(db, session_id, stage)) if result.stage == stage]
 
 
 def past_result(db: Transaction, session_id: str, stage: str, number: int | None = None) -> PastResult:
@@ -120,7 +120,8 @@ def past_result(db: Transaction, session_id: str, stage: str, number: int | None
     return found[0]
 
 
-def _past_results(db: Transaction, session_id: str, stage: str | None = None) -> list[PastResult]:
+def past_results(db: Transaction, session_id: str, stage: str | None = None) -> list[PastResult]:
+    """Return all results of a session, or of one stage, in the order in which they came."""
     query = select(ResultRow).options(undefer(ResultRow.solved_from)).where(ResultRow.session_id == session_id)
     if stage is not None:
         query = query.where(ResultRow.stage == stage)

@@ -119,8 +119,11 @@ def store_result(
     record: Data,
     solved_from: Data | None = None,
     outputs: Mapping[str, Output] | None = None,
+    created: str | None = None,
 ) -> set[str]:
     """Store a stage's result as the latest one, with what it was solved from where that is known.
+
+    `created` is when it came, left out for now.
 
     The files that the stage made before give way to `outputs`; returns their digests.
     """
@@ -128,7 +131,7 @@ def store_result(
         ResultRow(
             session_id=session.id,
             stage=stage,
-            created=now(),
+            created=created or now(),
             verdict=record["verdict"],
             record=record,
             solved_from=solved_from,

@@ -1,10 +1,17 @@
 """A session's past: time line, moments, the history of results, comparisons, recomputing."""
 
+import io
+import json
+import zipfile
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from calib_core.session.archive import pack
+from calib_core.session.folder import to_json_bytes
+from calib_core.simulation import simulate
 from tests.server.live_server import assert_problem, simulated_session, wait_for
 
 
@@ -123,14 +130,68 @@ def test_a_failed_solve_is_on_the_time_line(client: httpx.Client) -> None:
     assert item["message"]
 
 
-def test_an_imported_archive_has_a_past_too(client: httpx.Client, session: str) -> None:
+def send_archive(client: httpx.Client, archive: bytes) -> httpx.Response:
+    return client.post("/archives", content=archive, headers={"Content-Type": "application/zip"})
+
+
+def test_an_archive_brings_its_past_along(client: httpx.Client, session: str) -> None:
     archive = client.get(f"/sessions/{session}/archive", params={"scene": False}).content
-    made = client.post("/archives", content=archive, headers={"Content-Type": "application/zip"}).json()["id"]
-    items = client.get(f"/sessions/{made}/timeline").json()["items"]
-    assert [item["kind"] for item in items][-2:] == ["result", "now"]
-    moment = client.get(f"/sessions/{made}/timeline/{len(items) - 2}").json()
-    assert len(moment["captures"]) == 10
-    assert moment["results"]["tcp"]["stale"] is True  # p04 was left out after the solve, as it was there
+    made = send_archive(client, archive).json()["id"]
+
+    def told(id_: str) -> list[tuple[Any, ...]]:
+        items = client.get(f"/sessions/{id_}/timeline").json()["items"]
+        return [
+            tuple(i.get(n) for n in ("kind", "at", "capture", "stage", "verdict", "removed")) for i in items[:-1]
+        ]
+
+    assert told(made) == told(session)
+    first = client.get(f"/sessions/{made}/timeline/11").json()
+    assert (len(first["captures"]), first["results"]["tcp"]["stale"]) == (11, False)
+    old, new = reversed(client.get(f"/sessions/{made}/results/tcp/history").json()["items"])
+    sides = {"left": f"{made}:{old['number']}", "right": f"{made}:{new['number']}"}
+    assert client.get("/compare/tcp", params=sides).json()["changes"][0]["what"] == "p03"
+    # And out again, the same.
+    again = client.get(f"/sessions/{made}/archive", params={"scene": False}).content
+    assert history_in(again) == history_in(archive)
+
+
+def history_in(archive: bytes) -> Any:
+    with zipfile.ZipFile(io.BytesIO(archive)) as packed:
+        name = next(name for name in packed.namelist() if name.endswith("data/history.json"))
+        return json.loads(packed.read(name))
+
+
+@pytest.mark.parametrize(
+    ("history", "word"),
+    [
+        (b"{", "JSON"),
+        (b"[]", "history"),
+        (b'{"format": "scancell-history/9"}', "scancell-history/1"),
+        (b'{"captures": {"p01": "yesterday"}}', "p01"),
+        (b'{"results": [{"stage": "dance", "created": "2026-01-01T00:00:00.000Z"}]}', "stage"),
+        (
+            b'{"results": [{"stage": "tcp", "created": "2026-01-01T00:00:00.000Z", "record": {"stage": "tcp"}}]}',
+            "method",
+        ),
+        (
+            b'{"results": [{"stage": "tcp", "created": "2026-01-01T00:00:00.000Z", '
+            b'"solved_from": {"session": {}, "files": {}}}]}',
+            "cell",
+        ),
+    ],
+)
+def test_a_past_that_is_none_is_refused(client: httpx.Client, tmp_path: Path, history: bytes, word: str) -> None:
+    made = simulate("tcp", 4)
+    folder = tmp_path / "cell"
+    (folder / "captures").mkdir(parents=True)
+    (folder / "session.json").write_bytes(to_json_bytes(made.session.to_json()))
+    for name, content in made.files.items():
+        (folder / name).write_bytes(content)
+    (folder / "history.json").write_bytes(history)
+    pack(folder, tmp_path / "cell.zip")
+    before = client.get("/sessions").json()
+    assert_problem(send_archive(client, (tmp_path / "cell.zip").read_bytes()), 422, word)
+    assert client.get("/sessions").json() == before
 
 
 def test_what_is_not_there_says_so(client: httpx.Client, session: str) -> None:
