@@ -92,11 +92,11 @@ class BucketBlobs(Blobs):
             return "altered"
         return None
 
-    def digests(self) -> Iterator[str]:
-        """Give the SHA-256 of every blob there is."""
+    def digests(self, beginning: str = "") -> Iterator[str]:
+        """Give the SHA-256 of every blob there is, or of those that begin with two digits."""
         with _named(self._bucket):
             pages = self._client.get_paginator("list_objects_v2").paginate(
-                Bucket=self._bucket, Prefix=self._prefix
+                Bucket=self._bucket, Prefix=self._prefix + beginning
             )
             for page in pages:
                 for entry in page.get("Contents", []):

@@ -106,9 +106,9 @@ class FolderBlobs(Blobs):
         except OSError as error:
             return f"unreadable ({error.strerror or type(error).__name__})"
 
-    def digests(self) -> Iterator[str]:
-        """Give the SHA-256 of every blob there is."""
-        for folder in sorted(self._folder.iterdir()):
+    def digests(self, beginning: str = "") -> Iterator[str]:
+        """Give the SHA-256 of every blob there is, or of those that begin with two digits."""
+        for folder in [self._folder / beginning] if beginning else sorted(self._folder.iterdir()):
             if len(folder.name) == 2 and folder.is_dir():
                 yield from sorted(path.name for path in folder.iterdir() if len(path.name) == 64)
 

@@ -60,8 +60,8 @@ class Blobs(ABC):
         """Return in words what is wrong with a blob ("missing", "altered"), None where nothing is."""
 
     @abstractmethod
-    def digests(self) -> Iterator[str]:
-        """Give the SHA-256 of every blob there is."""
+    def digests(self, beginning: str = "") -> Iterator[str]:
+        """Give the SHA-256 of every blob there is, or of those that begin with two digits."""
 
     @abstractmethod
     def remove(self, digests: Iterable[str], young_s: float | None = None) -> None:

@@ -1,0 +1,70 @@
+"""What a server tidies up now and then: what nobody asks for any more, and files that nothing refers to."""
+
+import logging
+import threading
+from typing import Final
+
+from sqlalchemy import delete, select
+
+from server.store.answers import forget_old_answers
+from server.store.database import Store
+from server.store.models import EventRow, FileRow, OutputRow, SessionRow
+
+log = logging.getLogger("scancell")
+
+_EVERY_S: Final = 3600.0
+_EVENTS_KEPT: Final = 1000  # of a session; a page that was away for longer reads everything anew
+
+
+class Housekeeping:
+    """A thread that tidies up at the start and then every hour."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="housekeeping", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End after what is under way."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _work(self) -> None:
+        while True:
+            try:
+                with self._store.write() as db:
+                    forget_old_answers(db)
+                forget_old_events(self._store)
+                remove_orphans(self._store, self._stopping)
+            except Exception:  # a full disk, a locked database: next hour is soon enough
+                log.exception("tidying up failed")
+            if self._stopping.wait(_EVERY_S):
+                return
+
+
+def forget_old_events(store: Store, kept: int = _EVENTS_KEPT) -> None:
+    """Remove the log of what happened but for the newest of each session."""
+    with store.read() as db:
+        many = select(SessionRow.id, SessionRow.last_event).where(SessionRow.last_event > kept)
+        sessions = db.execute(many).all()
+    for session_id, last in sessions:  # one by one: nobody waits for long
+        old = delete(EventRow).where(EventRow.session_id == session_id, EventRow.id <= last - kept)
+        with store.write() as db:
+            db.execute(old.execution_options(synchronize_session=False))
+
+
+def remove_orphans(store: Store, stopping: threading.Event) -> None:
+    """Remove files that lost their capture, or never had one because of a kill, once they are an hour old."""
+    for first in range(256):
+        if stopping.is_set():
+            return
+        beginning = f"{first:02x}"
+        with store.read() as db:
+            columns = (FileRow.sha256, OutputRow.sha256)
+            known = {digest for c in columns for digest in db.scalars(select(c).where(c.startswith(beginning)))}
+        store.blobs.remove(digest for digest in store.blobs.digests(beginning) if digest not in known)
