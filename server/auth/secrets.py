@@ -30,7 +30,7 @@ def load_key(data: Path) -> bytes:
     path = data / KEY_FILE
     if not path.exists():
         data.mkdir(parents=True, exist_ok=True)
-        _make_key(path)
+        _write_key(path, secrets.token_bytes(_KEY_BYTES))
     key = path.read_bytes()
     if len(key) != _KEY_BYTES:
         raise InputError(
@@ -42,13 +42,19 @@ def load_key(data: Path) -> bytes:
     return key
 
 
-def _make_key(path: Path) -> None:
-    """Write a key whole and durably; of two makers the first wins."""
+def copy_key(source: Path, target: Path) -> None:
+    """Copy the key of one folder to another, as for a backup, where there is one and the other has none."""
+    if (source / KEY_FILE).exists() and not (target / KEY_FILE).exists():
+        _write_key(target / KEY_FILE, load_key(source))
+
+
+def _write_key(path: Path, key: bytes) -> None:
+    """Write a key whole and durably; of two writers the first wins."""
     fresh = path.with_name(f"{path.name}.{secrets.token_hex(8)}")
     handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(secrets.token_bytes(_KEY_BYTES))
+            file.write(key)
             file.flush()
             os.fsync(file.fileno())
         with suppress(FileExistsError):

@@ -17,6 +17,7 @@ import sqlalchemy as sa
 from calib_core import __version__
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
 from calib_core.session.folder import parse_json, to_json_bytes, write_atomically
+from server.auth.secrets import copy_key
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
 from server.store.blobs import CHUNK_BYTES, Blobs, open_blobs
@@ -91,6 +92,7 @@ def _written(settings: Settings, source: Blobs, target: Path, progress: Progress
             tables = target / f"tables-{sha256(now().encode()).hexdigest()[:12]}"
             with engine.connect() as connection:
                 made = _tables(connection, tables)
+                copy_key(settings.data, tables)
                 try:
                     kept = _copied(connection, source, blobs, progress)
                 except _GoneError:
@@ -213,6 +215,7 @@ def restore(source: Path, settings: Settings) -> Backup:
                     with kept.open(digest) as file:
                         target.put_pieces(iter(lambda file=file: file.read(CHUNK_BYTES), b""))
                 upgrade(connection)
+            copy_key(source / manifest["tables"], settings.data)
         finally:
             engine.dispose()
     return Backup(manifest["created"], manifest["revision"], manifest["rows"], manifest["blobs"])

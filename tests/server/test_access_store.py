@@ -1,15 +1,18 @@
 """Tokens, logins and the log on every store that there is."""
 
 from datetime import timedelta
+from pathlib import Path
 
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import DatabaseError
 
 from server.auth.logins import REMEMBERED_S, Logins
+from server.auth.secrets import KEY_FILE
 from server.errors import LoginError
 from server.settings import Settings
 from server.store.audit import Act, acting, list_audit
+from server.store.backup import back_up, restore
 from server.store.database import Store
 from server.store.sessions import create_session
 from server.store.tokens import has_admin, list_tokens, revoke_token
@@ -97,6 +100,27 @@ def test_tokens_and_logins_are_good_as_long_as_they_should_be(store: Store, sett
     assert logins.remembered(cookie) is None
     assert logins.by_cookie(cookie) is None
     assert logins.by_token(good) is None
+
+
+def test_a_backup_brings_tokens_and_the_log_back(store: Store, settings: Settings, tmp_path: Path) -> None:
+    before = acting.set(Act("Ada", "admin", None, "192.0.2.1", "POST", "/tokens"))
+    try:
+        with store.write() as db:
+            token = Logins(settings.data, store).make_token(db, "robot", "capture", None)[1]
+    finally:
+        acting.reset(before)
+    back_up(settings, tmp_path / "backup")
+    again = Settings(data=tmp_path / "again")
+    restore(tmp_path / "backup", again)
+    restored = Store(again, lambda _: None)
+    try:
+        found = Logins(again.data, restored).by_token(token)
+        assert found is not None
+        assert found.name == "robot"
+        assert whole_log(restored) == ["/tokens"]
+        assert (again.data / KEY_FILE).stat().st_mode & 0o777 == 0o600
+    finally:
+        restored.close()
 
 
 def test_another_key_opens_nothing(store: Store, settings: Settings) -> None:
