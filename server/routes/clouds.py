@@ -30,7 +30,7 @@ CloudFormat = Annotated[
 @router.get("/sessions/{session_id}/clouds", response_model=StoredCloudFiles)
 def list_clouds(session_id: SessionId, store: StoreDep) -> StoredCloudFiles:
     """Return the clouds and meshes that there are, with the formats that each is given in."""
-    from calib_core.session.stored_clouds import MESH_FILE, OF_CLOUDS, OF_MESHES
+    from calib_core.session.stored_clouds import MESH_FILE, OF_CLOUDS, OF_MESHES, REFERENCE_FILE
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
@@ -39,7 +39,7 @@ def list_clouds(session_id: SessionId, store: StoreDep) -> StoredCloudFiles:
             name=PurePosixPath(name).name,
             bytes=output.size,
             sha256=output.sha256,
-            formats=list(OF_MESHES if name == MESH_FILE else OF_CLOUDS),
+            formats=list(OF_MESHES if name in (MESH_FILE, REFERENCE_FILE) else OF_CLOUDS),
         )
         for name, output in sorted(stored.outputs.items())
     ]
