@@ -18,7 +18,6 @@ from server.backlog import Backlog
 from server.events import Hub
 from server.guard import Guard
 from server.housekeeping import Housekeeping
-from server.housekeeping import Housekeeping
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
 from server.metrics import Metrics
@@ -73,7 +72,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         backlog = Backlog(store, measuring)
         housekeeping = Housekeeping(store)
-        housekeeping = Housekeeping(store)
         app.state.measuring, app.state.backlog = measuring, backlog
         app.state.logins = Logins(settings.data, store)
         watcher = app.state.watcher = session_watcher(settings, store, measuring)
@@ -81,7 +79,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(_start, store, jobs)
             backlog.start()
             watcher.start()
-            housekeeping.start()
             housekeeping.start()
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
@@ -92,7 +89,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(jobs.stop)
             await run_in_threadpool(watcher.stop)
             await run_in_threadpool(backlog.stop)
-            await run_in_threadpool(housekeeping.stop)
             await run_in_threadpool(housekeeping.stop)
             await run_in_threadpool(measuring.stop)
             store.close()
