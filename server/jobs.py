@@ -1,20 +1,17 @@
 """Solves in worker processes: queued, followed, cancelled, and honest about how they ended."""
 
 import logging
-import multiprocessing
-import os
-import signal
 import threading
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
-from multiprocessing.queues import Queue
 from typing import Any
 
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
 from server import worker
 from server.errors import problem, problem_of_status
+from server.pools import Pool, open_pool
 from server.settings import Settings
 from server.store.database import Store
 from server.store.models import Data
@@ -31,38 +28,18 @@ from server.store.solves import (
 )
 
 log = logging.getLogger("scancell")
-_AGAIN = "Run it again."
 _ATTEMPTS = 5  # of a job whose worker ended because of others
-
-
-class _Pool:
-    """An executor with the queue on which its workers report."""
-
-    def __init__(self, settings: Settings) -> None:
-        context = multiprocessing.get_context("spawn")
-        self.queue: Queue[worker.Message | None] = context.Queue()
-        self.executor = ProcessPoolExecutor(
-            settings.workers,
-            mp_context=context,
-            initializer=worker.initialize,
-            initargs=(self.queue, settings),
-        )
-        self.broken_on_purpose = False
-
-    def close(self) -> None:
-        self.executor.shutdown(wait=False, cancel_futures=True)
-        self.queue.put(None)  # ends the thread that listens
 
 
 @dataclass
 class _Running:
     """A job that is with the executor."""
 
-    pool: _Pool
+    pool: Pool
     future: Future[worker.Solved]
     attempt: int
     solved_from: Data | None  # what a result is stored with; a replay leaves none
-    process: int | None = None
+    place: worker.Place | None = None  # of its worker, once it has begun
     ended_by_us: bool = False  # by force: the store knows why already
     timer: threading.Timer | None = field(default=None, repr=False)
 
@@ -76,7 +53,7 @@ class Jobs:
         self._running: dict[str, _Running] = {}
         self._lock = threading.RLock()
         self._ready: Future[bool] | None = None
-        self._pool: _Pool | None = None
+        self._pool: Pool | None = None
 
     def start(self) -> None:
         """Say of jobs that an earlier server left that they ended, and get the workers ready."""
@@ -121,10 +98,10 @@ class Jobs:
             if self._pool is None:  # the server stops, and says so of its jobs
                 return
             try:
-                future = self._pool.executor.submit(work)
+                future = self._pool.submit(work)
             except BrokenProcessPool:  # a worker was killed while it waited
                 self._renew(self._pool)
-                future = self._pool.executor.submit(work)
+                future = self._pool.submit(work)
             self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
         future.add_done_callback(lambda done: self._ended(job_id, done))
 
@@ -150,7 +127,10 @@ class Jobs:
         """End what a job does, if it still does something; the store is not told."""
         with self._lock:
             running = self._running.get(job_id)
-            if running is not None and not running.future.cancel():
+            if running is None:
+                return
+            has_begun = running.place is not None
+            if not running.future.cancel() or has_begun:  # an executor may call off what goes on all the same
                 running.ended_by_us = True
                 _kill(running)
 
@@ -160,27 +140,23 @@ class Jobs:
             for job_id in unfinished_jobs(db):
                 fail_job(db, job_id, error)
 
-    def _new_pool(self) -> _Pool:
-        pool = _Pool(self._settings)
-        threading.Thread(target=self._listen, args=(pool.queue,), daemon=True, name="job progress").start()
+    def _new_pool(self) -> Pool:
+        pool = open_pool(self._settings, self._listen)
         if self._settings.warm_up:
-            self._ready = pool.executor.submit(worker.ready)
+            self._ready = pool.get_ready()
         return pool
 
-    def _renew(self, broken: _Pool) -> None:
+    def _renew(self, broken: Pool) -> None:
         with self._lock:
             if self._pool is broken:
                 broken.close()
                 self._pool = self._new_pool()
 
-    def _listen(self, queue: "Queue[worker.Message | None]") -> None:
-        while (message := queue.get()) is not None:
-            job_id, kind, value = message
-            try:
-                self._note(job_id, kind, value)
-            except Exception:  # the next report may be stored again: a full disk, a locked database
-                log.exception("the progress of job %s could not be stored", job_id)
-        queue.close()
+    def _listen(self, message: worker.Message) -> None:
+        try:
+            self._note(*message)
+        except Exception:  # the next report may be stored again: a full disk, a locked database
+            log.exception("the progress of job %s could not be stored", message.job)
 
     def _note(self, job_id: str, kind: str, value: Any) -> None:
         if kind == "started":
@@ -188,9 +164,12 @@ class Jobs:
                 running = self._running.get(job_id)
                 if running is None:
                     return
-                running.process = value
+                again, running.place = running.place is not None, value
                 if running.ended_by_us:
                     _kill(running)
+                if again:  # a cluster gives a job to another worker when one is killed; here that is told instead
+                    threading.Thread(target=self._lost, args=(job_id,), daemon=True).start()
+                    return
                 running.timer = threading.Timer(self._settings.job_timeout_s, self._time_out, [job_id])
                 running.timer.daemon = True
                 running.timer.start()
@@ -211,6 +190,11 @@ class Jobs:
             fail_job(db, job_id, error)
         self.end(job_id)
 
+    def _lost(self, job_id: str) -> None:
+        with self._store.write() as db:
+            fail_job(db, job_id, _worker_ended())
+        self.end(job_id)
+
     def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
         with self._lock:
             running = self._running.pop(job_id, None)
@@ -218,18 +202,17 @@ class Jobs:
                 return
             if running.timer is not None:
                 running.timer.cancel()
-        if future.cancelled():
-            return  # `cancel` has noted it
-        error = future.exception()
-        if isinstance(error, BrokenProcessPool):
+        error = CancelledError() if future.cancelled() else future.exception()
+        if error is not None and running.pool.is_used_up_by(error):
             self._renew(running.pool)
-            innocent = running.process is None or running.pool.broken_on_purpose
+            innocent = running.place is None or running.pool.broken_on_purpose
             if not running.ended_by_us and innocent and running.attempt < _ATTEMPTS:
                 self._submit_again(job_id, running.attempt + 1)
                 return
         if error is not None:
             with self._store.write() as db:
-                fail_job(db, job_id, _explain(error))
+                gone = running.pool.is_broken_by(error) or isinstance(error, CancelledError)
+                fail_job(db, job_id, _worker_ended() if gone else _explain(error))  # `cancel` has noted it before
             return
         solved = future.result()
         with self._store.write() as db:
@@ -252,22 +235,19 @@ class Jobs:
 
 
 def _kill(running: _Running) -> None:
-    """End the worker that a job runs in; the pool breaks and is made anew."""
-    if running.process is not None and not running.future.done():
-        running.pool.broken_on_purpose = True
-        try:
-            os.kill(running.process, signal.SIGTERM)
-        except ProcessLookupError:
-            log.info("worker %d has ended already", running.process)
+    """End the worker that a job runs in."""
+    if running.place is not None and (running.future.cancelled() or not running.future.done()):
+        running.pool.end_worker(running.place)
+
+
+def _worker_ended() -> Data:
+    got = "the worker process ended unexpectedly (it was killed, or memory ran out)"
+    return problem_of_status(500, got, "Run it again.")
 
 
 def _explain(error: BaseException) -> Data:
     if isinstance(error, CalibrationError):
         return problem(error)
-    if isinstance(error, BrokenProcessPool):
-        return problem_of_status(
-            500, "the worker process ended unexpectedly (it was killed, or memory ran out)", _AGAIN
-        )
     log.error("a job failed unexpectedly", exc_info=error)
     return problem_of_status(
         500, f"an error of the program itself ({type(error).__name__}: {error})", "Look into the server's log."

@@ -56,6 +56,7 @@ class Settings(BaseSettings):
         default=60.0, description="A capture that takes longer to measure is kept without."
     )
     workers: Annotated[int, Field(ge=1, le=64)] = 1
+    dask: str | None = Field(default=None, description="tcp://host:8786: a cluster that solves instead.")
     warm_up: bool = Field(default=True, description="Compile and import what solving needs at start-up.")
     job_timeout_s: Annotated[float, Field(gt=0)] = 3600.0
     cancel_grace_s: Annotated[float, Field(ge=0)] = 2.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from multiprocessing import parent_process
 from multiprocessing.queues import Queue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calib_core.errors import InputError
 from server.store.blobs import Blobs, open_blobs
@@ -19,15 +19,25 @@ from server.store.sessions import Output
 if TYPE_CHECKING:
     from server.settings import Settings
 
-# (job, "started", process id) and (job, "progress", (fraction, message))
-Message = tuple[str, str, Any]
+Place = int | str
+"""Where a worker is: its process id, or its address in a cluster."""
+
+
+class Message(NamedTuple):
+    """What a worker tells of a job: that it is "started", at its place; or "progress", (fraction, message)."""
+
+    job: str
+    kind: str
+    value: Any
+
 
 log = logging.getLogger("scancell")
 
 _REPORT_EVERY_S = 0.2
 _REPORT_STEP = 0.03  # a long step's name is told however soon it follows the one before
-_queue: "Queue[Message | None] | None" = None
 _settings: "Settings | None" = None
+_place: Place = 0
+_tell: Callable[[Message], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -40,8 +50,7 @@ class Solved:
 
 def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
     """Prepare a fresh worker process."""
-    global _queue, _settings
-    _queue, _settings = queue, settings
+    begin(settings, os.getpid(), queue.put)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server decides when its workers end
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     if settings.warm_up:
@@ -49,6 +58,12 @@ def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
             warm_up()
         except Exception:  # the solve itself will meet the fault again and say so
             log.exception("a worker could not be warmed up")
+
+
+def begin(settings: "Settings", place: Place, tell: Callable[[Message], None]) -> None:
+    """Say what this process works with, where it is, and whom it tells."""
+    global _settings, _place, _tell
+    _settings, _place, _tell = settings, place, tell
 
 
 def _end_with_the_server() -> None:
@@ -80,7 +95,7 @@ def solve(job_id: str, session: Mapping[str, Any], stage: str, digests: Mapping[
     CalibrationError
         What the stage's solver says; also where there is no room for the files that it makes.
     """
-    progress = _started(job_id)
+    progress = started(job_id)
     from calib_core.records import parse_session
     from calib_core.session.pipeline import solve_stage
     from server.strict_json import plain_json
@@ -100,7 +115,7 @@ def replay(
     CalibrationError
         Where no result is stored; a stage that cannot be solved any more says so in the comparison.
     """
-    progress = _started(job_id)
+    progress = started(job_id)
     from calib_core.records import parse_session
     from calib_core.session.compare import Compared, compare_results
     from calib_core.session.replay import replay as compare_all
@@ -115,18 +130,18 @@ def replay(
     return Solved({"replay": compared.to_json(), "stages": stages}, {})
 
 
-def _started(job_id: str) -> Callable[[float, str], None]:
+def started(job_id: str) -> Callable[[float, str], None]:
     """Say that a job runs here, and return what tells of its progress."""
-    assert _queue is not None
-    queue = _queue
-    queue.put((job_id, "started", os.getpid()))
+    assert _tell is not None
+    tell = _tell
+    tell(Message(job_id, "started", _place))
     told_s = told_fraction = 0.0
 
     def progress(fraction: float, message: str) -> None:
         nonlocal told_s, told_fraction
         if time.monotonic() - told_s > _REPORT_EVERY_S or fraction - told_fraction > _REPORT_STEP:
             told_s, told_fraction = time.monotonic(), fraction
-            queue.put((job_id, "progress", (float(fraction), message)))
+            tell(Message(job_id, "progress", (float(fraction), message)))
 
     return progress
 

@@ -10,9 +10,8 @@ from server import worker
 
 
 def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:
-    assert worker._queue is not None
-    worker._queue.put((job_id, "started", os.getpid()))
-    worker._queue.put((job_id, "progress", (0.25, f"worker {os.getpid()}")))
+    progress = worker.started(job_id)
+    progress(0.25, f"worker {os.getpid()}")
     time.sleep(60)
     raise AssertionError("nobody ended this")
 

@@ -1,0 +1,127 @@
+"""Where jobs are done: an executor of the standard library's kind, what its workers tell, and how one is ended."""
+
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.queues import Queue
+
+from calib_core.errors import InputError
+from server import worker
+from server.settings import Settings
+
+log = logging.getLogger("scancell")
+
+Listen = Callable[[worker.Message], None]
+
+
+class Pool(ABC):
+    """Workers that do jobs, wherever they are.
+
+    Attributes
+    ----------
+    executor : Executor
+        What jobs are submitted to; it is not used any more once the pool is `broken`.
+    broken_on_purpose : bool
+        Whether workers were ended that may have had other jobs in their hands.
+    """
+
+    executor: Executor
+    broken_on_purpose = False
+
+    @abstractmethod
+    def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
+        """Have work done; raises BrokenProcessPool if the pool is used up."""
+
+    @abstractmethod
+    def get_ready(self) -> "Future[bool]":
+        """Return what is done once a worker waits for jobs."""
+
+    @abstractmethod
+    def end_worker(self, place: worker.Place) -> None:
+        """End a worker at once, whatever it does."""
+
+    @abstractmethod
+    def is_broken_by(self, error: BaseException) -> bool:
+        """Return whether a job failed because its worker is gone."""
+
+    @abstractmethod
+    def is_used_up_by(self, error: BaseException) -> bool:
+        """Return whether the pool as a whole is gone with that worker, and must be made anew."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all workers that are this pool's own."""
+
+
+class ProcessPool(Pool):
+    """Worker processes of this server; one that ends takes the pool along."""
+
+    def __init__(self, settings: Settings, listen: Listen) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._queue: Queue[worker.Message | None] = context.Queue()
+        self.executor = ProcessPoolExecutor(
+            settings.workers,
+            mp_context=context,
+            initializer=worker.initialize,
+            initargs=(self._queue, settings),
+        )
+        threading.Thread(target=self._pass_on, args=(listen,), daemon=True, name="job progress").start()
+
+    def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
+        """Have work done; raises BrokenProcessPool if a worker has ended."""
+        return self.executor.submit(work)
+
+    def get_ready(self) -> "Future[bool]":
+        """Return what is done once a worker is warm."""
+        return self.executor.submit(worker.ready)
+
+    def end_worker(self, place: worker.Place) -> None:
+        """End a worker, and the pool with it."""
+        assert isinstance(place, int)
+        self.broken_on_purpose = True
+        try:
+            os.kill(place, signal.SIGTERM)
+        except ProcessLookupError:
+            log.info("worker %d has ended already", place)
+
+    def is_broken_by(self, error: BaseException) -> bool:
+        """Return whether a worker process ended."""
+        return isinstance(error, BrokenProcessPool)
+
+    def is_used_up_by(self, error: BaseException) -> bool:
+        """Return the same: the executor does nothing more then."""
+        return isinstance(error, BrokenProcessPool)
+
+    def close(self) -> None:
+        """Let go of the workers; those at work must be ended by `end_worker`."""
+        self.executor.shutdown(wait=False, cancel_futures=True)
+        self._queue.put(None)
+
+    def _pass_on(self, listen: Listen) -> None:
+        while (message := self._queue.get()) is not None:
+            listen(message)
+        self._queue.close()
+
+
+def open_pool(settings: Settings, listen: Listen) -> Pool:
+    """Return the workers that the settings name: a Dask cluster's, or processes of this server.
+
+    Raises
+    ------
+    InputError
+        If there is no such cluster.
+    """
+    if settings.dask is None:
+        return ProcessPool(settings, listen)
+    try:
+        from server.dask_pool import DaskPool
+    except ModuleNotFoundError:
+        to_do = "Install it: pip install 'scancell[dask]'; or leave SCANCELL_DASK out."
+        raise InputError("the extra 'dask'", "an installation without it", to_do, "dask") from None
+    return DaskPool(settings, listen)

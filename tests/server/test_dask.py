@@ -1,0 +1,101 @@
+"""Jobs on a Dask cluster of several processes: the same work, and the same ends."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from distributed import LocalCluster
+
+import server.worker
+from calib_core.errors import InputError
+from server.dask_pool import DaskPool
+from server.settings import Settings
+from tests.server.live_server import make_session, simulated_session, wait_for
+from tests.server.slow_work import slow_solve
+from tests.server.test_jobs import wait_until_it_runs
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of the cluster's own parts, when it ends
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[str]:
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        host="127.0.0.1",
+        protocol="tcp://",
+    ) as local:
+        yield local.scheduler_address
+
+
+def test_a_session_is_solved_by_the_cluster(start: Callable[..., Any], cluster: str) -> None:
+    with start(dask=cluster) as client:
+        session = simulated_session(client, captures=14)
+        jobs = [client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(2)]
+        for job in jobs:
+            ended = wait_for(client, job)
+            assert (ended["status"], ended["progress"]) == ("done", 1.0), ended
+        result = client.get(f"/sessions/{session}/results/tcp").json()
+        assert result["verdict"] == "pass"
+        short = simulated_session(client, captures=2)
+        failed = wait_for(client, client.post(f"/sessions/{short}/solve/tcp").json()["id"])
+        assert failed["status"] == "failed"
+        assert failed["error"]["status"] == 422  # the solver's own words
+
+
+def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
+    start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = server.worker.solve
+    monkeypatch.setattr(server.worker, "solve", slow_solve)
+    with start(dask=cluster) as client:
+        session = make_session(client)
+        first, second, waiting = (client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(3))
+        cancelled = wait_until_it_runs(client, first)
+        killed = wait_until_it_runs(client, second)
+        for job in (waiting, first):
+            assert client.post(f"/jobs/{job}/cancel").json()["status"] == "cancelled"
+        assert_gone(cancelled)
+        os.kill(killed, signal.SIGKILL)
+        job = wait_for(client, second)
+        assert job["status"] == "failed"
+        assert "ended unexpectedly" in job["error"]["detail"]
+        assert job["error"]["to_do"] == "Run it again."
+        assert client.get(f"/jobs/{first}").json()["status"] == "cancelled"
+
+        monkeypatch.setattr(server.worker, "solve", solve)
+        simulated = simulated_session(client, captures=14)
+        again = wait_for(client, client.post(f"/sessions/{simulated}/solve/tcp").json()["id"])
+        assert again["status"] == "done", again
+
+        monkeypatch.setattr(server.worker, "solve", slow_solve)
+        last = client.post(f"/sessions/{session}/solve/tcp").json()["id"]
+        worker = wait_until_it_runs(client, last)
+    assert_gone(worker)
+    with start(dask=cluster) as client:
+        stopped = client.get(f"/jobs/{last}").json()
+        assert (stopped["status"], stopped["error"]["to_do"]) == ("failed", "The server restarted; run it again.")
+
+
+def assert_gone(process: int) -> None:
+    end_s = time.monotonic() + 30
+    while time.monotonic() < end_s:
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    raise AssertionError("the worker goes on")
+
+
+def test_without_its_cluster_the_server_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.dask_pool._CONNECT_S", 0.5)
+    with pytest.raises(InputError, match="SCANCELL_DASK"):
+        DaskPool(Settings(dask="tcp://127.0.0.1:9"), print)
+    with pytest.raises(InputError, match="SCANCELL_DASK"):
+        DaskPool(Settings(dask="nonsense"), print)
