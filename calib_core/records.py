@@ -80,6 +80,8 @@ class Robot(Record):
 class Turntable(Record):
     """The turntable's sense of turning, its encoder's standard deviation, and whether its scale is an unknown.
 
+    With `encoder` left out, its scale is an unknown where the captures leave no doubt that it is off.
+
     `direction` is 1 where the angles count right-handed about the axis that points up in base.
     """
 

@@ -3,9 +3,17 @@
 import numpy as np
 
 from calib_core.chain.likelihood import ChainData, pose_spread
-from calib_core.chain.variance import ChainFit, fit_with_sigmas
+from calib_core.chain.rejection import Judged
+from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
+
+
+def covariance_of_judged(judged: Judged, given: GivenSigmas) -> FloatArray:
+    """Return the covariance (P, P) of the unknowns; where the captures contradict given sigmas, what they say."""
+    if judged.excess > 1 and None not in given:
+        return covariance_under_estimated_sigmas(judged.data, judged.fit)
+    return judged.fit.covariance * judged.excess
 
 
 def covariance_under_estimated_sigmas(data: ChainData, found: ChainFit) -> FloatArray:

@@ -109,22 +109,35 @@ def _grown(
 ) -> Judged:
     """Let the set of used captures grow or shrink until it no longer changes."""
     count = data.count
-    estimated = None in sigmas
     history: list[bytes] = []
     while True:
-        chosen = data.chosen(used)
-        fit = fit_with_sigmas(chosen, replace(state, centers_in_laser=state.centers_in_laser[used]), *sigmas)
-        squared = _squared_distances(observations, sphere, data, used, fit)
-        threshold = _threshold(count, 3 * int(used.sum()) - data.free_unknowns, estimated)
-        ratio = float(np.median(squared)) / _MEDIAN_CHI2_3
-        excess = ratio if ratio > _CLEAR_EXCESS else 1.0
+        judged = judge_these(observations, sphere, data, state, used, sigmas)
+        squared = judged.squared_distance
         history.append(used.tobytes())
-        belongs = squared <= threshold * excess
+        belongs = squared <= judged.threshold
         if belongs.sum() < max(4, count // 2):  # never fewer than half: then nothing is known well enough
             belongs = squared <= np.sort(squared)[max(4, (count + 1) // 2) - 1]
         if belongs.tobytes() in history or len(history) > _ROUNDS:
-            return Judged(fit, chosen, used, squared, threshold * excess, excess)
+            return judged
         used = belongs
+
+
+def judge_these(
+    observations: list[SphereObservation],
+    sphere: SphereSize,
+    data: ChainData,
+    state: ChainState,
+    used: np.ndarray,
+    sigmas: GivenSigmas,
+) -> Judged:
+    """Return the fit to the captures of a mask (K,), right or wrong, and how far all are from it."""
+    chosen = data.chosen(used)
+    fit = fit_with_sigmas(chosen, replace(state, centers_in_laser=state.centers_in_laser[used]), *sigmas)
+    squared = _squared_distances(observations, sphere, data, used, fit)
+    threshold = _threshold(data.count, 3 * int(used.sum()) - data.free_unknowns, None in sigmas)
+    ratio = float(np.median(squared)) / _MEDIAN_CHI2_3
+    excess = ratio if ratio > _CLEAR_EXCESS else 1.0
+    return Judged(fit, chosen, used, squared, threshold * excess, excess)
 
 
 def _core(start: Start) -> np.ndarray:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.chain.likelihood import ChainState, Sigmas, chain_data
-from calib_core.chain.misjudged import covariance_under_estimated_sigmas
+from calib_core.chain.misjudged import covariance_of_judged
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import moved_since, rejection_reasons
 from calib_core.chain.rejection import Judged, judge, without_each
@@ -166,7 +166,8 @@ def solve_tcp(
     tell(0.7, "Leaving out each capture in turn")
     state = judged.fit.state
     sides = sides_of(observations, state)
-    covariance = _covariance(judged, options)
+    given = (options.position_sigma_mm, options.orientation_sigma_rad, 0.0)
+    covariance = covariance_of_judged(judged, given)
     joint = answer_of(observations, sphere, judged.used, sides, state, _left_out_states(judged))
 
     tell(0.85, "Computing the paper's two steps beside it")
@@ -199,13 +200,6 @@ def solve_tcp(
         moved=moved_since(observations, judged.used, center_distance),
         options=options,
     )
-
-
-def _covariance(judged: Judged, options: TcpOptions) -> FloatArray:
-    """Return the covariance of the unknowns; where the captures contradict the given sigmas, what they say."""
-    if judged.excess > 1 and None not in (options.position_sigma_mm, options.orientation_sigma_rad):
-        return covariance_under_estimated_sigmas(judged.data, judged.fit)
-    return judged.fit.covariance * judged.excess
 
 
 def say_nothing(_fraction: float, _message: str) -> None:

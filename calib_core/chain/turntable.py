@@ -16,21 +16,22 @@ import numpy as np
 
 from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.likelihood import ChainData, ChainState, Sigmas, ToolPrior, chain_data, fit, linearised_at
+from calib_core.chain.misjudged import covariance_of_judged
 from calib_core.chain.observations import SphereSize, TableObservation
-from calib_core.chain.rejection import Judged, judge_from
+from calib_core.chain.rejection import Judged
 from calib_core.chain.table import SCALE_COLUMN
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
+from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import TableStart, both_centers_in_base, find_table_start, readings_of
 from calib_core.chain.tcp import pooled_point_sigma, say_nothing
-from calib_core.chain.variance import GivenSigmas
+from calib_core.chain.variance import ChainFit, GivenSigmas
 from calib_core.errors import MotionError
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
 
 Progress = Callable[[float, str], None]
 _LEAST_CAPTURES = 4
-_TOOL_AND_SPHERE = 9
 _SAME_POSE_MM = 1e-6
 
 
@@ -47,7 +48,8 @@ class KnownTool:
 class TurntableOptions:
     """Standard deviations that the user fixes (None: estimated), and what is asked of the encoder.
 
-    `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown.
+    `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown (False: never; None: if
+    the captures leave no doubt that it is off).
     """
 
     position_sigma_mm: float | None = None
@@ -55,21 +57,12 @@ class TurntableOptions:
     point_sigma_mm: float | None = None
     angle_sigma_rad: float | None = None
     direction: int | None = None
-    encoder_scale: bool = False
+    encoder_scale: bool | None = None
 
     @property
     def sigmas(self) -> GivenSigmas:
         """Position, orientation, angle."""
         return self.position_sigma_mm, self.orientation_sigma_rad, self.angle_sigma_rad
-
-
-@dataclass(frozen=True)
-class EncoderScale:
-    """The table turns by 1 + error for each unit that is read; `applied` where the answer has it."""
-
-    error: float
-    sigma: float
-    applied: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +140,14 @@ def solve_turntable(
     options = _with_still_robot(observations, options)
     point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
     data = _data(observations, sphere, point_sigma, tool, options)
-    judged = _judge(observations, sphere, data, tool, start, options)
+    judged, encoder = _judge(observations, sphere, data, tool, start, options)
 
     tell(0.7, "Holding the tool")
     state, covariance = _tool_held(judged, tool, options)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
     readings, mounts = readings_of(observations)
-    size = slice(_TOOL_AND_SPHERE, data.unknowns)
+    size = slice(TABLE_COLUMN, data.unknowns)
     assert state.table is not None
     frame = frame_by_rule(state.table, options.direction)
     residuals = table_residuals(observations, sphere, readings, state, frame)
@@ -171,7 +164,7 @@ def solve_turntable(
         excess=judged.excess,
         residuals=residuals,
         circles=paper_circles(observations, sphere, tool, residuals.sides, judged.used),
-        encoder=encoder_scale(judged, options.encoder_scale),
+        encoder=encoder,
         options=options,
     )
 
@@ -187,17 +180,6 @@ def paper_circles(
     both = both_centers_in_base(observations, sphere, tool.two_step or tool.tool0_from_laser)
     centers = np.where(sides[:, None] >= 0, both[:, 0], both[:, 1])
     return paper_axis(centers, readings_of(observations)[0].mounts, used)
-
-
-def encoder_scale(judged: Judged, applied: bool) -> EncoderScale:
-    """Return the encoder's scale error as the captures want it, whether it was sought or held."""
-    data, state, column = judged.data, judged.fit.state, _TOOL_AND_SPHERE + SCALE_COLUMN
-    held = np.zeros(data.unknowns, dtype=bool) if data.held is None else data.held.copy()
-    held[column] = False
-    free = fit(replace(data, held=held), state, judged.fit.sigmas)
-    assert free.state.table is not None
-    sigma = float(np.sqrt(covariance_of(free.at.hessian)[column, column] * judged.excess))
-    return EncoderScale(free.state.table.scale - 1, sigma, applied)
 
 
 def _require_captures(observations: Sequence[TableObservation]) -> None:
@@ -228,7 +210,7 @@ def _data(
     data = replace(data, table=readings_of(observations)[0])
     held = np.zeros(data.unknowns, dtype=bool)
     held[6:9] = True  # no sphere stands beside the table
-    held[_TOOL_AND_SPHERE + SCALE_COLUMN] = not options.encoder_scale
+    held[TABLE_COLUMN + SCALE_COLUMN] = not options.encoder_scale
     if tool.covariance is None:
         held[:6] = True
         return replace(data, held=held)
@@ -244,11 +226,13 @@ def _judge(
     tool: KnownTool,
     start: TableStart,
     options: TurntableOptions,
-) -> Judged:
+) -> tuple[Judged, EncoderScale]:
     mounting = tool.tool0_from_laser
     state = ChainState.predicted(data, mounting.rotation, mounting.translation_mm, np.zeros(3), start.state)
     spheres = [o.sphere for o in observations]
-    return judge_from(spheres, sphere, data, state, core_of(start.misfit_mm), options.sigmas)
+    return judge_table(
+        spheres, sphere, data, state, core_of(start.misfit_mm), options.sigmas, options.encoder_scale is False
+    )
 
 
 def core_of(misfit_mm: FloatArray) -> np.ndarray:
@@ -263,7 +247,7 @@ def _tool_held(judged: Judged, tool: KnownTool, options: TurntableOptions) -> tu
     About the minimum the table follows the tool by −H⁻¹ H_tool, with H of the other unknowns.
     """
     if tool.covariance is None:
-        return judged.fit.state, judged.fit.covariance * judged.excess
+        return judged.fit.state, covariance_of_judged(judged, options.sigmas)
     assert judged.data.held is not None
     held = judged.data.held.copy()
     held[:6] = True
@@ -272,8 +256,10 @@ def _tool_held(judged: Judged, tool: KnownTool, options: TurntableOptions) -> tu
     begin = replace(judged.fit.state, tool_rotation=mounting.rotation, tool_translation=mounting.translation_mm)
     found = fit(data, begin, judged.fit.sigmas)
     inverse = covariance_of(found.at.hessian)
+    held_fit = ChainFit(found, judged.fit.sigmas, inverse)
+    own = covariance_of_judged(replace(judged, fit=held_fit, data=data), options.sigmas)
     whole = linearised_at(replace(data, held=None), found.state, judged.fit.sigmas)
     whole_hessian = whole.hessian.copy()
     whole_hessian[: data.unknowns][held] = 0.0  # what is held does not follow
     follows = -inverse @ whole_hessian[:, :6]
-    return found.state, inverse * judged.excess + follows @ tool.covariance @ follows.T
+    return found.state, own + follows @ tool.covariance @ follows.T

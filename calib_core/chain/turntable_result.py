@@ -9,9 +9,10 @@ from calib_core.chain.circles import PaperAxis
 from calib_core.chain.likelihood import Sigmas
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_frame import TableCovariance, TableFrame
+from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.table_reasons import remounted, table_reasons
 from calib_core.chain.table_residuals import TableResiduals
-from calib_core.chain.turntable import EncoderScale, TurntableOptions, TurntableSolution
+from calib_core.chain.turntable import TurntableOptions, TurntableSolution
 from calib_core.chain.turntable_verdict import TableJudgement, turntable_verdict, undetermined_of_table
 from calib_core.frames import FloatArray
 from calib_core.records import (

@@ -7,8 +7,9 @@ import numpy as np
 from calib_core.chain.likelihood import Sigmas
 from calib_core.chain.observations import named
 from calib_core.chain.table_frame import TableCovariance, TableFrame
+from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.table_residuals import TableResiduals
-from calib_core.chain.turntable import EncoderScale, TurntableOptions
+from calib_core.chain.turntable import TurntableOptions
 from calib_core.frames import FloatArray
 from calib_core.records import Undetermined, Verdict
 
@@ -17,8 +18,6 @@ _UNDETERMINED_MM = 3.0
 _WEAK_RAD = np.deg2rad(0.1)
 _MOST_REJECTED = 1 / 3
 _ONE_HEIGHT_MM = 20.0
-_SCALE_SIGMAS = 4.0
-_WORTH_SAYING_SCALE = 1e-4
 _LARGE_ANGLE_RAD = np.deg2rad(0.05)
 _HOPELESS_MM = 5.0
 
@@ -129,10 +128,15 @@ def _doubts_about_axis(j: TableJudgement) -> list[str]:
 def _doubts_about_encoder(j: TableJudgement) -> list[str]:
     found: list[str] = []
     scale = j.encoder
-    if abs(scale.error) > max(_SCALE_SIGMAS * scale.sigma, _WORTH_SAYING_SCALE) and not scale.applied:
+    if scale.significant and not j.options.encoder_scale:
+        done = (
+            "The answer accounts for it"
+            if scale.applied
+            else "The answer does not account for it, as turntable.encoder is 'exact'"
+        )
         found.append(
-            f"The table seems to turn by {100 * scale.error:+.3f} ± {200 * scale.sigma:.3f} % more than its "
-            "angles say. Check the encoder and the gear; or set turntable.encoder to 'scale' to account for it."
+            f"The table turns by {100 * scale.error:+.3f} ± {200 * scale.sigma:.3f} % more than its angles say. "
+            f"{done}; check the encoder and the gear."
         )
     if j.options.angle_sigma_rad is None and j.sigmas.angle_rad > _LARGE_ANGLE_RAD:
         found.append(

@@ -11,19 +11,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.likelihood import ChainState, chain_data
+from calib_core.chain.misjudged import covariance_of_judged
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, judge_from, without_each
+from calib_core.chain.rejection import Judged, without_each
 from calib_core.chain.table import SCALE_COLUMN, TableReadings
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
+from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_start import readings_of
 from calib_core.chain.tcp import Progress, TcpSolution, answer_of, pooled_point_sigma, say_nothing, sides_of
-from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, encoder_scale, paper_circles
+from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, paper_circles
 from calib_core.chain.undetermined import open_directions
 from calib_core.frames import FloatArray
 
-_TABLE = 9  # where the table's unknowns begin
 _WITHOUT_RZ = [0, 1, 3, 4, 5]  # T's rotation about its own z follows from the others
 _LEAST_SHARE = 0.05
 
@@ -79,13 +80,13 @@ def solve_chain(
     """
     tell = progress or say_nothing
     tell(0.1, "Fitting all captures of both kinds jointly")
-    judged, point_sigma = _judge(tcp_observations, table_observations, sphere, tcp, turntable, options)
+    judged, encoder, point_sigma = _judge(tcp_observations, table_observations, sphere, tcp, turntable, options)
 
     tell(0.8, "Comparing with the stages' own answers")
-    covariance = judged.fit.covariance * judged.excess
+    covariance = covariance_of_judged(judged, options.sigmas)
     still = _tcp_part(tcp_observations, sphere, tcp, judged, covariance, point_sigma)
-    turning = _table_part(table_observations, sphere, tcp, judged, covariance, point_sigma, options)
-    size = slice(_TABLE, judged.data.unknowns)
+    turning = _table_part(table_observations, sphere, tcp, judged, covariance, point_sigma, encoder, options)
+    size = slice(TABLE_COLUMN, judged.data.unknowns)
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
     estimated = None in options.sigmas
@@ -110,7 +111,7 @@ def _judge(
     tcp: TcpSolution,
     turntable: TurntableSolution,
     options: TurntableOptions,
-) -> tuple[Judged, float | None]:
+) -> tuple[Judged, EncoderScale, float | None]:
     spheres = [*tcp_observations, *(o.sphere for o in table_observations)]
     point_sigma = options.point_sigma_mm or pooled_point_sigma(spheres, sphere)
     readings, _ = readings_of(table_observations)
@@ -122,13 +123,15 @@ def _judge(
     )
     data = replace(chain_data(spheres, sphere, point_sigma), table=table)
     held = np.zeros(data.unknowns, dtype=bool)
-    held[_TABLE + SCALE_COLUMN] = not options.encoder_scale
+    held[TABLE_COLUMN + SCALE_COLUMN] = not turntable.encoder.applied
     data = replace(data, held=held)
     tool = tcp.joint.tool0_from_laser
     center = tcp.joint.center_in_base_mm
     start = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, turntable.state.table)
     core = np.concatenate([tcp.used, turntable.used])
-    return judge_from(spheres, sphere, data, start, core, options.sigmas), point_sigma
+    return *judge_table(
+        spheres, sphere, data, start, core, options.sigmas, options.encoder_scale is False
+    ), point_sigma
 
 
 def _tcp_part(
@@ -170,6 +173,7 @@ def _table_part(
     judged: Judged,
     covariance: FloatArray,
     point_sigma: float | None,
+    encoder: EncoderScale,
     options: TurntableOptions,
 ) -> TurntableSolution:
     """Return the turntable by the whole chain's answer."""
@@ -181,7 +185,7 @@ def _table_part(
     used = judged.used[-count:]
     two_step = tcp.two_step.tool0_from_laser if tcp.two_step else None
     tool = KnownTool(tcp.joint.tool0_from_laser, None, two_step)
-    size = slice(_TABLE, judged.data.unknowns)
+    size = slice(TABLE_COLUMN, judged.data.unknowns)
     return TurntableSolution(
         frame=frame,
         covariance=frame_covariance(state.table, covariance[size, size], options.direction),
@@ -195,7 +199,7 @@ def _table_part(
         excess=judged.excess,
         residuals=residuals,
         circles=paper_circles(observations, sphere, tool, residuals.sides, used),
-        encoder=encoder_scale(judged, options.encoder_scale),
+        encoder=encoder,
         options=options,
     )
 

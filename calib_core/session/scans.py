@@ -36,11 +36,14 @@ class Placement:
         None: no table, scans are merged in base.
     direction : int
         The table's sense of turning.
+    scale : float
+        How far the table turns for each unit that its encoder reads.
     """
 
     tool0_from_laser: RigidTransform
     base_from_turntable: RigidTransform | None
     direction: int = 1
+    scale: float = 1.0
 
     def turntable_from_base(self, capture: Capture) -> RigidTransform:
         """Return the way from base into T at the table's angle, the identity without one; raises InputError."""
@@ -53,7 +56,7 @@ class Placement:
                 "Read it from the table and add it; 0 where the table was not turned.",
                 capture.id,
             )
-        angle = self.direction * float(np.deg2rad(capture.table_deg))
+        angle = self.direction * self.scale * float(np.deg2rad(capture.table_deg))
         back = RigidTransform.of([0.0, 0.0, -angle], [0.0, 0.0, 0.0], "turntable", "turntable")
         return back @ self.base_from_turntable.inverse()
 

@@ -142,7 +142,7 @@ def _calibration(given: StageInput, with_table: bool) -> _Calibration:
 def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResult | None) -> _Calibration:
     """Return the calibration out of what the user brings and what was solved."""
     tool = result.tool0_from_laser if result else cell.known.tool0_from_laser
-    table, direction = cell.known.base_from_turntable, cell.turntable.direction or 1
+    table, direction, scale = cell.known.base_from_turntable, cell.turntable.direction or 1, 1.0
     covariance = np.zeros((12, 12))
     degrees = cell.robot.orientation_sigma_deg or 0.0
     scatter = (cell.robot.position_sigma_mm or 0.0, float(np.deg2rad(degrees)))
@@ -155,6 +155,7 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
             warnings.append(f"The {result.stage} stage's own verdict is fail: mend it first.")
     if isinstance(result, TurntableResult | ChainResult):
         table, direction, angle_deg = result.base_from_turntable, result.direction, result.angle_sigma_deg
+        scale += result.encoder_scale.error if result.encoder_scale.applied else 0.0
         # The turntable's covariance holds the tool's share where there is no joint one.
         covariance[6:, 6:] = getattr(result, "turntable_covariance", result.covariance)
     if isinstance(result, TcpResult | ChainResult):
@@ -164,7 +165,9 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
         covariance[6:, :6] = np.transpose(result.cross_covariance)
     base_from_turntable = None if table is None else RigidTransform.from_rounded(table, "base", "turntable")
     assert tool is not None, "the caller has seen to it"
-    placement = Placement(RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction)
+    placement = Placement(
+        RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction, scale
+    )
     by = "known" if result is None else result.stage
     return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(warnings))
 

@@ -174,7 +174,7 @@ def _options(cell: Cell) -> "TurntableOptions":
         point_sigma_mm=cell.scanner.point_sigma_mm,
         angle_sigma_rad=_radians(cell.turntable.angle_sigma_deg),
         direction=cell.turntable.direction,
-        encoder_scale=cell.turntable.encoder == "scale",
+        encoder_scale=None if cell.turntable.encoder is None else cell.turntable.encoder == "scale",
     )
 
 

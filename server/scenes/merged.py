@@ -92,7 +92,7 @@ def merged_scans(
     used = {row.capture for row in merge.residuals if row.used}
     groups = scan_groups([c for c in session.captures if c.step == "scan" and c.id in used])
     table = _table(session, results) if merge.frame == "turntable" else None
-    placement = Placement(tool, table[0], table[1]) if table else Placement(tool, None)
+    placement = Placement(tool, *table) if table else Placement(tool, None)
     clouds: list[FloatArray] = []
     names: list[str] = []
     measured = 0
@@ -128,11 +128,12 @@ def scanner_on_flange(session: Session, results: Mapping[str, Result]) -> RigidT
     return None if known is None else RigidTransform.from_rounded(known, "tool0", "laser")
 
 
-def _table(session: Session, results: Mapping[str, Result]) -> tuple[RigidTransform, int] | None:
+def _table(session: Session, results: Mapping[str, Result]) -> tuple[RigidTransform, int, float] | None:
+    """Return the table's frame, its sense of turning and its scale."""
     from server.scenes.table import table_facts
 
     table = table_facts(session, results)
-    return None if table is None else (table.base_from_turntable, 1 if table.turns > 0 else -1)
+    return None if table is None else (table.base_from_turntable, 1 if table.turns > 0 else -1, abs(table.turns))
 
 
 def _placed(points_in_laser: NDArray[np.float32], ways: FloatArray) -> FloatArray:

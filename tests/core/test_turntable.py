@@ -97,25 +97,31 @@ def test_residuals_are_of_the_size_of_the_noise_and_have_their_angle():
         assert np.deg2rad(row.angle_deg) * 90 == pytest.approx(row.tangential_mm, rel=0.02, abs=1e-4)
 
 
-def test_wobble_and_encoder_scale_are_told():
+def test_wobble_is_told():
     assert solved("turntable-wobble").verdict == "warn"
-    scaled = solved("turntable-encoder-scale")
-    assert any("more than its angles say" in warning for warning in scaled.warnings)
-    truth = simulated("turntable-encoder-scale").truth
-    expected = 1 / truth["encoder_scale"] - 1
-    assert scaled.encoder_scale.error == pytest.approx(expected, abs=4 * scaled.encoder_scale.sigma)
-    assert not scaled.encoder_scale.applied
 
 
-def test_encoder_scale_as_an_unknown_mends_the_answer():
+def with_encoder(encoder, stage):
     cell = simulated("turntable-encoder-scale")
     data = cell.session.to_json()
-    data["cell"].setdefault("turntable", {})["encoder"] = "scale"
-    result = run(parse_session(data), cell.files.__getitem__, "turntable")["turntable"]
-    assert result.encoder_scale.applied
-    assert squared_error(result, cell.truth) < _CHI2_5_RARE
-    assert result.verdict == "pass"
-    assert axis_error_deg(result, cell.truth) < axis_error_deg(solved("turntable-encoder-scale"), cell.truth)
+    if encoder is not None:
+        data["cell"].setdefault("turntable", {})["encoder"] = encoder
+    return run(parse_session(data), cell.files.__getitem__, stage)[stage], cell.truth
+
+
+@pytest.mark.parametrize("stage", ["turntable", "chain"])
+@pytest.mark.parametrize("encoder", [None, "scale", "exact"])
+def test_an_encoder_that_counts_wrongly_is_told_and_costs_no_capture(encoder, stage):
+    result, truth = with_encoder(encoder, stage)
+    found = result.encoder_scale
+    assert found.error == pytest.approx(1 / truth["encoder_scale"] - 1, abs=4 * found.sigma)
+    assert found.applied == (encoder != "exact")
+    assert all(row.used for row in result.residuals)
+    told = [warning for warning in result.warnings if "more than its angles say" in warning]
+    assert len(told) == (encoder != "scale")
+    if found.applied:
+        covariance = np.array(result.covariance if stage == "turntable" else result.turntable_covariance)
+        assert squared_error(result.model_copy(update={"covariance": covariance.tolist()}), truth) < _CHI2_5_RARE
 
 
 def test_a_known_tool_needs_no_tcp_captures():
