@@ -1,0 +1,90 @@
+"""Which captures of the table belong together, and whether its encoder counts as it should.
+
+An encoder that counts three parts in a thousand too much moves a sphere 90 mm off the axis by more than a
+millimetre after most of a turn: that is no fault of the captures that show it.  So where captures are rejected, or
+the scale is doubtful, they are judged once more with the scale as an unknown.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.likelihood import ChainData, ChainState, fit
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.rejection import Judged, judge_from, judge_these
+from calib_core.chain.table import SCALE_COLUMN
+from calib_core.chain.variance import GivenSigmas
+from calib_core.estimation import covariance_of
+
+TABLE_COLUMN = 9
+"""Where the table's unknowns begin, after those of the tool and the still sphere."""
+
+SCALE_SIGMAS = 4.0
+"""From so many standard deviations on an encoder's scale error is believed."""
+
+_WORTH_SAYING = 1e-4
+_SCALE = TABLE_COLUMN + SCALE_COLUMN
+
+
+@dataclass(frozen=True)
+class EncoderScale:
+    """The table turns by 1 + error for each unit that is read; `applied` where the answer has it."""
+
+    error: float
+    sigma: float
+    applied: bool
+
+    @property
+    def significant(self) -> bool:
+        """Whether the error is beyond chance, and large enough to matter."""
+        return abs(self.error) > max(SCALE_SIGMAS * self.sigma, _WORTH_SAYING)
+
+
+def judge_table(
+    observations: list[SphereObservation],
+    sphere: SphereSize,
+    data: ChainData,
+    state: ChainState,
+    core: np.ndarray,
+    sigmas: GivenSigmas,
+    exact: bool,
+) -> tuple[Judged, EncoderScale]:
+    """Return the captures that belong together, as `judge_from`, and the encoder's scale as they want it.
+
+    A scale that is beyond doubt is an unknown of the fit that is returned, unless the encoder is said to be exact.
+
+    Parameters
+    ----------
+    observations, sphere, data
+        All captures, and the same as arrays; `data.held` says whether the scale is sought.
+    state, core, sigmas
+        As in `judge_from`.
+    exact : bool
+        Whether the encoder is to be believed whatever the captures say.
+    """
+    judged = judge_from(observations, sphere, data, state, core, sigmas)
+    scale = encoder_scale(judged)
+    if scale.applied or (judged.used.all() and not scale.significant):
+        return judged, scale
+    free = judge_from(observations, sphere, _with_free_scale(data), state, core, sigmas)
+    found = encoder_scale(free)
+    if not found.significant or free.used.sum() < judged.used.sum():
+        return judged, scale
+    if not exact:
+        return free, found
+    return judge_these(observations, sphere, data, state, free.used, sigmas), replace(found, applied=False)
+
+
+def encoder_scale(judged: Judged) -> EncoderScale:
+    """Return the encoder's scale error as the captures want it, whether it was sought or held."""
+    applied = judged.data.held is None or not judged.data.held[_SCALE]
+    free = fit(_with_free_scale(judged.data), judged.fit.state, judged.fit.sigmas)
+    assert free.state.table is not None
+    sigma = float(np.sqrt(covariance_of(free.at.hessian)[_SCALE, _SCALE] * judged.excess))
+    return EncoderScale(free.state.table.scale - 1, sigma, applied)
+
+
+def _with_free_scale(data: ChainData) -> ChainData:
+    held = np.zeros(data.unknowns, dtype=bool) if data.held is None else data.held.copy()
+    held[_SCALE] = False
+    return replace(data, held=held)
