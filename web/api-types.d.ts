@@ -351,6 +351,16 @@ export interface Job {
   finished: string | null;
 }
 
+export interface KeptFile {
+  name: string;
+  bytes: number;
+  sha256: string;
+}
+
+export interface KeptFiles {
+  items: KeptFile[];
+}
+
 export interface Known {
   camera?: KnownCamera | null;
   laser_plane?: KnownPlane | null;
@@ -856,6 +866,10 @@ export interface TokenRecord {
 
 export interface TokenRecords {
   items: TokenRecord[];
+}
+
+export interface Trial {
+  poses: number[][][];
 }
 
 export interface Turn {
