@@ -15,6 +15,7 @@ from calib_core.optics.board import BoardView
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_model import CameraModel, Model
 from calib_core.optics.camera_start import homographies, poses_from_homographies, start_from_homographies
+from calib_core.optics.triangulate import ProfileCalibration
 from tests.benchmarks.harness import Row, interleaved_medians_s
 
 SIZE = (1280, 1024)
@@ -67,17 +68,39 @@ def _adjustment(rounds: int) -> list[Row]:
 def _tilted(count: int) -> list[Row]:
     truth = CameraModel.from_names(MATRIX, SCHEIMPFLUG, SIZE)
     views, fresh = _views(truth, count, 1, 0.02), _views(truth, 10, 2, 0.0)
-    errors = {
-        model: _held_out_rms_px(calibrate_camera(views, SIZE, CameraOptions(model=model)).camera, fresh)
-        for model in ("plain", "tilted", "segmental")
-    }
+    models: tuple[Model, ...] = ("plain", "tilted", "segmental")
+    cameras = {model: calibrate_camera(views, SIZE, CameraOptions(model=model)).camera for model in models}
+    errors = {model: _held_out_rms_px(camera, fresh) for model, camera in cameras.items()}
+    step_um = largest_step_um(cameras["segmental"])
     chosen = calibrate_camera(views, SIZE).camera.model
     ratio = errors["plain"] / errors["tilted"]
     return [
         Row("tilted camera over 300 mm, held out", "", ", ".join(f"{m} {e:.4f} px" for m, e in errors.items())),
         Row("model chosen by held-out error", "tilted", chosen, chosen == "tilted"),
         Row("times smaller than the plain model's", "≥ 5", f"{ratio:.1f}", ratio >= 5),
+        Row("largest step of the surface at a band's edge", "≤ 2 µm", f"{step_um:.1e} µm", step_um <= 2),
     ]
+
+
+def largest_step_um(camera: CameraModel) -> float:
+    """Return how far points jump where a segmental camera's bands of depth begin and end, µm.
+
+    A pixel's thousandth on either side of each edge is compared with the thousandths beside: what is not even is a
+    step.
+    """
+    normal, distance_mm = np.array([0.0, np.cos(0.5), np.sin(0.5)]), 260.0
+    light = ProfileCalibration.of(camera, normal, distance_mm)
+    largest = 0.0
+    for depth in {end for s in camera.segments for end in (s.near_mm, s.far_mm)}:
+        x = np.linspace(-0.1, 0.1, 21) * depth
+        edge = np.column_stack(
+            [x, np.full_like(x, (distance_mm - normal[2] * depth) / normal[1]), np.full_like(x, depth)]
+        )
+        pixels = camera.project(edge)
+        around = [light.points(pixels + np.array([0.0, 1e-3 * k])) for k in (-2, -1, 1, 2)]
+        beside = (around[1] - around[0] + around[3] - around[2]) / 2
+        largest = max(largest, float(np.linalg.norm(around[2] - around[1] - 2 * beside, axis=1).max()))
+    return 1e3 * largest
 
 
 def _beside_peer(model: Model, truth: CameraModel, count: int, sigma_px: float) -> list[Row]:

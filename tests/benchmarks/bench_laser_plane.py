@@ -35,6 +35,7 @@ _NORMAL, _DISTANCE_MM = np.array([0.0, np.cos(0.5), np.sin(0.5)]), 215.0
 _REAL = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "laser-plane-arm-640"
 _FOLDS = 4
 _SETS = 14
+_TILTED_SETS = 3  # the peer loses its way with all of tilt and decentring free, slowly
 
 Solver = Callable[[Sequence[PlaneView]], "Calibration"]
 
@@ -53,7 +54,7 @@ def run(full: bool) -> list[Row]:
     if importlib.util.find_spec("vision_calibration") is None:
         return [Row("vision-calibration", "", "not installed")]
     rows = [*_simulated("plain", _LENS, 2 * _SETS if full else _SETS)]
-    rows += _simulated("tilted", _TILTED, 2 * _SETS if full else _SETS)
+    rows += _simulated("tilted", _TILTED, _TILTED_SETS)
     return [*rows, *_real()] if _REAL.is_dir() else rows
 
 
