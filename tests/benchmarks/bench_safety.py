@@ -193,7 +193,9 @@ def _sockets(
     for origin in FOREIGN:
         stolen[f"a login, on a page of {origin}"] = (origin, {"Cookie": cookies["admin"]["Cookie"]}, True)
     for what, (origin, headers, should) in stolen.items():
-        for path in (f"/scenes/{session}", f"/scenes/{session}/"):
+        for path in (
+            address.format(session=session, viewer="abcdefgh") for m, address in every_route() if m == "WS"
+        ):
             try:
                 with _open(client, path, origin, headers) as live:
                     refused, answer = len(live.recv(timeout=10)) == 0, "let in"

@@ -13,6 +13,8 @@ from server.serve import WorkbenchServer
 from server.settings import Settings
 
 API = "/api/v1"
+# The server closes a connection that rests for 5 s: the client must not use one that is about to go.
+_LIMITS = httpx.Limits(keepalive_expiry=2.0)
 
 
 @contextmanager
@@ -24,7 +26,7 @@ def serving(settings: Settings) -> Generator[httpx.Client]:
         while not server.started:
             assert thread.is_alive(), "the server ended at its start"
             time.sleep(0.01)
-        with httpx.Client(base_url=server.address + API, timeout=60, trust_env=False) as client:
+        with httpx.Client(base_url=server.address + API, timeout=60, trust_env=False, limits=_LIMITS) as client:
             yield client
     finally:
         server.stop()
