@@ -39,6 +39,7 @@ class WorkbenchServer(uvicorn.Server):
             ws_per_message_deflate=False,
             timeout_graceful_shutdown=math.ceil(settings.shutdown_grace_s),
             log_config=None,
+            limit_concurrency=settings.max_connections,
             proxy_headers=bool(settings.trusted_proxies),
             forwarded_allow_ips=settings.trusted_proxies,
             ssl_certfile=settings.tls_certificate,

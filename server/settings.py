@@ -78,6 +78,9 @@ class Settings(BaseSettings):
         default=200.0, description="Requests a second that a token or address may send; tenfold on this machine."
     )
     rate_burst: Annotated[float, Field(ge=1)] = 400.0
+    max_connections: Annotated[int, Field(ge=2)] = Field(
+        default=800, description="Open connections at once, pages and programs together."
+    )
     head_timeout_s: Annotated[float, Field(gt=0)] = 20.0
     body_timeout_s: Annotated[float, Field(gt=0)] = 30.0
     answer_timeout_s: Annotated[float, Field(gt=0)] = 300.0

@@ -72,6 +72,18 @@ def test_a_head_without_end_is_cut_off(client: httpx.Client) -> None:
             assert sent < 20_000_000
 
 
+def test_connections_have_an_end(start: Any) -> None:
+    with start(max_connections=4) as client:
+        held = [connected(client) for _ in range(6)]
+        with httpx.Client(base_url=client.base_url, trust_env=False) as late:
+            assert late.get("/health").status_code == 503
+        for connection in held:
+            connection.close()
+        end_s = time.monotonic() + 10
+        while client.get("/health").status_code != 200:
+            assert time.monotonic() < end_s
+
+
 def test_a_body_that_stops_is_told_so(start: Any) -> None:
     with start(body_timeout_s=0.5) as client, connected(client) as connection:
         connection.sendall(
