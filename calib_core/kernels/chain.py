@@ -4,9 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from calib_core.kernels.matrices import cholesky_3, invert_lower_3, invert_positive_3
-
 from calib_core.frames import FloatArray
+from calib_core.kernels.matrices import cholesky_3, invert_lower_3, invert_positive_3
 
 IntArray = NDArray[np.int64]
 
