@@ -30,6 +30,7 @@ HUBER = 3.0
 _LEAST_STRIPE_SIGMA_PX = 0.01
 _OUTLIER_SIGMAS = 6.0
 _NOISE_ROUNDS = 3
+_RUN = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,19 +133,38 @@ def _without_outliers(corners: Corners, start: State, bands: tuple[FloatArray, F
 
 
 def _with_stripe_noise(problem: Adjustment, state: State) -> tuple[Adjustment, Adjusted, float]:
-    """Return the solved problem with the stripe weighed by its residuals where those are the larger ones."""
-    lines, factor = problem.lines, 1.0
+    """Return the solved problem with each stripe weighed by its residuals where those are the larger ones."""
+    lines = problem.lines
     assert lines is not None
-    adjusted = problem.solve(state)
+    adjusted, factors = problem.solve(state), np.ones(problem.corners.views)
     for _ in range(_NOISE_ROUNDS):
-        assert problem.lines is not None
-        grown = 1.4826 * float(np.median(np.abs(adjusted.line_residuals * problem.lines.weights)))
-        if abs(grown - 1.0) < 0.05 or factor * grown < 1.0:
+        grown = np.maximum(_stripe_noise(lines, adjusted.line_residuals), factors)
+        if np.all(grown < 1.05 * factors):
             break
-        factor *= grown
-        problem = replace(problem, lines=replace(lines, weights=lines.weights / factor))
+        factors = grown
+        weights = lines.weights / np.repeat(factors, np.diff(lines.ends))
+        problem = replace(problem, lines=replace(lines, weights=weights))
         adjusted = problem.solve(adjusted.state)
-    return problem, adjusted, factor
+    return problem, adjusted, float(np.median(factors[np.diff(lines.ends) > 0]))
+
+
+def _stripe_noise(lines: LaserLines, residuals_px: FloatArray) -> FloatArray:
+    """Return how much larger than stated the noise of each board's centres is, (V,): of one, or of neighbours.
+
+    Speckle and light that spreads below the surface move neighbours alike: means of a run of centres then scatter
+    by more than 1 / √run of what a single one does, and it is such runs that move a plane.
+    """
+    noise = np.ones(len(lines.ends) - 1)
+    for board, (first, last) in enumerate(zip(lines.ends[:-1], lines.ends[1:], strict=True)):
+        count = int(last - first)
+        if count < 3 * _RUN:
+            continue
+        normed = residuals_px[first:last] * lines.weights[first:last]
+        along = np.linspace(-1.0, 1.0, count)
+        off = normed - np.polyval(np.polyfit(along, normed, 1), along)
+        runs = off[: count // _RUN * _RUN].reshape(-1, _RUN).mean(axis=1) * np.sqrt(_RUN)
+        noise[board] = max(1.4826 * float(np.median(np.abs(each))) for each in (off, runs))
+    return noise
 
 
 def _camera_with(camera: CameraModel, shared: FloatArray) -> CameraModel:
