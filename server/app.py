@@ -15,6 +15,7 @@ from server.auth.door import Door
 from server.auth.logins import Logins
 from server.auth.refusals import Refusals
 from server.backlog import Backlog
+from server.drain import Drain
 from server.events import Hub
 from server.guard import Guard
 from server.housekeeping import Housekeeping
@@ -134,6 +135,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(Patience, settings=settings)
     app.add_middleware(Door, settings=settings)
     app.add_middleware(Guard, settings=settings)
+    app.add_middleware(Drain)
     app.add_middleware(Watch, metrics=app.state.metrics)
     return app
 

@@ -1,5 +1,6 @@
 """What is measured in a capture, and what is noted where nothing can be."""
 
+import json
 import logging
 from collections.abc import Callable
 
@@ -43,7 +44,11 @@ def measure(session: Session, capture: Capture, read: Callable[[str], bytes]) ->
     from calib_core.session.measure import measure_capture
 
     try:
-        return measure_capture(session, capture, read)
+        measured = measure_capture(session, capture, read)
+        if is_finite(measured.to_json()):
+            return measured
+        reason = "What is measured in it has no finite size."
+        to_do = "Check the numbers in its file: some are far too large."
     except MeasurementError as error:
         reason, to_do = str(error), error.to_do
     except CalibrationError:
@@ -53,6 +58,15 @@ def measure(session: Session, capture: Capture, read: Callable[[str], bytes]) ->
         reason = f"measuring it failed by an error of the program itself ({type(error).__name__})"
         to_do = "The capture is kept; report this with its file."
     return unmeasured(capture, reason, to_do)
+
+
+def is_finite(data: object) -> bool:
+    """Return whether JSON data holds neither NaN nor infinities."""
+    try:
+        json.dumps(data, allow_nan=False)
+    except ValueError:
+        return False
+    return True
 
 
 def unmeasured(capture: Capture, reason: str, to_do: str) -> Measured:

@@ -23,7 +23,7 @@ from server.strict_json import StrictRoute
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
 
-MEDIA_TYPE = "application/x-scancell-captures"
+MEDIA_TYPE = "application/octet-stream"
 _EXAMPLE = (
     '{"id": "p01", "step": "tcp", "kind": "profile", "files": ["captures/p01.csv"], "sizes": [30], '
     '"pose": [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]}\n'

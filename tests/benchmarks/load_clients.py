@@ -126,7 +126,7 @@ async def send_batch(session: str, captures: int, **arguments: Any) -> Sent:
     connection = Connection(load.host, load.port)
     began_s = time.perf_counter()
     status, answer = await connection.post(
-        f"/api/v1/sessions/{session}/captures/batch", "application/x-scancell-captures", body
+        f"/api/v1/sessions/{session}/captures/batch", "application/octet-stream", body
     )
     load.sent.durations_s.append(time.perf_counter() - began_s)
     connection.close()
