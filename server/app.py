@@ -31,6 +31,7 @@ from server.routes import (
     folders,
     health,
     history,
+    kept,
     merged,
     pages,
     sessions,
@@ -120,6 +121,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         clouds,
         merged,
         archives,
+        kept,
         tokens,
         health,
     ):

@@ -208,6 +208,20 @@ class StoredCloudFiles(BaseModel):
     items: list[StoredCloudFile]
 
 
+class KeptFile(BaseModel):
+    """A file that an imported archive held beside session and results."""
+
+    name: str
+    bytes: int
+    sha256: str
+
+
+class KeptFiles(BaseModel):
+    """What an imported archive held beside session and results."""
+
+    items: list[KeptFile]
+
+
 class CloudSection(BaseModel):
     """A thin slice of the merged cloud, seen along its axis; lengths in mm.
 

@@ -71,6 +71,8 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_SESSION}/results/{{stage}}/history/{{number}}",
         f"GET {_SESSION}/timeline",
         f"GET {_SESSION}/timeline/{{place}}",
+        f"GET {_SESSION}/kept",
+        f"GET {_SESSION}/kept/{{name:path}}",
         f"GET {_SESSION}/clouds",
         f"GET {_SESSION}/clouds/{{name}}",
         f"GET {_SESSION}/merged/section",

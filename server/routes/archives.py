@@ -14,6 +14,7 @@ from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, ar
 from server.deps import OnceDep, SessionId, StoreDep
 from server.schemas import StoredSession
 from server.store.blobs import chunks_to_end
+from server.store.kept import kept_files
 from server.store.models import Data
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
@@ -79,10 +80,10 @@ def get_archive(
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-        past = history_bytes(db, session_id)
+        kept, past = kept_files(db, session_id), history_bytes(db, session_id)
     file = store.blobs.scratch()
     try:
-        pack_stored(stored, file, {**_pages(stored, scene), HISTORY_FILE: past})
+        pack_stored(stored, kept, file, {**_pages(stored, scene), HISTORY_FILE: past})
         size = file.seek(0, 2)
     except BaseException:
         file.close()
@@ -98,7 +99,7 @@ def get_archive(
 def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep) -> Response:
     """Make a session from an archive, with its captures and results; what is wrong with it leaves nothing behind.
 
-    What the session folder holds beside them (scene, report, truth, notes) stays in the archive.
+    What else it holds (scene, report, truth, notes) is kept as it came: GET …/kept.
     """
     from server.store.archives import add_import, digest_of, read_import
 

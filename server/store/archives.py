@@ -10,22 +10,33 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import Capture, Measured, Session
-from calib_core.session.archive import ArchivedSession, pack_files, plain_name, read_archive
-from calib_core.session.bag import PAYLOAD, Content, open_bag
+from calib_core.session.archive import (
+    REPORT_FILE,
+    SCENE_FILE,
+    ArchivedSession,
+    pack_files,
+    plain_name,
+    read_archive,
+)
+from calib_core.session.bag import PAYLOAD, Bag, Content, open_bag
 from calib_core.session.bag_zip import LIMITS, ArchiveLimits
 from calib_core.session.folder import SESSION_FILE, to_json_bytes
 from calib_core.session.pipeline import STAGES
+from calib_core.session.stored_clouds import REFERENCE_FILE
 from calib_core.session.stored_results import output_names
 from server.measuring import check_poses, measure
-from server.store.archived_history import ArchivedHistory, read_history, restore
+from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
 from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
+from server.store.kept import keep
 from server.store.models import Data, SessionRow
+from server.store.references import set_reference
 from server.store.sessions import STORE_FIELDS, Output, StoredSession, create_session
 from server.store.solves import store_result
 
 _MAX_NAME = 500
 _WHERE = "archive"
+_PAGES = (REPORT_FILE, SCENE_FILE)
 
 
 @dataclass
@@ -39,14 +50,20 @@ class Import:
     digests: dict[str, str] = field(default_factory=dict[str, str])
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     outputs: dict[str, dict[str, Output]] = field(default_factory=dict[str, dict[str, Output]])
+    reference: Output | None = None
+    kept: dict[str, Output] = field(default_factory=dict[str, Output])
 
 
-def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes]) -> None:
+def pack_stored(
+    stored: StoredSession, kept: Mapping[str, Output], out: IO[bytes], pages: Mapping[str, bytes]
+) -> None:
     """Write a stored session's archive.
 
     Parameters
     ----------
     stored : StoredSession
+    kept : mapping
+        What an archive that it was imported from held beside it; its pages give way to new ones.
     out : binary file
         To read and write.
     pages : mapping
@@ -59,12 +76,14 @@ def pack_stored(stored: StoredSession, out: IO[bytes], pages: Mapping[str, bytes
     CalibrationError
         If a name cannot be stored everywhere, or a stored file is damaged.
     """
+    taken = {*_PAGES, *(plain_name(name) for name in stored.digests)}
+    files = {name: file for name, file in kept.items() if name not in taken} | dict(stored.outputs)
     payload: dict[str, Content] = {
+        **{name: partial(stored.blobs.open, file.sha256) for name, file in files.items()},
         SESSION_FILE: to_json_bytes(stored.session.to_json()),
         **{f"results/{stage}.json": to_json_bytes(result) for stage, result in stored.results.items()},
         **pages,
     }
-    payload |= {name: partial(stored.blobs.open, output.sha256) for name, output in stored.outputs.items()}
     for name, digest in stored.digests.items():
         if plain_name(name) in payload:
             got = f"a capture's file named {name}"
@@ -92,10 +111,23 @@ def read_import(file: IO[bytes], blobs: Blobs, limits: ArchiveLimits = LIMITS) -
         for name in dict.fromkeys(name for capture in archived.session.captures for name in capture.files):
             content = archived.read(name)
             found.digests[name], found.sizes[name] = blobs.put(content), len(content)
-        for stage, result in archived.results.items():
-            named = [name for name in output_names(result) if name in bag.payload]
-            found.outputs[stage] = {n: Output(*blobs.put_pieces(bag.chunks(PAYLOAD + n))) for n in named}
+        _store_others(found, bag, blobs)
     return found
+
+
+def _store_others(found: Import, bag: Bag, blobs: Blobs) -> None:
+    """Store what stands beside session and captures: what stages made, the reference mesh, all that is kept."""
+    rest = set(bag.payload) - {SESSION_FILE, HISTORY_FILE, *(f"results/{stage}.json" for stage in found.results)}
+    rest -= {plain_name(name) for name in found.digests}
+
+    def stored(name: str) -> Output:
+        rest.remove(name)
+        return Output(*blobs.put_pieces(bag.chunks(PAYLOAD + name)))
+
+    for stage, result in found.results.items():
+        found.outputs[stage] = {name: stored(name) for name in output_names(result) if name in rest}
+    found.reference = stored(REFERENCE_FILE) if REFERENCE_FILE in rest else None
+    found.kept = {name: stored(name) for name in sorted(rest)}
 
 
 def add_import(db: Transaction, found: Import) -> SessionRow:
@@ -121,6 +153,9 @@ def add_import(db: Transaction, found: Import) -> SessionRow:
         past = known.get(stage)
         solved_from, created = (past.origin(), past.created) if past else (None, None)
         store_result(db, row, stage, result, solved_from, found.outputs.get(stage), created)
+    if found.reference is not None:
+        set_reference(db, row, found.reference)
+    keep(db, row.id, found.kept)
     return row
 
 

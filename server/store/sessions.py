@@ -18,6 +18,9 @@ from server.store.database import record_event
 from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded, now
 from server.store.paging import Page, after_cursor, page_of
 
+OF_ARCHIVE = "archive"
+"""Where outputs have the stage that made them: those that came with an archive and belong to no stage."""
+
 
 @dataclass(frozen=True)
 class Output:
@@ -213,7 +216,9 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         .order_by(CaptureRow.position)
     ).all()
     files = db.execute(select(FileRow.name, FileRow.sha256).where(FileRow.session_id == session_id))
-    outputs = db.scalars(select(OutputRow).where(OutputRow.session_id == session_id))
+    outputs = db.scalars(
+        select(OutputRow).where(OutputRow.session_id == session_id, OutputRow.stage != OF_ARCHIVE)
+    )
     return StoredSession(
         id=session_id,
         session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),

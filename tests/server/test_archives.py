@@ -30,6 +30,12 @@ def archive(shared_client: httpx.Client, solved: str) -> bytes:
     return shared_client.get(f"/sessions/{solved}/archive", params={"scene": False}).content
 
 
+def payload_of(archive: bytes) -> dict[str, bytes]:
+    """Return the files of a session's archive by their names in the session folder."""
+    entries = [(info.filename.partition("/data/")[2], content) for info, content in entries_of(archive)]
+    return {name: content for name, content in entries if name}
+
+
 def session_ids(client: httpx.Client) -> list[str]:
     return [item["id"] for item in client.get("/sessions", params={"limit": 1000}).json()["items"]]
 
@@ -64,6 +70,33 @@ def test_import_brings_everything_back(client: httpx.Client, solved: str, archiv
     assert file.content == client.get(f"/sessions/{solved}/captures/p01/files/p01.csv").content
     again = client.get(f"/sessions/{new}/archive", params={"scene": False})
     assert again.content == archive
+
+
+def test_import_keeps_all_that_the_archive_held(client: httpx.Client, solved: str) -> None:
+    whole = client.get(f"/sessions/{solved}/archive").content
+    base = entries_of(whole)[0][0].filename.split("/")[0]
+    for name, content in (("truth.json", b'{"tool0_from_laser": 1}'), ("notes/día 1.txt", b"windy")):
+        whole = with_entry(whole, f"{base}/data/{name}", content)
+    made = client.post("/archives", content=whole, headers=ZIP)
+    assert made.status_code == 201, made.text
+    new = f"/sessions/{made.json()['id']}"
+    held = payload_of(whole)
+    listed = client.get(f"{new}/kept").json()["items"]
+    assert [item["name"] for item in listed] == ["notes/día 1.txt", "report.html", "scene.html", "truth.json"]
+    for item in listed:
+        answer = client.get(f"{new}/kept/{item['name']}")
+        assert answer.content == held[item["name"]]
+        assert len(answer.content) == item["bytes"]
+        # Whatever stands in it has neither this server's login nor its addresses.
+        assert answer.headers["content-security-policy"].startswith("sandbox")
+        assert "allow-same-origin" not in answer.headers["content-security-policy"]
+        is_page = item["name"].endswith(".html")
+        assert answer.headers["content-disposition"].startswith("inline" if is_page else "attachment")
+    assert_problem(client.get(f"{new}/kept/other.txt"), 404, "truth.json")
+    assert client.get(f"/sessions/{solved}/kept").json() == {"items": []}
+    assert client.get(f"{new}/clouds").json() == {"items": []}  # none of them is a stage's
+    assert payload_of(client.get(f"{new}/archive").content) == held
+    assert client.delete(new).status_code == 204
 
 
 def test_import_as_a_form_and_only_once_for_a_key(client: httpx.Client, archive: bytes) -> None:

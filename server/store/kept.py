@@ -1,0 +1,27 @@
+"""What an imported archive held beside session and results: scene, report, truth, notes, kept as they came."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session as Transaction
+
+from server.store.models import OutputRow
+from server.store.sessions import OF_ARCHIVE, Output
+
+_PREFIX: Final = "archive:"  # so that no stage's output ever has the same name
+
+
+def keep(db: Transaction, session_id: str, files: Mapping[str, Output]) -> None:
+    """Store files of an archive by their names in it."""
+    db.add_all(
+        OutputRow(session_id=session_id, name=_PREFIX + name, stage=OF_ARCHIVE, sha256=file.sha256, size=file.size)
+        for name, file in files.items()
+    )
+
+
+def kept_files(db: Transaction, session_id: str) -> dict[str, Output]:
+    """Return what was kept, by the names in the archive."""
+    query = select(OutputRow).where(OutputRow.session_id == session_id, OutputRow.stage == OF_ARCHIVE)
+    rows = db.scalars(query.order_by(OutputRow.name))
+    return {row.name.removeprefix(_PREFIX): Output(row.sha256, row.size) for row in rows}
