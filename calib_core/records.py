@@ -80,7 +80,8 @@ class Robot(Record):
 class Turntable(Record):
     """The turntable's sense of turning, its encoder's standard deviation, and whether its scale is an unknown.
 
-    With `encoder` left out, its scale is an unknown where the captures leave no doubt that it is off.
+    With `encoder` left out, its scale is an unknown where the captures leave no doubt that it is off.  `angles`
+    says that nobody read them: captures of the sphere then need none.
 
     `direction` is 1 where the angles count right-handed about the axis that points up in base.
     """
@@ -88,6 +89,7 @@ class Turntable(Record):
     direction: Literal[1, -1] | None = None
     angle_sigma_deg: NotNegative | None = None
     encoder: Literal["exact", "scale"] | None = None
+    angles: Literal["read", "unknown"] | None = None
 
 
 class Board(Record):

@@ -600,6 +600,10 @@ export interface ReferenceMesh {
   sha256: string;
 }
 
+export interface ReferenceUpload {
+  file: string;
+}
+
 export interface RefinedCamera {
   model: "plain" | "rational" | "tilted" | "segmental";
   image_size: unknown[];
@@ -880,6 +884,7 @@ export interface Turntable {
   direction?: 1 | -1 | null;
   angle_sigma_deg?: number | null;
   encoder?: "exact" | "scale" | null;
+  angles?: "read" | "unknown" | null;
 }
 
 export interface TurntableResidual {

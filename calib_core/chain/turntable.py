@@ -49,7 +49,7 @@ class TurntableOptions:
     """Standard deviations that the user fixes (None: estimated), and what is asked of the encoder.
 
     `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown (False: never; None: if
-    the captures leave no doubt that it is off).
+    the captures leave no doubt that it is off).  `angles_unknown`: the angles were found from the captures.
     """
 
     position_sigma_mm: float | None = None
@@ -58,6 +58,7 @@ class TurntableOptions:
     angle_sigma_rad: float | None = None
     direction: int | None = None
     encoder_scale: bool | None = None
+    angles_unknown: bool = False
 
     @property
     def sigmas(self) -> GivenSigmas:

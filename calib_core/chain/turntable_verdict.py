@@ -106,9 +106,16 @@ def _doubts_about_captures(j: TableJudgement) -> list[str]:
 
 def _doubts_about_axis(j: TableJudgement) -> list[str]:
     found: list[str] = []
-    heights = j.frame.mounts_mm[:, 2]
     values, vectors = np.linalg.eigh(j.covariance.axis_direction)
     weakest = f"weakest towards {_words(vectors[:, -1])} (±{_degrees(values[-1])})"
+    if j.options.angles_unknown:
+        sense = "" if j.options.direction else "; give turntable.direction before scanning by table angles"
+        found.append(
+            "The table's angles were not read: the axis rests on the shape of the circles alone, in direction "
+            f"{weakest}, in place known to {2 * np.sqrt(np.trace(j.covariance.axis_point)):.2f} mm. The sense of "
+            f"turning, angle zero and the encoder stay unknown{sense}."
+        )
+    heights = j.frame.mounts_mm[:, 2]
     if np.ptp(heights) < _ONE_HEIGHT_MM:
         found.append(
             f"One height only: the axis's direction rests on the plane of one circle, {weakest}. Mount the sphere "

@@ -80,7 +80,8 @@ def _angles_by_mount(captures: Sequence[Capture]) -> dict[str, list[float]]:
     angles: dict[str, list[float]] = {}
     for capture in captures:
         taken = angles.setdefault(capture.mount or "", [])
-        angle = float(capture.table_deg or 0.0) % 360.0
+        # An angle that nobody read is taken to be a new one: the solver finds out.
+        angle = (45.0 * len(taken) if capture.table_deg is None else float(capture.table_deg)) % 360.0
         if all(_apart_deg(angle, other) >= _DIFFERENT_DEG for other in taken):
             taken.append(angle)
     return angles
@@ -93,7 +94,7 @@ def _apart_deg(a: float, b: float) -> float:
 def _fault(session: Session, captures: Sequence[Capture]) -> tuple[str, str, str] | None:
     """Return what must be mended first: the capture, what is missing in it, and why."""
     for capture in captures:
-        if capture.table_deg is None:
+        if capture.table_deg is None and session.cell.turntable.angles != "unknown":
             why = (
                 "The sphere goes round with the table: without its angle the capture says nothing about the axis."
             )

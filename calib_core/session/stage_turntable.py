@@ -135,10 +135,13 @@ def _table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: P
 
 
 def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+    from calib_core.chain.table_angles import with_found_angles
     from calib_core.chain.turntable import solve_turntable
 
     captures = [capture for capture in given.captures if not capture.excluded]
-    _require_angles(captures)
+    turning = given.session.cell.turntable
+    if turning.angles != "unknown":
+        _require_angles(captures)
     observed = observe_stage(replace(given, progress=_part(progress, 0.0, 0.3)))
     by_id = {capture.id: capture for capture in captures}
     observations = [
@@ -146,6 +149,9 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
         for o in observed.observations
     ]
     try:
+        if turning.angles == "unknown":
+            frame = tool.tool0_from_laser
+            observations = with_found_angles(observations, sphere, frame, turning.direction or 1)
         solution = solve_turntable(
             observations, sphere, tool, _options(given.session.cell), _part(progress, 0.3, 1.0)
         )
@@ -160,21 +166,26 @@ def _require_angles(captures: Sequence[Capture]) -> None:
         raise InputError(
             "the table's angle in each turntable capture (table_deg, degrees)",
             f"none in {', '.join(missing[:8])}{' and more' if len(missing) > 8 else ''}",
-            "Read it from the table's controller and add it; exclude captures whose angle is lost.",
+            "Read it from the table's controller and add it; exclude captures whose angle is lost, or set "
+            "cell.turntable.angles to 'unknown' where all are.",
             f"captures[{missing[0]}].table_deg",
         )
 
 
 def _options(cell: Cell) -> "TurntableOptions":
+    from calib_core.chain.table_angles import UNKNOWN_ANGLE_SIGMA_RAD
     from calib_core.chain.turntable import TurntableOptions
 
+    unknown = cell.turntable.angles == "unknown"
+    encoder = "exact" if unknown else cell.turntable.encoder
     return TurntableOptions(
         position_sigma_mm=cell.robot.position_sigma_mm,
         orientation_sigma_rad=_radians(cell.robot.orientation_sigma_deg),
         point_sigma_mm=cell.scanner.point_sigma_mm,
-        angle_sigma_rad=_radians(cell.turntable.angle_sigma_deg),
+        angle_sigma_rad=UNKNOWN_ANGLE_SIGMA_RAD if unknown else _radians(cell.turntable.angle_sigma_deg),
         direction=cell.turntable.direction,
-        encoder_scale=None if cell.turntable.encoder is None else cell.turntable.encoder == "scale",
+        encoder_scale=None if encoder is None else encoder == "scale",
+        angles_unknown=unknown,
     )
 
 

@@ -97,6 +97,33 @@ def test_residuals_are_of_the_size_of_the_noise_and_have_their_angle():
         assert np.deg2rad(row.angle_deg) * 90 == pytest.approx(row.tangential_mm, rel=0.02, abs=1e-4)
 
 
+@pytest.mark.parametrize(
+    "name", ["turntable", "turntable-one-height", "turntable-partial", "turntable-centers", "turntable-reversed"]
+)
+def test_angles_that_nobody_read_are_found_and_what_is_weak_is_said(name):
+    cell = simulated(name)
+    data = cell.session.to_json()
+    for capture in data["captures"]:
+        capture.pop("table_deg", None)
+    direction = cell.truth["direction"]
+    data["cell"]["turntable"] = {"angles": "unknown", "direction": direction}
+    results = run(parse_session(data), cell.files.__getitem__)
+    for stage in ("turntable", "chain"):
+        result = results[stage]
+        assert (result.verdict, result.direction) == ("warn", direction)
+        assert any("were not read" in w and "weakest towards" in w for w in result.warnings)
+        rows = result.covariance if stage == "turntable" else result.turntable_covariance
+        assert squared_error(result.model_copy(update={"covariance": rows}), cell.truth) < _CHI2_5_RARE
+        # Without angles less is known than with them.
+        assert result.axis_direction_sigma_deg > 0.95 * solved(name).axis_direction_sigma_deg
+        assert all(row.used for row in result.residuals)
+    read = {c.id: c.table_deg for c in cell.session.captures if c.mount == "low"}
+    found = {row.capture: row.table_deg for row in results["turntable"].residuals}
+    first = next(iter(read))
+    for capture, degrees in read.items():  # 1° is 1.6 mm along the circle
+        assert abs((found[capture] - (degrees - read[first]) + 180) % 360 - 180) < 1.0
+
+
 def test_wobble_is_told():
     assert solved("turntable-wobble").verdict == "warn"
 
