@@ -1,4 +1,4 @@
-"""Altered files and records of every kind: refused or kept with a reason, never a 500; see `scancell bench hostile`."""
+"""Altered files and records of every kind end in no 500; thousands of them: `scancell bench hostile`."""
 
 import socket
 
