@@ -1,7 +1,7 @@
 """The published description of the API: tidy names, and errors as what they are."""
 
 import re
-from typing import Any
+from typing import Any, cast
 
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
@@ -14,7 +14,7 @@ ERRORS: dict[int | str, dict[str, Any]] = {
         "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
     }
 }
-_UPLOAD = "CaptureUpload"
+_UPLOADS = {"Body_captures_add": "CaptureUpload", "Body_clouds_put_reference": "ReferenceUpload"}
 
 
 _SCHEMES: dict[str, Any] = {
@@ -39,21 +39,29 @@ def operation_id(route: APIRoute) -> str:
 
 
 def install(app: FastAPI) -> None:
-    """Name the one body that FastAPI makes up from form fields, and say who may do what."""
+    """Name the bodies that FastAPI makes up from form fields, and say who may do what."""
     describe = app.openapi
 
     def openapi() -> dict[str, Any]:
         schema = describe()
         schemas = schema["components"]["schemas"]
-        made_up = next((name for name in schemas if name.startswith("Body_")), None)
-        if made_up is not None:
-            schemas[_UPLOAD] = {**schemas.pop(made_up), "title": _UPLOAD}
-            upload = schema["paths"]["/api/v1/sessions/{session_id}/captures"]["post"]["requestBody"]
-            upload["content"]["multipart/form-data"]["schema"] = {"$ref": f"#/components/schemas/{_UPLOAD}"}
+        for made_up, name in _UPLOADS.items():
+            if made_up in schemas:  # the schema is made once, this is asked for more often
+                schemas[name] = {**schemas.pop(made_up), "title": name}
+                _refer_to(name, made_up, schema["paths"])
         _declare_access(schema)
         return schema
 
     app.openapi = openapi
+
+
+def _refer_to(name: str, made_up: str, part: Any) -> None:
+    """Change the references to a schema within a part of the description."""
+    if isinstance(part, dict):
+        for value in cast("dict[str, Any]", part).values():
+            _refer_to(name, made_up, value)
+        if part.get("$ref") == f"#/components/schemas/{made_up}":
+            part["$ref"] = f"#/components/schemas/{name}"
 
 
 def _declare_access(schema: dict[str, Any]) -> None:

@@ -276,12 +276,12 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_too_many_requests_wait(tmp_path: Path) -> None:
-    with guarded(tmp_path, rate_per_s=0.5, rate_burst=2) as (client, tokens):  # ten times of it on this machine
-        statuses = [client.get("/health").status_code for _ in range(30)]
+    with guarded(tmp_path, rate_per_s=0.02, rate_burst=2) as (client, tokens):  # ten times of it on this machine
+        statuses = [client.get("/health").status_code for _ in range(25)]
         assert statuses[:20] == [200] * 20
         answer = client.get("/health")
-        assert_problem(answer, 429, "Send the next request in 1 s")
-        assert answer.headers["retry-after"] == "1"
+        assert_problem(answer, 429, "Send the next request in")
+        assert 1 <= int(answer.headers["retry-after"]) <= 5
         # A token has a bucket of its own.
         assert client.get("/me", headers=bearer(tokens["read"])).status_code == 200
 
