@@ -194,10 +194,11 @@ def fit_plane(lines: Sequence[BoardLine], seed: int = 0) -> PlaneFit:
     counts = np.array([len(line.points_in_camera_mm) for line in lines])
     sigma = np.concatenate([line.sigma_mm for line in lines])
     normal, distance = _start(usable, np.random.default_rng(seed))
+    sigma = np.maximum(sigma, max(float(np.median(sigma)), 1e-6))
     weight = np.ones(len(points))
     for _ in range(30):
         before = normal
-        normal, distance = _weighted_plane(points, weight / np.maximum(sigma, np.median(sigma)) ** 2)
+        normal, distance = _weighted_plane(points, weight / sigma**2)
         residual = points @ normal - distance
         scale = 1.4826 * float(np.median(np.abs(residual))) + 1e-9
         weight = np.clip(1.0 - (residual / (4.685 * scale)) ** 2, 0.0, None) ** 2

@@ -230,7 +230,7 @@ def _clear_of_edges(on_board: FloatArray, view: PlaneView) -> Mask:
     """Return which centres (N,) are clear of the squares' edges, where white draws the light's middle to it."""
     corners, pixels = view.board.points_in_board_mm[:, :2], view.board.points_px
     low, high, pitch = corners.min(axis=0), corners.max(axis=0), _pitch(corners)
-    mm_per_px = pitch / float(np.median(np.hypot(*np.diff(pixels, axis=0).T)))
+    mm_per_px = pitch / max(float(np.median(np.hypot(*np.diff(pixels, axis=0).T))), 1e-6)
     clearance = min(_EDGE_WIDTHS * view.stripe.width_px * mm_per_px, 0.3 * pitch)
     from_edge = np.abs((on_board - low) - pitch * np.rint((on_board - low) / pitch))
     outside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)

@@ -234,11 +234,13 @@ def _width_of(sums: FloatArray, counts: FloatArray, reach: int) -> float:
     profile = sums / np.maximum(counts, 1.0)
     profile = profile - weight @ profile
     means = shapes @ weight
-    scores = (shapes @ (weight * profile)) / np.sqrt((shapes**2) @ weight - means**2)
+    spread = np.maximum((shapes**2) @ weight - means**2, 1e-30)
+    scores = np.nan_to_num((shapes @ (weight * profile)) / np.sqrt(spread), nan=-np.inf)
     best = int(np.argmax(scores))
     if 0 < best < len(widths) - 1:
         low, mid, high = scores[best - 1 : best + 2].tolist()
-        return float(widths[best]) * 1.06 ** (0.5 * (low - high) / (low - 2 * mid + high))
+        if low - 2 * mid + high < 0 and np.isfinite(low + high):
+            return float(widths[best]) * 1.06 ** (0.5 * (low - high) / (low - 2 * mid + high))
     return float(widths[best])
 
 
@@ -256,7 +258,7 @@ def _noise_ratio(ratio: float) -> float:
 
     Small ratios gain nothing; large ones make a centroid, which a sloping background pulls.
     """
-    return 0.0 if ratio < 0.4 else min(16.0, 2.0 ** round(float(np.log2(ratio))))
+    return min(16.0, 2.0 ** round(float(np.log2(ratio)))) if 0.4 <= ratio < np.inf else 0.0
 
 
 @lru_cache(maxsize=64)
