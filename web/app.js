@@ -9,10 +9,6 @@ import { switchTheme, theme, whenThemeChanges } from "./theme.js";
 import { t } from "./texts.js";
 import { menu } from "./components/menu.js";
 import { install, notify } from "./components/toasts.js";
-import { StartPage } from "./pages/start.js";
-import { ComparePage } from "./pages/compare.js";
-import { ReviewPage } from "./pages/review.js";
-import { SessionPage } from "./pages/session.js";
 
 /** @import {Place} from "./router.js" */
 
@@ -33,14 +29,15 @@ function themeButton() {
 }
 
 /**
+ * What an address shows; a page's code is loaded when it is first needed.
  * @param {Place} place
- * @returns {HTMLElement}
+ * @returns {Promise<HTMLElement>}
  */
-function pageOf(place) {
-  if (place.page === "start") return new StartPage();
-  if (place.page === "session") return Object.assign(new SessionPage(), { sessionId: place.id, top: middle });
-  if (place.page === "review") return Object.assign(new ReviewPage(), { sessionId: place.id, top: middle });
-  if (place.page === "compare") return new ComparePage();
+async function pageOf(place) {
+  if (place.page === "start") return new (await import("./pages/start.js")).StartPage();
+  if (place.page === "session") return Object.assign(new (await import("./pages/session.js")).SessionPage(), { sessionId: place.id, top: middle });
+  if (place.page === "review") return Object.assign(new (await import("./pages/review.js")).ReviewPage(), { sessionId: place.id, top: middle });
+  if (place.page === "compare") return new (await import("./pages/compare.js")).ComparePage();
   return h("section", { class: "lost" }, h("h1", {}, t("lost.title")), h("p", {}, t("lost.words")), h("a", { href: "/" }, t("lost.back")));
 }
 
@@ -53,12 +50,14 @@ document.body.append(
 );
 install(document.body);
 whenRefused((reason) => notify(reason));
-let first = true;
-route((place) => {
+let shown = 0;
+route(async (place) => {
+  const turn = ++shown;
+  const page = await pageOf(place);
+  if (turn !== shown) return; // another address was taken meanwhile
   middle.replaceChildren();
-  main.replaceChildren(pageOf(place));
   document.title = "scancell";
+  main.replaceChildren(page);
   // A new page begins where its content begins, for who listens to it as well.
-  if (!first) main.focus();
-  first = false;
+  if (turn > 1) main.focus();
 });

@@ -45,6 +45,11 @@ export class ReviewState extends SessionState {
     }
   }
 
+  /** The place that was asked for last; what is shown may still be on its way there. */
+  get wanted() {
+    return this.#wanted;
+  }
+
   get item() {
     return this.timeline[this.place] ?? null;
   }

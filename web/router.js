@@ -19,7 +19,7 @@ export function go(path) {
 
 /**
  * Call `show` now and at every change of address; links within the page need no reload.
- * @param {(place: Place) => void} show
+ * @param {(place: Place) => void | Promise<void>} show
  */
 export function route(show) {
   let shown = "";
@@ -28,7 +28,7 @@ export function route(show) {
     const now = place(pathname).page === "compare" ? pathname + search : pathname;
     if (now === shown) return;
     shown = now;
-    show(place());
+    void show(place());
   };
   window.addEventListener("popstate", update);
   document.addEventListener("click", (event) => {

@@ -144,7 +144,7 @@ def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) ->
     expect(page.get_by_role("slider")).to_be_hidden()
     work = page.locator(".review-work").bounding_box()
     assert work is not None
-    assert work["height"] > 1500
+    assert work["height"] > 1200
     page.emulate_media(media="screen")
 
     page.goto(f"/sessions/{session}#result")

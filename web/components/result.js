@@ -1,18 +1,21 @@
 // The answer: the frame, what it is worth, how we know.
 
 import { h } from "../dom.js";
-import { ReviewState } from "../review-state.js";
 import { steps } from "../steps/index.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { historySection, resultLinks } from "./history.js";
 
+const SLICE_MS = 16;
+
 export class ResultElement extends StateElement {
   /** @type {string | null} */ #picked = null;
   #ended = "";
+  #due = true;
+  #drawing = 0;
 
   get parts() {
-    return /** @type {const} */ (["results", "selection", "job"]);
+    return /** @type {const} */ (["results", "selection", "job", "view"]);
   }
 
   /** @param {ReadonlySet<import("../state.js").Part>} changed */
@@ -21,30 +24,57 @@ export class ResultElement extends StateElement {
     if (job?.status === "done" && job.id !== this.#ended) {
       this.#ended = job.id;
       this.#picked = job.stage;
-    } else if (!changed.has("results")) return this.#markPicked();
-    this.#show();
+      this.#due = true;
+    } else if (changed.has("results")) this.#due = true;
+    // What nobody looks at is drawn once somebody does.
+    if (this.closest("[hidden]")) return;
+    if (this.#due) void this.#show();
+    else if (changed.has("selection")) this.#markPicked();
   }
 
-  #show() {
+  /** A section at a time, with a breath after what took long, so that many captures hold nothing up; shown at once. */
+  async #show() {
+    this.#due = false;
+    const drawing = ++this.#drawing;
     const { results } = this.state;
     const solved = Object.keys(steps).filter((stage) => results[stage]);
     const stage = solved.find((one) => one === this.#picked) ?? solved.at(-1);
     const result = stage && results[stage];
-    if (!stage || !result) return this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
-    const sections = (steps[stage]?.result(result, this.state) ?? []).filter((section) => section !== null);
-    const about = this.state instanceof ReviewState ? [] : [resultLinks(this.state.id, stage), historySection(this.state.id, stage)];
-    this.replaceChildren(...(solved.length > 1 ? [this.#stages(solved, stage)] : []), ...sections, ...about);
+    if (!stage || !result) {
+      this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
+      return;
+    }
+    /** @type {HTMLElement[]} */
+    const drawn = solved.length > 1 ? [this.#stages(solved, stage)] : [];
+    let start = performance.now();
+    for (const section of this.#sections(stage, result)) {
+      if (section) drawn.push(section);
+      if (performance.now() - start < SLICE_MS) continue;
+      await new Promise((resolve) => setTimeout(resolve));
+      if (drawing !== this.#drawing) return;
+      start = performance.now();
+    }
+    this.replaceChildren(...drawn);
+    this.#markPicked();
+  }
+
+  /** @param {string} stage @param {import("../model.js").StageResult} result @returns {Generator<HTMLElement | null>} */
+  *#sections(stage, result) {
+    yield* steps[stage]?.result(result, this.state) ?? [];
+    if ("timeline" in this.state) return; // the review itself has these
+    yield resultLinks(this.state.id, stage);
+    yield historySection(this.state.id, stage);
   }
 
   /** @param {string[]} solved @param {string} shown */
   #stages(solved, shown) {
-    const pick = (/** @type {string} */ stage) => {
+    const pick = async (/** @type {string} */ stage) => {
       this.#picked = stage;
-      this.#show();
+      await this.#show();
       this.querySelector(/** @type {"button"} */ (".stages [aria-pressed=true]"))?.focus();
     };
     return h("div", { class: "stages row", role: "group", "aria-label": t("result.stages") }, ...solved.map((stage) =>
-      h("button", { type: "button", "aria-pressed": String(stage === shown), onclick: () => pick(stage) }, maybe(`step.${stage}`, stage))));
+      h("button", { type: "button", "aria-pressed": String(stage === shown), onclick: () => void pick(stage) }, maybe(`step.${stage}`, stage))));
   }
 
   #markPicked() {

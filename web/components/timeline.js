@@ -18,8 +18,8 @@ export class TimelineElement extends StateElement {
   #marks = h("div", { class: "timeline-marks", "aria-hidden": "true" });
   #slide = h("input", { type: "range", min: 0, step: 1, value: 0, "aria-label": t("timeline.label"), oninput: () => this.#go(Number(this.#slide.value)) });
   #words = h("p", { class: "timeline-words", "aria-live": "polite" });
-  #back = arrow("back", () => this.#go(this.#review.place - 1));
-  #forward = arrow("forward", () => this.#go(this.#review.place + 1));
+  #back = arrow("back", () => this.#go(this.#review.wanted - 1));
+  #forward = arrow("forward", () => this.#go(this.#review.wanted + 1));
   #play = h("button", { type: "button", class: "timeline-play", onclick: () => this.#toggle() });
   #timer = 0;
   #drawn = 0;
@@ -49,11 +49,11 @@ export class TimelineElement extends StateElement {
   }
 
   update() {
-    const { timeline, place, item } = this.#review;
+    const { timeline, place, item, wanted } = this.#review;
     if (!item) return;
     if (this.#drawn !== timeline.length) this.#draw(timeline);
     this.#slide.max = String(timeline.length - 1);
-    this.#slide.value = String(place);
+    this.#slide.value = String(wanted);
     const words = t("timeline.words", { at: place + 1, all: timeline.length, what: itemWords(item), when: when(item.at) });
     this.#slide.setAttribute("aria-valuetext", words);
     this.#words.textContent = words;
