@@ -1,7 +1,7 @@
 // The one file that speaks HTTP. Types come from the server's OpenAPI document (api-types.d.ts).
 
 /** @import {CloudView} from "./components/merged.js" */
-/** @import {CloudDeviations, CloudSection, ReferenceMesh, Capture, CaptureOut, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolFrame} from "./model.js" */
+/** @import {CloudDeviations, CloudSection, ReferenceMesh, Capture, CaptureOut, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolFrame} from "./model.js" */
 
 const ROOT = "/api/v1";
 const LOGIN = "/login";
@@ -228,8 +228,23 @@ export const api = {
   /** One of `step` where the simulated cell has some left. @param {string} id @param {string} [step] @returns {Promise<CaptureOut>} */
   captureSimulated: async (id, step) => (await request(`${session(id)}/sources/simulated/capture${step ? `?step=${encodeURIComponent(step)}` : ""}`, json("POST"))).json(),
 
-  /** @param {string} id @param {string} text @returns {Promise<ParsedPose[]>} */
-  readPoseLines: async (id, text) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text }))).json()).items,
+  /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<ParsedPose[]>} */
+  readPoseLines: async (id, text, convention) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json()).items,
+
+  /** Poses that are looked at before they are used, in the scene of who looks; none takes them away. @param {string} id @param {number[][][]} poses */
+  tryPoses: (id, poses) => {
+    // The scene is an extra: where it shows nothing, the numbers still do.
+    void fetch(`/scenes/${encodeURIComponent(id)}/trial`, json("POST", { poses })).catch(() => undefined);
+  },
+
+  /** @param {string} id @returns {Promise<FolderState>} */
+  folder: (id) => get(`${session(id)}/sources/folder`),
+
+  /** @param {string} id @param {string} folder @param {string} step @returns {Promise<FolderState>} */
+  watchFolder: async (id, folder, step) => (await request(`${session(id)}/sources/folder`, json("PUT", { folder, step }))).json(),
+
+  /** @param {string} id */
+  endWatching: async (id) => void (await request(`${session(id)}/sources/folder`, json("DELETE"))),
 
   /** @param {string} id @param {string} stage @returns {Promise<Job>} */
   solve: async (id, stage) => (await request(`${session(id)}/solve/${stage}`, json("POST"))).json(),

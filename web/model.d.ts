@@ -2,14 +2,16 @@
 
 import type {
   CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
-  CameraResult as CameraRecord, Capture, Cell, ChainResult as ChainRecord, Guide, GuideNow, GuideStep, Job, LaserPlaneResult as LaserPlaneRecord, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResult as CameraRecord, Capture, Cell, ChainResult as ChainRecord, FolderState, Guide, GuideNow, GuideStep, Job, LaserPlaneResult as LaserPlaneRecord, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TableCircle, TcpResidual, TcpResult as TcpRecord, TurntableResidual, TurntableResult as TurntableRecord,
   AtWorkpiece, Change, Comparison, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "./api-types.js";
 
-export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
+export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
 export type { AtWorkpiece, Change, Comparison, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
 export type Moment = MomentOfSession;
+/** A folder that is watched, and what came of it. */
+export type FolderWatch = NonNullable<FolderState["watch"]>;
 export type CaptureOut = StoredCapture;
 export type SessionOut = StoredSession;
 export type SessionBody = NewSession;

@@ -152,7 +152,9 @@ export class SessionState extends EventTarget {
       else if (data.count) this.#later("captures");
       else {
         this.#gone.delete(data.capture);
-        this.#staleCaptures.add(data.capture);
+        // Many that came at once are told as one, by the last one's name.
+        if (data.count > 1) this.#stale.add("captures");
+        else this.#staleCaptures.add(data.capture);
       }
       this.#later("guide", "results");
     } else if (name === "result") this.#later("guide", "results");

@@ -8,15 +8,18 @@ import { did } from "../undo.js";
 import { StateElement } from "./base.js";
 import { attempt, notify, say } from "./toasts.js";
 
+/** @import {FolderWatchElement} from "./folder-watch.js" */
 /** @import {IntakeElement} from "./intake.js" */
 
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
+  /** @type {FolderWatchElement | null} */ watch = null;
   #capture = h("button", { type: "button", class: "capture", needs: "capture", onclick: () => void this.capture() }, t("actions.capture"), h("kbd", { "aria-hidden": "true" }, t("key.space")));
   #solve = h("button", { type: "button", class: "solve", needs: "capture", onclick: () => void this.solve() }, t("actions.solve"), h("kbd", { "aria-hidden": "true" }, "S"));
   #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
   #progress = h("div", { class: "job", hidden: true });
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
+  #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
   #capturing = false;
   #followed = "";
 
@@ -30,7 +33,8 @@ export class ActionsElement extends StateElement {
         h("span", { class: "ways-in" },
           this.#files,
           wayIn(t("actions.folder"), () => this.intake?.chooseFolder()),
-          wayIn(t("actions.poses"), () => this.intake?.open()))),
+          wayIn(t("actions.poses"), () => this.intake?.open()),
+          this.#watch)),
       this.#progress,
     );
   }
@@ -40,6 +44,7 @@ export class ActionsElement extends StateElement {
     const simulated = session?.simulated === true;
     const ready = guide?.current.action === "solve";
     this.#capture.hidden = !simulated;
+    this.#watch.hidden = simulated;
     const solved = guide?.current.action === "review";
     this.#look.hidden = !solved;
     this.#solve.hidden = solved;

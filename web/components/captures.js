@@ -49,6 +49,7 @@ export class CapturesElement extends StateElement {
     this.#undo.hidden = last === null;
     this.hidden = this.state.captures.length === 0 && last === null;
     this.#table.hidden = this.state.captures.length === 0;
+    this.#table.classList.toggle("with-redo", this.state.session?.simulated === false);
     const words = t("undo.what", { what: last ?? "" });
     this.#undo.setAttribute("aria-label", words);
     this.#undo.title = `${words} (Ctrl+Z)`;

@@ -1,14 +1,15 @@
 // Getting captures in: files dropped or chosen, pose lines pasted, both laid side by side before anything is stored.
 
 import { api } from "../api.js";
-import { h } from "../dom.js";
+import { h, make } from "../dom.js";
 import { chosen, dropped, isMeasurement, kindOf, match, sessionFolder, stemOf } from "../files.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
-import { maybe, plural, t } from "../texts.js";
+import { plural, t } from "../texts.js";
 import { did } from "../undo.js";
 import { freeId, send } from "../upload.js";
 import { StateElement } from "./base.js";
+import { PoseColumnsElement } from "./pose-columns.js";
 import { attempt, notify } from "./toasts.js";
 
 /** @import {Found} from "../files.js" */
@@ -26,6 +27,7 @@ export class IntakeElement extends StateElement {
   /** @type {ParsedPose[]} */ #poses = [];
   #timer = 0;
   #reading = 0;
+  #restored = false;
   #picker = h("input", { type: "file", multiple: true, accept: ACCEPT, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
   #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
   #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
@@ -33,7 +35,8 @@ export class IntakeElement extends StateElement {
   #angles = h("textarea", { id: "intake-angles", rows: 2, spellcheck: "false", autocomplete: "off", oninput: () => this.#draw() });
   #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
   #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
-  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }), this.#text);
+  #columns = make(PoseColumnsElement, { changed: () => void this.#read() });
+  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#columns);
   #turning = h("div", { hidden: true, class: "field" },
     h("label", { for: "intake-angles" }, t("intake.angles")), this.#angles,
     h("label", { for: "intake-mount" }, t("place.mount")), h("span", { class: "hint", id: "intake-mount-hint" }, t("place.mount_hint")), this.#mount);
@@ -58,10 +61,33 @@ export class IntakeElement extends StateElement {
     this.append(this.#picker, this.#folderPicker, this.#panel);
   }
 
+  /** What was typed outlives a reload in the middle of it; files must be chosen again, browsers keep none. */
+  #keep() {
+    const draft = { text: this.#text.value, angles: this.#angles.value, mount: this.#mount.value, step: this.#step.value };
+    if (draft.text || draft.angles) window.sessionStorage.setItem(this.#draftKey, JSON.stringify(draft));
+    else window.sessionStorage.removeItem(this.#draftKey);
+  }
+
+  #restore() {
+    const kept = window.sessionStorage.getItem(this.#draftKey);
+    if (!kept) return;
+    const { text, angles, mount, step } = JSON.parse(kept);
+    [this.#text.value, this.#angles.value, this.#mount.value, this.#step.value] = [text, angles, mount, step];
+    this.#panel.hidden = false;
+    void this.#read();
+  }
+
+  get #draftKey() {
+    return `scancell-draft-${this.state.id}`;
+  }
+
   update() {
-    const hint = this.querySelector("#pose-hint");
     const convention = this.state.session?.cell.pose_convention;
-    if (hint && convention) hint.textContent = t("intake.convention", { convention: conventionWords(convention) });
+    if (!convention) return;
+    this.#columns.convention = convention;
+    if (this.#restored) return;
+    this.#restored = true;
+    this.#restore();
   }
 
   chooseFiles() {
@@ -91,7 +117,10 @@ export class IntakeElement extends StateElement {
     this.#files = [];
     this.#poses = [];
     this.#text.value = this.#angles.value = "";
+    this.#keep();
     this.#panel.hidden = true;
+    this.#columns.read("");
+    this.#showInScene();
   }
 
   /** @param {DataTransfer} transfer */
@@ -126,18 +155,26 @@ export class IntakeElement extends StateElement {
   }
 
   #later() {
+    this.#keep();
     window.clearTimeout(this.#timer);
     this.#timer = window.setTimeout(() => void this.#read(), READ_AFTER_MS);
   }
 
   async #read() {
     const reading = ++this.#reading;
-    const text = this.#text.value;
+    this.#columns.read(this.#text.value);
+    const text = this.#columns.lines;
     await attempt(async () => {
-      const poses = text.trim() ? await api.readPoseLines(this.state.id, text) : [];
+      const poses = text.trim() ? await api.readPoseLines(this.state.id, text, this.#columns.convention) : [];
       if (reading === this.#reading) this.#poses = poses;
     });
     this.#draw();
+    this.#showInScene();
+  }
+
+  /** The scene shows at once where the poses put the flange. */
+  #showInScene() {
+    api.tryPoses(this.state.id, this.#poses.flatMap(({ matrix }) => (matrix ? [matrix] : [])));
   }
 
   #rows() {
@@ -172,7 +209,7 @@ export class IntakeElement extends StateElement {
     return this.#rows().flatMap(({ file, line }) => {
       const found = file === null ? undefined : this.#files[file];
       const pose = line === null ? undefined : this.#poses[line];
-      const angle = file === null ? undefined : angles[file];
+      const angle = (pose && this.#columns.angle(pose.line)) ?? (file === null ? undefined : angles[file]);
       const turns = step === "turntable" || (step === "scan" && angle !== undefined);
       if (!found || !pose?.matrix || (turns && !Number.isFinite(angle))) return [];
       const id = freeId(taken, stemOf(found.path));
@@ -187,6 +224,7 @@ export class IntakeElement extends StateElement {
   }
 
   #draw() {
+    this.#keep();
     const step = this.#step.value;
     const boards = OF_BOARD.includes(step);
     this.#turning.hidden = step !== "turntable" && step !== "scan";
@@ -211,10 +249,20 @@ export class IntakeElement extends StateElement {
   async #send() {
     const parcels = this.#parcels();
     if (!parcels.length) return;
+    if (!await attempt(() => this.#adoptConvention())) return;
     const outcome = await send(this.state.id, parcels, this.#progress);
     this.#tell(outcome);
     if (outcome.problems.length) this.#draw();
     else this.close();
+  }
+
+  /** The poses were looked at in another convention than the cell's: that one becomes the cell's. */
+  async #adoptConvention() {
+    const before = this.state.session?.cell.pose_convention;
+    const now = this.#columns.convention;
+    if (before === now || this.#poseField.hidden) return;
+    await api.changeSession(this.state.id, { cell: { pose_convention: now } });
+    did(t("cell.changed"), () => api.changeSession(this.state.id, { cell: { pose_convention: before } }));
   }
 
   /** @param {Outcome} outcome */
@@ -241,12 +289,6 @@ function matchRow(found, pose) {
     h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", pose.problem ?? "")),
     h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),
   );
-}
-
-/** `FANUC, x y z W P R`. @param {string} convention */
-function conventionWords(convention) {
-  const numbers = maybe(`numbers.${convention}`, "");
-  return maybe(`convention.${convention}`, convention) + (numbers ? ` (${numbers})` : "");
 }
 
 /** A pose that could be read has only numbers. @param {ParsedPose} pose */

@@ -23,18 +23,23 @@ export class SessionCardsElement extends HTMLElement {
   #none = h("p", { class: "soft", hidden: true }, t("start.found_none"));
   #more = h("button", { type: "button", hidden: true, onclick: () => this.#showMore() }, t("start.more"));
   #count = h("p", { class: "visually-hidden", "aria-live": "polite" });
+  #section = Object.assign(this.#build(), { hidden: true });
+  #loading = h("p", { class: "soft", role: "status" }, t("start.loading"));
 
   connectedCallback() {
     if (this.firstChild) return;
-    this.hidden = true;
-    this.append(h("section", { class: "sessions", "aria-labelledby": "sessions-title" },
+    this.append(this.#loading, this.#section);
+  }
+
+  #build() {
+    return h("section", { class: "sessions", "aria-labelledby": "sessions-title" },
       h("div", { class: "row spread" }, h("h2", { id: "sessions-title" }, t("start.sessions")), h("div", { class: "row finding" }, this.#filter, this.#search)),
-      this.#list, this.#none, this.#more, this.#count));
+      this.#list, this.#none, this.#more, this.#count);
   }
 
   async load() {
-    this.#sessions = await api.sessions();
-    this.hidden = this.#sessions.length === 0;
+    this.#sessions = await api.sessions().finally(() => { this.#loading.hidden = true; });
+    this.#section.hidden = this.#sessions.length === 0;
     this.#show();
   }
 

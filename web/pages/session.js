@@ -3,6 +3,7 @@
 import { ActionsElement } from "../components/actions.js";
 import { CapturesElement } from "../components/captures.js";
 import { cellDialog } from "../components/cell-dialog.js";
+import { FolderWatchElement } from "../components/folder-watch.js";
 import { GuideElement } from "../components/guide.js";
 import { IntakeElement } from "../components/intake.js";
 import { LiveElement } from "../components/live.js";
@@ -30,6 +31,7 @@ export class SessionPage extends HTMLElement {
   #cell = h("p", { class: "soft small" });
   #edit = h("button", { type: "button", class: "plain wide small", needs: "capture", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
   #problem = h("section", { class: "lost", hidden: true });
+  #loading = h("p", { class: "lost soft", role: "status" }, t("session.loading"));
   /** @type {ActionsElement | null} */ #actions = null;
 
   connectedCallback() {
@@ -38,8 +40,9 @@ export class SessionPage extends HTMLElement {
     const toured = window.location.hash === "#tour";
     state.view = window.location.hash === "#result" ? "result" : "measure";
     const intake = make(IntakeElement, { state });
-    this.#actions = make(ActionsElement, { state, intake });
-    this.#build(state, intake, this.#actions);
+    const watch = make(FolderWatchElement, { state });
+    this.#actions = make(ActionsElement, { state, intake, watch });
+    this.#build(state, [intake, watch], this.#actions);
     document.addEventListener("keydown", this.#key);
     window.addEventListener("hashchange", this.#hash);
     state.watch(["session", "problem"], () => this.#update(state));
@@ -59,12 +62,12 @@ export class SessionPage extends HTMLElement {
 
   /**
    * @param {SessionState} state
-   * @param {IntakeElement} intake
+   * @param {[IntakeElement, FolderWatchElement]} sources
    * @param {ActionsElement} actions
    */
-  #build(state, intake, actions) {
+  #build(state, sources, actions) {
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
-      make(GuideElement, { state }), make(QualityElement, { state }), actions, intake, make(CapturesElement, { state }));
+      make(GuideElement, { state }), make(QualityElement, { state }), actions, ...sources, make(CapturesElement, { state }));
     const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" }, make(ResultElement, { state }));
     state.watch(["view"], () => {
       measure.hidden = state.view !== "measure";
@@ -72,8 +75,8 @@ export class SessionPage extends HTMLElement {
     });
     const work = h("div", { class: "work" }, viewTabs(state), measure, result);
     this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit), make(LiveElement, { state }));
-    this.append(this.#problem, h("div", { class: "session" }, make(RailElement, { state }), work, make(SceneElement, { state })));
-    this.#listenForDrops(intake);
+    this.append(this.#loading, this.#problem, h("div", { class: "session" }, make(RailElement, { state }), work, make(SceneElement, { state })));
+    this.#listenForDrops(sources[0]);
   }
 
   /** @param {IntakeElement} intake */
@@ -96,6 +99,7 @@ export class SessionPage extends HTMLElement {
   #update(state) {
     const { session, problem } = state;
     this.#problem.hidden = !problem || session !== null;
+    this.#loading.hidden = session !== null || problem !== null;
     if (problem && !session) {
       this.#problem.replaceChildren(h("h1", {}, problem.body.title ?? ""), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back")));
     }

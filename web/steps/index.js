@@ -12,7 +12,7 @@ import { chain, turntable } from "./turntable.js";
 /**
  * @typedef {object} StepPage
  * @property {(result: StageResult, state: SessionState) => HTMLElement[]} summary what stands in the rail
- * @property {(result: StageResult, state: SessionState) => (HTMLElement | null)[]} result the sections of the result view
+ * @property {(result: StageResult, state: SessionState) => Iterable<HTMLElement | null>} result the sections of the result view
  */
 
 /** @type {Record<string, StepPage>} */

@@ -28,15 +28,13 @@ function summary(result) {
  * @param {TcpResult} result
  * @param {SessionState} state
  */
-function sections(result, state) {
-  return [
-    banner(result),
-    h("div", { class: "result-pair" }, toolFrame(result, state), evidence(result)),
-    workpiecePanel(result),
-    plot(result, state),
-    comparison(result),
-    rawNumbers(result, result.tool0_from_laser),
-  ];
+function* sections(result, state) {
+  yield banner(result);
+  yield h("div", { class: "result-pair" }, toolFrame(result, state), evidence(result));
+  yield workpiecePanel(result);
+  yield plot(result, state);
+  yield comparison(result);
+  yield rawNumbers(result, result.tool0_from_laser);
 }
 
 /** @param {TcpResult} result */

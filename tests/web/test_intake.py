@@ -1,0 +1,136 @@
+"""Getting captures in: tables with any columns, what a convention makes of them in the scene, a watched folder."""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from calib_core.simulation import simulate
+from server.settings import Settings
+from tests.server.live_server import make_session, serving
+from tests.web.browsing import Watched, leave_out_the_scene
+
+pytestmark = pytest.mark.browser
+
+MADE = simulate("tcp", 11)
+RECORD: Any = MADE.session.to_json()
+CAPTURES: list[Any] = RECORD["captures"]
+
+
+@pytest.fixture
+def api(address: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+        yield client
+
+
+@pytest.fixture
+def profiles(tmp_path: Path) -> list[Path]:
+    files = [tmp_path / f"{capture['id']}.csv" for capture in CAPTURES[:3]]
+    for file, capture in zip(files, CAPTURES, strict=False):
+        file.write_bytes(MADE.files[capture["files"][0]])
+    return files
+
+
+def paste(page: Page, text: str) -> None:
+    page.get_by_label("Pose lines, one a capture").fill(text)
+
+
+def test_a_table_with_its_columns_in_any_order(
+    open_page: Callable[..., Any], api: httpx.Client, profiles: list[Path]
+) -> None:
+    session = make_session(api, cell=RECORD["cell"])
+    page, watched = open_page(f"/sessions/{session}")
+    page.locator("sc-intake input[type=file]").first.set_input_files(profiles)
+    # A German spreadsheet: semicolons, decimal commas, a counter, the quaternion before the place, the file last.
+    head = "nr;q1;q2;q3;q4;x [mm];y [mm];z [mm];file"
+    rows = [
+        ";".join([str(k), *(f"{v}".replace(".", ",") for v in c["pose"][3:] + c["pose"][:3]), f"{c['id']}.csv"])
+        for k, c in enumerate(CAPTURES[:3], start=1)
+    ]
+    paste(page, "\n".join([head, *reversed(rows)]))
+    roles = page.locator("sc-pose-columns thead select")
+    expect(roles).to_have_count(9)
+    chosen = [role.input_value() for role in roles.all()]
+    assert chosen == ["ignore", "q1", "q2", "q3", "q4", "x", "y", "z", "file"]
+    page.get_by_role("button", name="Add 3 captures").click()
+    expect(page.locator(".captures tbody tr")).to_have_count(3)
+    stored = {c["id"]: c["pose"] for c in api.get(f"/sessions/{session}/captures").json()["items"]}
+    assert stored == {c["id"]: c["pose"] for c in CAPTURES[:3]}
+    assert watched.complaints == []
+
+
+def test_columns_are_told_by_hand_and_the_convention_is_seen_before_it_counts(
+    open_page: Callable[..., Any], api: httpx.Client
+) -> None:
+    session = make_session(api, cell={"pose_convention": "fanuc", "sphere_diameter_mm": 40.0})
+    page, watched = open_page(f"/sessions/{session}")
+    page.get_by_role("button", name="Paste poses").click()
+    with page.expect_request(re.compile("/trial$")) as trial:
+        paste(page, "100 200 300 90 0 0\n110 200 300 90 0 0")
+    shown = trial.value.post_data_json["poses"]
+    assert [pose[0][3] for pose in shown] == [100, 110]
+    first = page.locator(".match tbody tr").first
+    expect(first).to_contain_text("100.0  200.0  300.0 mm")
+    expect(first).to_contain_text("to −y")  # FANUC: W turns about x first, so the flange's z looks to −y
+    page.get_by_label("Read as").select_option("kuka")  # A turns about z: the flange looks up
+    expect(first).to_contain_text("up, 0° off")
+    page.get_by_label("Column 1", exact=True).select_option("z")  # trades places with the third
+    expect(first).to_contain_text("300.0  200.0  100.0 mm")
+    assert api.get(f"/sessions/{session}").json()["cell"]["pose_convention"] == "fanuc"
+    assert watched.complaints == []
+
+
+def test_the_convention_that_was_looked_at_becomes_the_cells(
+    open_page: Callable[..., Any], api: httpx.Client, profiles: list[Path]
+) -> None:
+    session = make_session(api, cell={**RECORD["cell"], "pose_convention": "kuka"})
+    page, _ = open_page(f"/sessions/{session}")
+    page.locator("sc-intake input[type=file]").first.set_input_files(profiles[:2])
+    paste(page, "\n".join(" ".join(map(str, capture["pose"])) for capture in CAPTURES[:2]))
+    page.get_by_label("Read as").select_option("abb")
+    page.get_by_role("button", name="Add 2 captures").click()
+    expect(page.locator(".captures tbody tr")).to_have_count(2)
+    expect(page.locator("header")).to_contain_text("ABB")
+    expect(page.locator("sc-quality h2")).not_to_contain_text("refused")
+
+
+def test_a_watched_folder_is_followed(browser: Browser, tmp_path: Path) -> None:
+    folder = tmp_path / "scans" / "cell 4"
+    folder.mkdir(parents=True)
+    settings = Settings(data=tmp_path / "data", port=0, warm_up=False, watch_root=tmp_path / "scans")
+    context = browser.new_context()
+    leave_out_the_scene(context)
+    page = context.new_page()
+    watched = Watched(page)
+    with serving(settings) as client:
+        session = make_session(client, cell=RECORD["cell"])
+        page.goto(f"{str(client.base_url).removesuffix('/api/v1/')}/sessions/{session}")
+        page.get_by_role("button", name="Watch a folder").click()
+        page.get_by_label("Folder on the server").select_option("cell 4")
+        page.get_by_role("button", name="Watch it").click()
+        status = page.get_by_role("region", name="Watched folder")
+        expect(status).to_contain_text("Watching cell 4")
+        (folder / "a.csv").write_bytes(MADE.files[CAPTURES[0]["files"][0]])
+        expect(status).to_contain_text("Write a.txt with the pose line")
+        (folder / "a.txt").write_text(" ".join(map(str, CAPTURES[0]["pose"])))
+        expect(page.locator(".captures tbody tr")).to_have_count(1)
+        expect(page.locator("sc-quality h2")).to_contain_text("Last capture a")
+        expect(status).not_to_contain_text("Write a.txt")
+        page.reload()
+        expect(status).to_contain_text("1 capture")
+        page.get_by_role("button", name="End watching").click()
+        expect(status).to_be_hidden()
+        context.close()
+    assert watched.complaints == []
+
+
+def test_a_server_that_watches_nothing_says_how_to_allow_it(
+    open_page: Callable[..., Any], api: httpx.Client
+) -> None:
+    page, _ = open_page(f"/sessions/{make_session(api)}")
+    page.get_by_role("button", name="Watch a folder").click()
+    expect(page.get_by_text("SCANCELL_WATCH_ROOT")).to_be_visible()
