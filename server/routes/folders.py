@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
+from pydantic import ConfigDict
 
 from calib_core.records import Record, Step
 from server.deps import SessionId, StoreDep
@@ -15,6 +16,8 @@ router = APIRouter(prefix="/sessions/{session_id}/sources/folder", tags=["captur
 
 class WatchedFolder(Record):
     """The folder to watch, below the server's watched root, and what its captures are taken for."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"folder": "cell 4/today", "step": "tcp"}]})
 
     folder: str
     step: Step = "tcp"

@@ -112,6 +112,9 @@ class Watcher:
         InputError
             If the folder is not below the root, or is none.
         """
+        # A name from outside is looked for in the list alone; what is listed may still be a link that leads away.
+        if self._root is not None and folder not in self._folders():
+            raise _not_there(folder)
         self._inside(folder)
         with self._lock:
             self._watches[session_id] = Watch(folder, step)
@@ -197,12 +200,8 @@ class Watcher:
                 "Start it with SCANCELL_WATCH_ROOT set to the folder below which sessions may watch.",
             )
         path = (self._root / folder).resolve()
-        if not path.is_relative_to(self._root):
-            raise InputError(
-                "a folder below the watched root", repr(folder), "Choose one that is listed.", "folder"
-            )
-        if not path.is_dir():
-            raise InputError("a folder", f"nothing at {folder!r}", "Make it, or choose one listed.", "folder")
+        if not path.is_relative_to(self._root) or not path.is_dir():
+            raise _not_there(folder)
         return path
 
     def _folders(self) -> list[str]:
@@ -223,3 +222,8 @@ class Watcher:
         temporary = self._memory.with_suffix(".new")
         temporary.write_text(json.dumps(kept), encoding="utf-8")
         temporary.replace(self._memory)
+
+
+def _not_there(folder: str) -> InputError:
+    got, to_do = f"nothing at {folder[:200]!r} there", "Make it, or choose one that is listed."
+    return InputError("a folder below the watched root", got, to_do, "folder")

@@ -156,7 +156,8 @@ def test_only_below_the_root(client: httpx.Client, folder: Path, tmp_path: Path)
     path = f"/sessions/{session}/sources/folder"
     for outside in ("..", "../data", str(tmp_path / "elsewhere"), "hall/out"):
         assert_problem(client.put(path, json={"folder": outside}), 422, "below the watched root")
-    assert_problem(client.put(path, json={"folder": "hall/none"}), 422, "nothing at")
+    for name in ("hall/none", "x" * 5000, "hall/../hall", "C:\\hall"):
+        assert_problem(client.put(path, json={"folder": name}), 422, "nothing at")
     assert client.get(path).json()["folders"] == [".", "hall", "hall/cell 4", "hall/out"]
     (tmp_path / "secret.csv").write_bytes(profile(0))
     client.put(path, json={"folder": "hall/cell 4"})
