@@ -40,7 +40,7 @@ class Panel:
         gui.set_panel_label("Layers and views")
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="small")
         with gui.add_folder("Views"):
-            for title, names in (("Show", VIEWS[:3]), ("Step", VIEWS[3:5]), ("From", VIEWS[5:])):
+            for title, names in (("Show", VIEWS[:3]), ("Step", VIEWS[3:6]), ("From", VIEWS[6:])):
                 buttons = gui.add_button_group(title, names)
                 buttons.on_click(lambda event: _move(event, actions.view))
         self._add_turning(server, actions)

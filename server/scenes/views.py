@@ -9,7 +9,7 @@ from server.scenes.facts import SceneFacts
 from server.scenes.nodes import METRES_PER_MM
 from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts
 
-VIEWS = ("Captures", "Cell", "Sphere", "Table", "Camera", "Top", "Side", "Along laser")
+VIEWS = ("Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser")
 FIELD_OF_VIEW_RAD = 0.75
 
 _ISOMETRIC = np.array([1.0, -1.2, 0.75])
@@ -39,8 +39,8 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
     """Return a view by its name.
 
     "Captures" shows sphere, scanner and flanges, "Cell" the robot's base as well, "Sphere" the sphere from near,
-    "Table" the turntable with what stands on it, "Camera" the camera with its boards and plane of light, and
-    "Along laser" looks as the scanner does at the picked capture, or at the first one.
+    "Table" the turntable with what stands on it, "Object" the merged cloud from near, "Camera" the camera with its
+    boards and plane of light, and "Along laser" looks as the scanner does at the picked or the first capture.
     """
     if name == "Along laser":
         along = _along_laser(facts, picked)
@@ -50,6 +50,8 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
         return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, 1.5 * (facts.sphere_radius_mm or 20.0))
     if name == "Table" and (table := _table_places_mm(facts)) is not None:
         return _around(table, _ISOMETRIC)
+    if name == "Object" and (scanned := _object_places_mm(facts)) is not None:
+        return _around(scanned, _ISOMETRIC)
     if name == "Camera" and facts.optics is not None:
         return _around(_bench_places_mm(facts.optics), _BENCH)
     everything = _places_mm(facts)
@@ -93,6 +95,17 @@ def _table_places_mm(facts: SceneFacts) -> FloatArray | None:
     if merged is not None and merged.frame == "turntable":
         corners = np.concatenate([corners, np.quantile(merged.points_mm, [0.01, 0.99], axis=0)])
     return table.base_from_turntable.apply(corners)
+
+
+def _object_places_mm(facts: SceneFacts) -> FloatArray | None:
+    """Return the corners of the merged cloud's box, strays left aside, None without a cloud or its place."""
+    if facts.merged is None:
+        return None
+    low, high = np.quantile(facts.merged.points_mm.astype(float), [0.005, 0.995], axis=0)
+    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+    if facts.merged.frame == "base":
+        return corners
+    return None if facts.table is None else facts.table.base_from_turntable.apply(corners)
 
 
 def _bench_places_mm(optics: OpticsFacts) -> FloatArray:

@@ -19,6 +19,7 @@ from server.scenes.look import look_at
 from server.scenes.merged import MAX_SCAN_POINTS
 from server.scenes.nodes import Node
 from server.scenes.stored import scene_input
+from server.scenes.views import FIELD_OF_VIEW_RAD, view
 from tests.server.test_scene_steps import merged_scene
 
 SIDE = np.linspace(-40.0, 40.0, 81)
@@ -155,6 +156,19 @@ def test_the_cloud_is_read_once_and_again_after_another_merge() -> None:
         assert len(read) == 2
     finally:
         live.stop()
+
+
+def test_the_view_of_the_object_holds_it_and_little_else() -> None:
+    facts = scene_facts(fused_scene())
+    assert facts.table is not None
+    seen, table = view("Object", facts), view("Table", facts)
+    corners = facts.table.base_from_turntable.apply(CLOUD) / 1000 - seen.position_m
+    ahead = seen.look_at_m - seen.position_m
+    angles = np.arccos(corners @ ahead / np.linalg.norm(corners, axis=1) / np.linalg.norm(ahead))
+    assert 0.5 < angles.max() / (FIELD_OF_VIEW_RAD / 2) < 1.05
+    assert np.linalg.norm(ahead) < np.linalg.norm(table.look_at_m - table.position_m)
+    without = replace(facts, merged=None)
+    np.testing.assert_array_equal(view("Object", without).position_m, view("Captures", without).position_m)
 
 
 def test_heights_run_from_dark_to_light() -> None:
