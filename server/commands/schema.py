@@ -14,11 +14,22 @@ _RECORDS: dict[str, tuple[type[Record], str]] = {
         for stage, record in RESULT_RECORDS.items()
     },
 }
-SCHEMAS = tuple(_RECORDS)
+PYTHON_CLIENT = "python-client"
+SCHEMAS = (*_RECORDS, PYTHON_CLIENT)
 
 
 def schema_text(name: str) -> str:
-    """Return the JSON Schema (draft 2020-12) of a record, as text; raises InputError where none has this name."""
+    """Return the JSON Schema (draft 2020-12) of a record as text, or the API's client in Python.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name.
+    """
+    if name == PYTHON_CLIENT:
+        from server.commands.client import client_source
+
+        return client_source()
     if name not in _RECORDS:
         raise InputError("a record among " + ", ".join(SCHEMAS), repr(name), "Name one of these.", "schema")
     record, title = _RECORDS[name]

@@ -1,0 +1,302 @@
+"""A client of the workbench's API; made by `scancell schema python-client`, not to be edited.
+
+    with Scancell("http://127.0.0.1:8000") as api:
+        session = api.sessions_create({"cell": {"pose_convention": "fanuc"}})
+
+Each operation is a method that returns the answer's data: JSON, or bytes where it is a file.  What is refused is a
+`ProblemError`, whose words say what to do.  Needs httpx (`pip install httpx`).
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import quote
+from uuid import uuid4
+
+import httpx
+
+
+class ProblemError(Exception):
+    """A request that was refused: problem details (RFC 9457) with `need`, `got` and `to_do`."""
+
+    def __init__(self, details: Mapping[str, Any]) -> None:
+        super().__init__(details.get("detail", "no details"))
+        self.details = dict(details)
+        self.status: int = details.get("status", 0)
+
+
+class Scancell:
+    """A connection to a workbench.
+
+    Parameters
+    ----------
+    address : str
+        Such as ``http://127.0.0.1:8000``.
+    token : str, optional
+        An API token, where the workbench asks for one.
+    **more
+        Further arguments of `httpx.Client`, such as `timeout` (seconds).
+    """
+
+    def __init__(self, address: str, token: str | None = None, **more: Any) -> None:
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self._client = httpx.Client(base_url=address, headers=headers, **{"timeout": 60.0, **more})
+
+    def __enter__(self) -> "Scancell":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Hang up."""
+        self._client.close()
+
+    def request(self, method: str, path: str, **more: Any) -> Any:
+        """Send a request and return the answer's data; a POST carries a fresh Idempotency-Key.
+
+        Raises
+        ------
+        ProblemError
+            If it is refused.
+        """
+        headers = {name: value for name, value in more.pop("headers", {}).items() if value is not None}
+        if method == "POST":
+            headers.setdefault("Idempotency-Key", str(uuid4()))
+        answer = self._client.request(method, path, headers=headers, **more)
+        is_json = "json" in answer.headers.get("content-type", "")
+        if answer.is_error:
+            raise ProblemError(answer.json() if is_json else {"status": answer.status_code, "detail": answer.text})
+        if answer.status_code == 204:
+            return None
+        return answer.json() if is_json else answer.content
+
+    def sessions_create(self, body: Mapping[str, Any]) -> Any:
+        """Make a session, of a real cell or of the simulated one."""
+        return self.request("POST", "/api/v1/sessions", json=body)
+
+    def sessions_list_all(self, *, limit: int | None = None, cursor: str | None = None, search: str | None = None) -> Any:
+        """List sessions, the newest first."""
+        return self.request("GET", "/api/v1/sessions", params={name: value for name, value in {"limit": limit, "cursor": cursor, "search": search}.items() if value is not None})
+
+    def sessions_get(self, session_id: str) -> Any:
+        """Return a session with its captures' records."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}")
+
+    def sessions_change(self, session_id: str, body: Mapping[str, Any], *, if_match: str | None = None) -> Any:
+        """Change a session's name or cell; captures are measured anew where the cell's change bears on
+        them. Where there are more than a few, that happens after the answer; a `capture` event tells of
+        each that is done."""
+        return self.request("PATCH", f"/api/v1/sessions/{quote(session_id, safe='')}", json=body, headers={"If-Match": if_match})
+
+    def sessions_delete(self, session_id: str, *, if_match: str | None = None) -> Any:
+        """Remove a session with its captures and results, for good."""
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}", headers={"If-Match": if_match})
+
+    def sessions_guidance(self, session_id: str) -> Any:
+        """Return what to do now and why, how many captures are still needed, and each step's status."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/guide")
+
+    def sessions_pose_lines(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/pose-lines", json=body)
+
+    def captures_add(self, session_id: str, record: Any, files: Mapping[str, bytes]) -> Any:
+        """Store a capture and answer with what was measured in it. A capture in which nothing can be
+        measured is kept, with the verdict `fail` and why; one whose record or files cannot be used at all
+        is refused, and nothing of it is stored."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", files=[*_text("record", record), *_files("files", files)])
+
+    def captures_list_all(self, session_id: str, *, limit: int | None = None, cursor: str | None = None) -> Any:
+        """List captures in the order of their arrival, with what was measured."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
+
+    def captures_take_simulated(self, session_id: str, *, step: str | None = None) -> Any:
+        """Let the simulated cell take its next capture, one of `step` where some are left."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params={name: value for name, value in {"step": step}.items() if value is not None})
+
+    def captures_get(self, session_id: str, capture_id: str) -> Any:
+        """Return a capture with what was measured in it."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/{quote(capture_id, safe='')}")
+
+    def captures_change(self, session_id: str, capture_id: str, body: Mapping[str, Any], *, if_match: str | None = None) -> Any:
+        """Correct a capture's record; its files stay as they came."""
+        return self.request("PATCH", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/{quote(capture_id, safe='')}", json=body, headers={"If-Match": if_match})
+
+    def captures_delete(self, session_id: str, capture_id: str, *, if_match: str | None = None) -> Any:
+        """Remove a capture with its files, for good; to leave it out of solves, set `excluded` instead."""
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/{quote(capture_id, safe='')}", headers={"If-Match": if_match})
+
+    def captures_get_file(self, session_id: str, capture_id: str, name: str) -> Any:
+        """Return a file as it came, byte for byte; `name` as in the record's `files`, or its last part."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/{quote(capture_id, safe='')}/files/{quote(name, safe='/')}")
+
+    def captures_add_batch(self, session_id: str, content: Any) -> Any:
+        """Store many captures, each a line of JSON with its record and `sizes`, followed by the bytes of
+        its files. What is answered with 201 is on the disk, and 200 says that it was there already; both
+        are measured soon after and told of as `capture` events. A capture that cannot be stored does not
+        keep the others from it."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/batch", content=content, headers={"Content-Type": "application/octet-stream"})
+
+    def captures_get_folder(self, session_id: str) -> Any:
+        """Return which folder is watched for the session, what came of it, and which may be watched."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/folder")
+
+    def captures_watch_folder(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Watch a folder: each measurement in it becomes a capture once it is whole and has its pose beside
+        it."""
+        return self.request("PUT", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/folder", json=body)
+
+    def captures_end_watching(self, session_id: str) -> Any:
+        """Watch no folder for this session any more; what was taken stays."""
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/folder")
+
+    def solves_solve(self, session_id: str, stage: str) -> Any:
+        """Start solving a stage; answers at once with the job, whose end brings the result."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}")
+
+    def solves_get_job(self, job_id: str) -> Any:
+        """Return how far a job is."""
+        return self.request("GET", f"/api/v1/jobs/{quote(job_id, safe='')}")
+
+    def solves_cancel(self, job_id: str) -> Any:
+        """End a job that waits or runs; cancelling it again changes nothing."""
+        return self.request("POST", f"/api/v1/jobs/{quote(job_id, safe='')}/cancel")
+
+    def solves_list_results(self, session_id: str) -> Any:
+        """Return each stage's latest result; `stale` where captures or cell changed since."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/results")
+
+    def solves_get_result(self, session_id: str, stage: str) -> Any:
+        """Return a stage's latest result; `stale` where captures or cell changed since."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/results/{quote(stage, safe='')}")
+
+    def solves_export_results(self, session_id: str, name: str) -> Any:
+        """Return the calibrated tool and table in a format's own syntax."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}")
+
+    def history_get_timeline(self, session_id: str) -> Any:
+        """Return what happened in order: captures, results, solves that failed; the last item is how it
+        stands now."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/timeline")
+
+    def history_get_moment(self, session_id: str, place: int) -> Any:
+        """Return the session as it stood at one place of its time line: record, captures, results,
+        steps."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/timeline/{quote(str(place), safe='')}")
+
+    def history_get_history(self, session_id: str, stage: str) -> Any:
+        """List all results that a stage ever had, the newest first."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/results/{quote(stage, safe='')}/history")
+
+    def history_get_past_result(self, session_id: str, stage: str, number: int) -> Any:
+        """Return one result of a stage's history."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/results/{quote(stage, safe='')}/history/{quote(str(number), safe='')}")
+
+    def history_compare(self, stage: str, *, left: str, right: str) -> Any:
+        """Return two results of a stage side by side, of one session or two: what differs, in units of its
+        sigma."""
+        return self.request("GET", f"/api/v1/compare/{quote(stage, safe='')}", params={name: value for name, value in {"left": left, "right": right}.items() if value is not None})
+
+    def history_recompute(self, session_id: str) -> Any:
+        """Start solving every stage with a result afresh, to compare; nothing of the session is changed.
+        Answers at once with the job; its answer has the comparison."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/replay")
+
+    def history_get_answer(self, job_id: str) -> Any:
+        """Return what a recomputing job found: stored and new side by side."""
+        return self.request("GET", f"/api/v1/jobs/{quote(job_id, safe='')}/answer")
+
+    def clouds_list_clouds(self, session_id: str) -> Any:
+        """Return the clouds and meshes that there are, with the formats that each is given in."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/clouds")
+
+    def clouds_get_cloud(self, session_id: str, name: str, *, format_: str | None = None) -> Any:
+        """Return the merged cloud or its mesh; as PLY it is what the merge stored, byte for byte."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/clouds/{quote(name, safe='/')}", params={name: value for name, value in {"format": format_}.items() if value is not None})
+
+    def clouds_section(self, session_id: str, *, axis: str | None = None, at_mm: float | None = None, width_mm: float | None = None, against: str | None = None, diameter_mm: float | None = None) -> Any:
+        """Return the points of the merged cloud in a thin slice, at most four thousand of them."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/section", params={name: value for name, value in {"axis": axis, "at_mm": at_mm, "width_mm": width_mm, "against": against, "diameter_mm": diameter_mm}.items() if value is not None})
+
+    def clouds_deviation(self, session_id: str, *, against: str | None = None, diameter_mm: float | None = None) -> Any:
+        """Return how far the merged cloud lies off the reference mesh or the sphere in it, as it was
+        placed."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/deviation", params={name: value for name, value in {"against": against, "diameter_mm": diameter_mm}.items() if value is not None})
+
+    def clouds_put_reference(self, session_id: str, file: Mapping[str, bytes]) -> Any:
+        """Store the mesh that says what the object should be, in place of the one before."""
+        return self.request("PUT", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/reference", files=[*_files("file", file)])
+
+    def clouds_delete_reference(self, session_id: str) -> Any:
+        """Forget the reference mesh, if there is one."""
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/reference")
+
+    def archives_get_archive(self, session_id: str, *, scene: bool | None = None) -> Any:
+        """Return the session as one zip that still computes years later: record, files, results, past,
+        pages."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/archive", params={name: value for name, value in {"scene": scene}.items() if value is not None})
+
+    def archives_import_archive(self, content: Any) -> Any:
+        """Make a session from an archive, with its captures and results; what is wrong with it leaves
+        nothing behind. What else it holds (scene, report, truth, notes) is kept as it came: GET …/kept."""
+        return self.request("POST", "/api/v1/archives", content=content, headers={"Content-Type": "application/zip"})
+
+    def archives_verify_archive(self, content: Any) -> Any:
+        """Check that an archive is whole, unaltered and a session; stores nothing."""
+        return self.request("POST", "/api/v1/archives/verify", content=content, headers={"Content-Type": "application/zip"})
+
+    def archives_get_report(self, session_id: str) -> Any:
+        """Return the session's report: one page that needs nothing else and can be printed."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/report")
+
+    def archives_list_kept(self, session_id: str) -> Any:
+        """List what the archive held that this session was imported from: its scene, report, truth,
+        notes."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/kept")
+
+    def archives_get_kept(self, session_id: str, name: str) -> Any:
+        """Return a file of the archive byte for byte; `scene.html` and `report.html` as pages on their
+        own."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/kept/{quote(name, safe='/')}")
+
+    def access_me(self) -> Any:
+        """Return who asks and what they may; answers also those who are not logged in."""
+        return self.request("GET", "/api/v1/me")
+
+    def access_log_in(self, body: Mapping[str, Any]) -> Any:
+        """Log a browser in with a token: the answer sets a cookie that scripts cannot read."""
+        return self.request("POST", "/api/v1/login", json=body)
+
+    def access_log_out(self) -> Any:
+        """End the login of the cookie that comes with this request, if there is one."""
+        return self.request("POST", "/api/v1/logout")
+
+    def access_list_all(self) -> Any:
+        """List all tokens, also those that are no longer good; never the tokens themselves."""
+        return self.request("GET", "/api/v1/tokens")
+
+    def access_make(self, body: Mapping[str, Any]) -> Any:
+        """Make a token. It stands in this answer alone: only a hash of it is kept."""
+        return self.request("POST", "/api/v1/tokens", json=body)
+
+    def access_revoke(self, token_id: str) -> Any:
+        """End a token and all logins that were made with it; its streams and scenes end within seconds."""
+        return self.request("DELETE", f"/api/v1/tokens/{quote(token_id, safe='')}")
+
+    def access_audit(self, *, limit: int | None = None, cursor: str | None = None) -> Any:
+        """List who did what, and who was refused what, the newest first."""
+        return self.request("GET", "/api/v1/audit", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
+
+    def server_health(self) -> Any:
+        """Return `ready` once the store answers and the workers are warm, `starting` before, `stopping` at
+        the end."""
+        return self.request("GET", "/api/v1/health")
+
+
+def _text(name: str, value: Any) -> list[tuple[str, Any]]:
+    return [(name, (None, value if isinstance(value, str) else json.dumps(value)))]
+
+
+def _files(name: str, files: Mapping[str, bytes]) -> list[tuple[str, Any]]:
+    return [(name, (file, content)) for file, content in files.items()]
