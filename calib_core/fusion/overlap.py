@@ -73,6 +73,24 @@ class Patches:
         points = np.einsum("nij,nj->ni", rotations, offset) + centre_mm + moves[self.scans, 3:]
         return replace(self, points_mm=points, normals=np.einsum("nij,nj->ni", rotations, self.normals))
 
+    def turned(self, angles_rad: FloatArray) -> "Patches":
+        """Return the patches after each scan's turn (S,) about T's z axis, put into voxels anew."""
+        from calib_core.frames import rotation_from_vector
+
+        turns = np.array([rotation_from_vector(np.array([0.0, 0.0, angle])) for angle in angles_rad])[self.scans]
+        points = np.einsum("nij,nj->ni", turns, self.points_mm)
+        _, voxels = np.unique(np.floor(points / self.size_mm).astype(np.int64), axis=0, return_inverse=True)
+        order = np.argsort(voxels.ravel(), kind="stable")
+        bounds = np.concatenate([[0], np.flatnonzero(np.diff(voxels.ravel()[order])) + 1, [len(order)]])
+        return replace(
+            self,
+            scans=self.scans[order],
+            points_mm=points[order],
+            normals=np.einsum("nij,nj->ni", turns, self.normals)[order],
+            variances_mm2=self.variances_mm2[order],
+            bounds=bounds.astype(np.int64),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Overlap:

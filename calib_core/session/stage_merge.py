@@ -20,6 +20,7 @@ from calib_core.records import (
     VarianceComponents,
     Verdict,
 )
+from calib_core.session.merge_doubts import merge_doubts
 from calib_core.session.point_writers import Pieces, ply_pieces, ply_pieces_of
 from calib_core.session.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.session.spill import FileSpill
@@ -27,7 +28,6 @@ from calib_core.session.stage_tcp import SOFTWARE, StageInput
 from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE
 
 _CALIBRATION_SHARE = 0.2
-_SUSPICIOUS = 1.5  # overlap over what is expected: something beyond the calibration moves the scans
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +224,11 @@ def _by_pose(into_from_added: FloatArray, pose: RigidTransform) -> FloatArray:
 
 def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> MergeResult:
     apart, calibration = solution.overlap, plan.calibration
-    warnings = [*calibration.warnings, *solution.warnings, *_doubts(solution)]
+    warnings = [
+        *calibration.warnings,
+        *solution.warnings,
+        *merge_doubts(plan.groups, calibration.placement, solution),
+    ]
     verdict: Verdict = "warn" if warnings else "pass"
     registered, table = solution.registration, calibration.placement.base_from_turntable
     return MergeResult(
@@ -255,23 +259,6 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         high_mm=solution.extent.high_mm.tolist(),
         residuals=_rows(given, plan.groups, solution),
     )
-
-
-def _doubts(solution: MergeSolution) -> list[str]:
-    apart = solution.overlap
-    doubts = [f"{name} is not used: need {e.need}, got {e.got}. {e.to_do}" for name, e in solution.failed.items()]
-    if not apart.pairs and len(solution.used) > 1:
-        doubts.append(
-            "No two scans overlap, so nothing says how well they fit together: scan some of the surface twice."
-        )
-    elif apart.pairs and apart.rms_mm > _SUSPICIOUS * apart.expected_rms_mm:
-        worst = int(np.nanargmax(apart.per_scan[:, 2]))
-        doubts.append(
-            f"Scans lie {apart.rms_mm:.3f} mm apart where {apart.expected_rms_mm:.3f} mm is expected, "
-            f"{solution.used[worst]} the farthest ({apart.per_scan[worst, 2]:.3f} mm): "
-            "check its pose and table angle, and that the object did not move."
-        )
-    return doubts
 
 
 def _rows(given: StageInput, groups: Sequence[ScanGroup], solution: MergeSolution) -> list[MergeResidual]:

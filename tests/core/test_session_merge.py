@@ -254,3 +254,48 @@ def test_a_mesh_that_memory_does_not_allow_is_left_out_with_the_reason():
     result = solve(session(memory_mb=0.5, voxel_mm=0.2, mesh="poisson"), store=lambda _name, pieces: list(pieces))
     assert result.mesh is None
     assert any("cell.merge.memory_mb" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize(
+    ("mistake", "words"),
+    [
+        (lambda data: data["cell"]["turntable"].update(direction=-1), "turned the other way round"),
+        (
+            lambda data: [c.update(table_deg=float(np.deg2rad(c["table_deg"]))) for c in data["captures"]],
+            "in radians",
+        ),
+        (lambda data: [c.update(table_deg=30.0) for c in data["captures"]], "table angle"),
+    ],
+)
+def test_wrong_table_angles_of_scans_are_named(mistake, words: str):
+    given, files = session()
+    data = given.to_json()
+    mistake(data)
+    result = solve((Session.model_validate(data), files))
+    assert result.verdict == "warn"
+    assert words in result.warnings[0]
+
+
+def test_clouds_in_metres_are_named():
+    given, files = session(kind="cloud")
+    metres = {name: np.loadtxt(data.decode().splitlines()) / 1000 for name, data in files.items()}
+    shrunk = {
+        name: "\n".join(" ".join(f"{v:.7f}" for v in p) for p in table).encode() for name, table in metres.items()
+    }
+    result = solve((given, shrunk))
+    assert any("look like metres" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize("name", ["empty.xyz", "none.ply", "none.pcd"])
+def test_a_cloud_without_points_is_named(name: str):
+    content = {
+        "empty.xyz": b"",
+        "none.ply": b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
+        b"property float z\nend_header\n",
+        "none.pcd": b"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 0\nHEIGHT 1\n"
+        b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 0\nDATA ascii\n",
+    }
+    given, files = session(kind="cloud")
+    captures = [c.model_copy(update={"files": [name]}) if c.id == "s1" else c for c in given.captures]
+    with pytest.raises(InputError, match=f"{name}: need .*point"):
+        solve((given.model_copy(update={"captures": captures}), {**files, name: content[name]}))
