@@ -99,7 +99,10 @@ def deviation(
 def put_reference(
     session_id: SessionId,
     store: StoreDep,
-    file: Annotated[UploadFile, File(description="STL or PLY, in mm, in the merged cloud's own frame.")],
+    file: Annotated[
+        UploadFile,
+        File(description="STL or PLY, in mm, in the merged cloud's own frame.", examples=["solid part\n…"]),
+    ],
 ) -> ReferenceMesh:
     """Store the mesh that says what the object should be, in place of the one before."""
     from calib_core.session.mesh_files import parse_mesh
