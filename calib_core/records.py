@@ -303,6 +303,9 @@ class Measured(Record):
     centre are [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the
     arc seen.  A frame's `preview` are pixels of `image_size` (width, height).  A sweep's `profiles` are those in
     which the sphere's arc is found; its figures are of the one with the largest circle, its points of all.
+
+    Of a frame of the board: `board_px` are its corners, `pitch_px` how far they stand apart (the nearer the board,
+    the farther), `edge_width_px` the rise of its squares' edges from 10 to 90 %: how sharp the frame is.
     """
 
     capture: str
@@ -322,6 +325,9 @@ class Measured(Record):
     preview: Rows = Field(default_factory=list)
     preview_on_sphere: list[bool] = Field(default_factory=list)
     image_size: tuple[int, int] | None = None
+    board_px: Rows = Field(default_factory=list)
+    pitch_px: float | None = None
+    edge_width_px: float | None = None
     profiles: int | None = None
 
 

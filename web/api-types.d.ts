@@ -459,6 +459,9 @@ export interface Measured {
   preview?: number[][];
   preview_on_sphere?: boolean[];
   image_size?: unknown[] | null;
+  board_px?: number[][];
+  pitch_px?: number | null;
+  edge_width_px?: number | null;
   profiles?: number | null;
 }
 

@@ -1,11 +1,13 @@
 """What is seen in a raw frame of the board, or of the board with the stripe on it, as soon as it comes in."""
 
+from typing import Any
+
 import numpy as np
 
 from calib_core.errors import MeasurementError
 from calib_core.optics.board import BoardView
 from calib_core.records import Capture, Measured, Session
-from calib_core.session.boards import board_in, board_of
+from calib_core.session.boards import board_in, board_of, read_frame
 from calib_core.session.frames import stripe_of
 from calib_core.session.measure import ReadFile
 
@@ -24,6 +26,7 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         If an image has too many pixels.
     """
     board = board_of(session.cell)
+    view = None
     try:
         view = board_in(capture, board, read)
         pixels = view.points_px
@@ -36,6 +39,8 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
             verdict="fail",
             reason=f"Need {error.need}, got {error.got}.",
             to_do=error.to_do,
+            image_size=_size(capture, read),
+            **_board_figures(view),
         )
     doubt = _doubt(view)
     chosen = np.unique(np.linspace(0, len(pixels) - 1, min(len(pixels), _PREVIEW_POINTS)).astype(int))
@@ -48,7 +53,25 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         points=len(pixels),
         preview=np.round(pixels[chosen], 2).tolist(),
         image_size=view.image_size,
+        **_board_figures(view),
     )
+
+
+def _size(capture: Capture, read: ReadFile) -> tuple[int, int]:
+    """Return width and height of the frame that is shown, the last one."""
+    frame = read_frame(capture, read, -1)
+    return frame.shape[1], frame.shape[0]
+
+
+def _board_figures(view: BoardView | None) -> dict[str, Any]:
+    """Return what the frame says of the board, for coverage and sharpness; nothing where it is not found."""
+    if view is None:
+        return {}
+    return {
+        "board_px": np.round(view.points_px, 1).tolist(),
+        "pitch_px": float(np.median(np.hypot(*np.diff(view.points_px, axis=0).T))),
+        "edge_width_px": view.edge_width_px if np.isfinite(view.edge_width_px) else None,
+    }
 
 
 def _doubt(view: BoardView) -> tuple[str, str] | None:

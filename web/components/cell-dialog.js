@@ -53,14 +53,23 @@ function boardFields() {
     field("new-board-kind", t("new.board_kind"), h("select", { name: "board_kind" }, ...BOARDS.map((kind) => h("option", { value: kind }, t(`board.${kind}`))))),
     field("new-board-columns", t("new.board_columns"), number("board_columns"), t("new.board_hint")),
     field("new-board-rows", t("new.board_rows"), number("board_rows")),
-    field("new-board-pitch", t("new.board_pitch"), number("board_pitch"))));
+    field("new-board-pitch", t("new.board_pitch"), number("board_pitch")),
+    field("new-board-marker", t("new.board_marker"), number("board_marker")),
+    field("new-board-dictionary", t("new.board_dictionary"), h("input", { name: "board_dictionary", type: "text", autocomplete: "off" }), t("new.board_dictionary_hint"))));
+}
+
+/** @param {FormData} form */
+function markersOf(form) {
+  const dictionary = String(form.get("board_dictionary") ?? "").trim();
+  return { marker_mm: typed(form, "board_marker"), dictionary: dictionary || undefined };
 }
 
 /** @param {FormData} form */
 function boardOf(form) {
   const [columns, rows, pitch_mm] = ["board_columns", "board_rows", "board_pitch"].map((name) => typed(form, name));
   const kind = BOARDS.find((one) => one === form.get("board_kind"));
-  return kind && columns && rows && pitch_mm ? { kind, columns, rows, pitch_mm } : undefined;
+  if (!kind || !columns || !rows || !pitch_mm) return undefined;
+  return kind === "charuco" ? { kind, columns, rows, pitch_mm, ...markersOf(form) } : { kind, columns, rows, pitch_mm };
 }
 
 /**
@@ -98,13 +107,18 @@ function faults(form) {
   if (!form.get("convention")) found["convention"] = t("new.need_convention");
   const diameter = typed(form, "diameter");
   if (diameter === undefined && form.get("kind") === "profile") found["diameter"] = t("new.need_diameter");
-  for (const name of ["diameter", "diameter_sigma", "point_sigma", "position_sigma", "orientation_sigma", "board_columns", "board_rows", "board_pitch"]) {
+  for (const name of ["diameter", "diameter_sigma", "point_sigma", "position_sigma", "orientation_sigma", "board_columns", "board_rows", "board_pitch", "board_marker"]) {
     const value = typed(form, name);
     if (value !== undefined && !(value > 0 || (value === 0 && name.endsWith("_sigma") && name !== "point_sigma"))) found[name] = t("new.need_number");
   }
   const board = ["board_columns", "board_rows", "board_pitch"];
   const lacking = board.filter((name) => typed(form, name) === undefined);
   if (lacking[0] && (form.get("kind") === "frame" || lacking.length < board.length)) found[lacking[0]] = t("new.need_board");
+  if (!lacking[0] && form.get("board_kind") === "charuco") {
+    const { marker_mm, dictionary } = markersOf(form);
+    if (!dictionary) found["board_dictionary"] = t("new.need_markers");
+    if (!marker_mm || marker_mm >= (typed(form, "board_pitch") ?? 0)) found["board_marker"] = t("new.need_markers");
+  }
   if (diameter !== undefined && diameter > 0 && diameter < 1) found["diameter"] = t("new.metres", { diameter: String(diameter), millimetres: String(diameter * 1000) });
   return found;
 }
@@ -120,6 +134,7 @@ function fill(form, { name, cell }) {
     name, kind: cell.scanner?.kind ?? "profile", convention: cell.pose_convention, diameter: cell.sphere_diameter_mm,
     diameter_sigma: cell.sphere_diameter_sigma_mm, point_sigma: cell.scanner?.point_sigma_mm, z_axis: cell.scanner?.z_axis,
     board_kind: cell.board?.kind ?? "chessboard", board_columns: cell.board?.columns, board_rows: cell.board?.rows, board_pitch: cell.board?.pitch_mm,
+    board_marker: cell.board?.marker_mm, board_dictionary: cell.board?.dictionary,
     position_sigma: cell.robot?.position_sigma_mm, orientation_sigma: cell.robot?.orientation_sigma_deg,
   };
   const turntable = form.elements.namedItem("turntable");

@@ -5,6 +5,7 @@ import { fixed, integer, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
+import { frameCoverage, sharpness } from "./frame-coverage.js";
 import { framePlot } from "./frame-plot.js";
 import { compareCaptures } from "./capture-comparison.js";
 import { profilePlot, zoneBar } from "./profile-plot.js";
@@ -28,6 +29,7 @@ export class QualityElement extends StateElement {
     this.replaceChildren(
       h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
       body(capture, left?.reason ?? null, this.state.id),
+      ...frameCoverage(this.state.captures, capture),
       ...(other ? [compareCaptures(this.state, capture, other)] : []),
     );
     if (focused) this.querySelector("select")?.focus();
@@ -67,7 +69,7 @@ function body(capture, rejected, sessionId) {
   const { measured } = capture;
   return h(
     "div", { class: "quality-body" },
-    (measured.preview ?? []).length > 0 && h("figure", {}, measured.image_size ? framePlot(capture, sessionId) : profilePlot(measured, { width: 232, height: 152 })),
+    (measured.image_size || (measured.preview ?? []).length > 0) && h("figure", {}, measured.image_size ? framePlot(capture, sessionId) : profilePlot(measured, { width: 232, height: 152 })),
     h("div", { class: "quality-words" }, rejected ? said("fail", rejected) : reason(capture), figures(capture)),
   );
 }
@@ -96,6 +98,7 @@ function figures({ measured }) {
   const { zone, rms_mm, points, on_sphere, extent_deg, point_sigma_mm } = measured;
   return h(
     "dl", { class: "figures" },
+    typeof measured.edge_width_px === "number" && figure(t("quality.sharpness"), `${fixed(measured.edge_width_px, 1)} px`, sharpness(measured.edge_width_px)),
     zone !== null && zone !== undefined && figure(t("quality.zone"), fixed(zone, 2), zoneBar(zone)),
     rms_mm !== null && rms_mm !== undefined && figure(t("quality.rms"), `±${small(rms_mm)}`),
     (points ?? 0) > 0 && figure(t("quality.points"), on_sphere ? t("quality.points_of", { on: integer(on_sphere), all: integer(points ?? 0) }) : integer(points ?? 0)),
