@@ -89,7 +89,7 @@ function scans(result) {
   return h(
     "section", { class: "panel", "aria-labelledby": "merge-scans" },
     h("h2", { id: "merge-scans" }, t("merge.each")),
-    h("div", { class: "wide-table", role: "region", tabindex: 0, "aria-labelledby": "merge-scans" },
+    h("div", { class: "wide-table", role: "group", tabindex: 0, "aria-labelledby": "merge-scans" },
       h("table", { class: "number compare" },
         h("thead", {}, h("tr", {}, ...heads.map((head, index) => h("th", { scope: "col", class: index > 0 && "right" }, t(`merge.${head}`))))),
         h("tbody", {}, ...result.residuals.map((row) => scanRow(row, moved))))),
