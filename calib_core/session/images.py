@@ -12,6 +12,8 @@ from calib_core.errors import InputError, TooLargeError
 ImageArray = NDArray[np.uint8] | NDArray[np.uint16]
 
 MOST_PIXELS = 50_000_000
+_MOST_BYTES = 200_000_000
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 4, 4: 2, 6: 4}  # by colour type; a palette is unpacked
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
@@ -41,7 +43,7 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
     if not data:
         raise InputError("an image", "an empty file", "Export the frame again.", where)
     try:
-        width, height, complete = _header(data)
+        width, height, pixel_bytes, complete = _header(data)
     except (struct.error, IndexError, ValueError):
         raise _truncated(where, "a file that ends in its header") from None
     if width <= 0 or height <= 0:
@@ -53,6 +55,13 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
             f"an image of at most {most_pixels / 1e6:g} megapixels",
             f"{width}×{height} = {width * height / 1e6:.0f} megapixels",
             "Crop it or take the frame at the sensor's own size.",
+            where,
+        )
+    if width * height * pixel_bytes > _MOST_BYTES:
+        raise TooLargeError(
+            f"an image of at most {_MOST_BYTES / 1e6:g} MB unpacked",
+            f"{width}×{height} pixels of {pixel_bytes:g} bytes = {width * height * pixel_bytes / 1e6:.0f} MB",
+            "Save it in grey, or with 8 bit, or crop it.",
             where,
         )
     if not complete:
@@ -81,11 +90,11 @@ def _truncated(where: str, got: str) -> InputError:
     return InputError("a complete image file", got, "It is truncated: copy or export the frame again.", where)
 
 
-def _header(data: bytes) -> tuple[int, int, bool]:
-    """Return width, height and whether the file is complete, from headers alone."""
+def _header(data: bytes) -> tuple[int, int, float, bool]:
+    """Return width, height, bytes a pixel when unpacked, and whether the file is complete, from headers alone."""
     if data[:8] == _PNG:
-        width, height = struct.unpack(">II", data[16:24])
-        return width, height, b"IEND" in data[-64:]
+        width, height, depth, color = struct.unpack(">IIBB", data[16:26])
+        return width, height, _PNG_CHANNELS.get(color, 4) * max(1.0, depth / 8), b"IEND" in data[-64:]
     if data[:2] == b"\xff\xd8":
         return _jpeg_header(data)
     if data[:2] == b"BM":
@@ -94,13 +103,13 @@ def _header(data: bytes) -> tuple[int, int, bool]:
         height = abs(height)
         plain = struct.unpack("<I", data[30:34])[0] in (0, 3)
         needed = offset + (width * bits + 31) // 32 * 4 * height if plain else size
-        return width, height, len(data) >= needed
+        return width, height, max(3.0, bits / 8), len(data) >= needed
     if data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         return _tiff_header(data)
     raise InputError("an image in PNG, TIFF, BMP or JPEG format", "something else", "Export the frame as PNG.")
 
 
-def _jpeg_header(data: bytes) -> tuple[int, int, bool]:
+def _jpeg_header(data: bytes) -> tuple[int, int, float, bool]:
     at = 2
     while True:
         while data[at] == 0xFF:
@@ -108,11 +117,11 @@ def _jpeg_header(data: bytes) -> tuple[int, int, bool]:
         marker = data[at]
         if marker in _JPEG_FRAMES:
             height, width = struct.unpack(">HH", data[at + 4 : at + 8])
-            return width, height, b"\xff\xd9" in data[-4096:]
+            return width, height, 3.0, b"\xff\xd9" in data[-4096:]
         at += 1 if marker in _STANDALONE else 1 + struct.unpack(">H", data[at + 1 : at + 3])[0]
 
 
-def _tiff_header(data: bytes) -> tuple[int, int, bool]:
+def _tiff_header(data: bytes) -> tuple[int, int, float, bool]:
     import tifffile
 
     try:
@@ -121,6 +130,7 @@ def _tiff_header(data: bytes) -> tuple[int, int, bool]:
             if not isinstance(page, tifffile.TiffPage):
                 raise ValueError("no page")
             ends = [o + n for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)]
-            return page.imagewidth, page.imagelength, bool(ends) and max(ends) <= len(data)
+            pixel_bytes = max(1, page.samplesperpixel) * max(1.0, page.bitspersample / 8)
+            return page.imagewidth, page.imagelength, pixel_bytes, bool(ends) and max(ends) <= len(data)
     except tifffile.TiffFileError as error:
         raise ValueError(str(error)) from None

@@ -79,3 +79,13 @@ def test_damage_never_escapes_as_another_error() -> None:
                 bad[at] = rng.integers(0, 256)
             with contextlib.suppress(CalibrationError):
                 assert decode_image(bytes(bad)).ndim in (2, 3)
+
+
+@pytest.mark.parametrize("depth_and_color", [(16, 6), (16, 2)])
+def test_images_that_would_take_too_much_memory_are_refused_before_they_are_unpacked(
+    depth_and_color: tuple[int, int],
+) -> None:
+    header = struct.pack(">IIBB", 7000, 7000, *depth_and_color)
+    data = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + header + b"\0" * 100 + b"IEND\xaeB`\x82"
+    with pytest.raises(TooLargeError, match="MB unpacked"):
+        decode_image(data, "f.png")
