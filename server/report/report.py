@@ -15,8 +15,8 @@ from calib_core.robot_pose import CONVENTIONS
 from server.report.numbers import COVERAGE, frame_rows, number, pose_covariance
 from server.report.plot import residual_plot
 from server.report.table import table_section
+from server.report.workpiece import workpiece_rows
 
-_LEVER_MM: Final = 150.0  # a usual distance from the scanner to what it measures
 _MEANING: Final = {
     "pass": "Accepted: the captures agree with each other and determine the answer.",
     "warn": "Usable with care: read the warnings below before you rely on it.",
@@ -86,6 +86,7 @@ def _stage(session: Session, name: str, result: Data, stale: bool) -> dict[str, 
     }
     stage["tcp"] = _tcp(session, result)
     stage["table"] = table_section(session.cell.pose_convention, result)
+    stage["workpiece"] = workpiece_rows(session, result) if stage["tcp"] or stage["table"] else []
     return stage
 
 
@@ -137,9 +138,9 @@ def _says(covariance: Any) -> str:
     return (
         f"With about 95 % confidence (k = {COVERAGE:g}) the scanner's origin is known to "
         f"{number(COVERAGE * shift_mm, 2, 'mm')} and its orientation to "
-        f"{number(math.degrees(COVERAGE * angle_rad), 3, '°')}, which is another "
-        f"{number(COVERAGE * angle_rad * _LEVER_MM, 2, 'mm')} at {_LEVER_MM:g}\u202fmm from the scanner, "
-        "in the worst direction. The robot's own error at each pose comes on top."
+        f"{number(math.degrees(COVERAGE * angle_rad), 3, '°')}, in the worst direction. The two are correlated: "
+        "what they mean together where the scanner measures stands below, at the workpiece. The robot's own error "
+        "at each pose comes on top."
     )
 
 

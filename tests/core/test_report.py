@@ -16,6 +16,7 @@ from calib_core.session.export import tool_number_sigmas, tool_numbers
 from calib_core.session.folder import load_session, result_data
 from calib_core.session.pipeline import run
 from calib_core.session.stored_results import stored_results
+from calib_core.session.workpiece import at_workpiece
 from calib_core.simulation import simulate
 from server.cli import main
 from server.report.numbers import number, with_decimals_of
@@ -194,6 +195,9 @@ def test_turntable_and_chain_are_reported_with_axis_and_mountings():
         assert results[stage]["inputs_sha256"] in page.text
         for mount in results[stage]["mounts"]:
             assert any(row[:3] == [mount["mount"], "8", number(mount["radius_mm"], 3, "mm")] for row in page.rows)
+    for known in at_workpiece(simulated.session, results["chain"]):
+        worst = number(2 * known.worst_sigma_mm, 3)
+        assert any(row[-1] == worst and known.where in row[0] for row in page.rows), known
     assert sum(row[:1] == ["t05"] for row in page.rows) == 3  # by the table's stage, and twice by the chain's
     assert page.tags.isdisjoint({"script", "img"})
 
