@@ -28,7 +28,7 @@ function summary(result) {
 function sections(result, state) {
   const past = "timeline" in state; // the stored cloud is that of the latest merge
   return [
-    banner(result, t("step.merge")),
+    banner(result, t("step.merge"), t("merge.pass_words")),
     h("div", { class: "result-pair" }, figures(result), past ? null : files(result, state, mergeSettings(state))),
     result.cloud && !past ? lookInto(state) : null,
     scans(result),

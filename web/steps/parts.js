@@ -22,10 +22,11 @@ export function verdictWord(result) {
  * The verdict, what is open, the warnings, and which captures were left out and why.
  * @param {StageResult} result
  * @param {string} [name] of the stage
+ * @param {string} [good] what an accepted result of this stage means
  */
-export function banner(result, name) {
+export function banner(result, name, good = t("verdict.pass_words")) {
   const verdict = result.stale ? "stale" : result.verdict;
-  const words = result.stale ? t("result.stale_words") : t(`verdict.${result.verdict}_words`);
+  const words = result.stale ? t("result.stale_words") : result.verdict === "pass" ? good : t(`verdict.${result.verdict}_words`);
   const open = "undetermined" in result ? result.undetermined ?? [] : [];
   return h(
     "section", { class: `banner banner-${verdict}`, "aria-label": t("result.verdict") },

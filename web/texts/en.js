@@ -597,6 +597,7 @@ export const en = Object.freeze({
   "scene.page": "Offline page",
 
   "merge.points": "{points} points",
+  "merge.pass_words": "The scans lie as near to each other as the calibration lets expect.",
   "merge.apart_short": "scans {apart} apart, {expected} expected",
   "merge.apart": "How far scans lie apart",
   "merge.measured": "Measured, RMS",
