@@ -11,7 +11,7 @@ from server.app import create_app
 from server.auth.logins import require_admin
 from server.auth.slow_heads import SlowHeads
 from server.events import Hub
-from server.settings import Settings
+from server.settings import Settings, is_loopback
 from server.store.claim import claimed
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
@@ -72,6 +72,11 @@ class WorkbenchServer(uvicorn.Server):
         """
         self.force_exit = self.should_exit and sig == SIGINT
         self.stop()
+
+    @property
+    def is_in_the_clear(self) -> bool:
+        """Whether what others send here can be read on its way."""
+        return not self.config.is_ssl and not is_loopback(self._settings.host)
 
     @property
     def address(self) -> str:

@@ -1,6 +1,7 @@
 """`scancell serve`: the workbench in a browser."""
 
 import socket
+import sys
 import threading
 import time
 from pathlib import Path
@@ -34,6 +35,12 @@ def _announce(server: object) -> None:
             return
         time.sleep(0.05)
     print(f"The workbench is at {server.address} (Ctrl-C ends it)", flush=True)
+    if server.is_in_the_clear:
+        print(
+            "Tokens and measurements travel unencrypted. Serve so on a network that you trust alone, or set "
+            "SCANCELL_TLS_CERTIFICATE and SCANCELL_TLS_KEY.",
+            file=sys.stderr,
+        )
 
 
 def _require_free(host: str, port: int) -> None:
