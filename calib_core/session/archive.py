@@ -17,6 +17,7 @@ from calib_core.session.bag import Bag, Content, open_bag, write_bag
 from calib_core.session.bag_zip import LIMITS, ArchiveLimits
 from calib_core.session.files import require_file_size
 from calib_core.session.folder import MAX_SESSION_BYTES, SESSION_FILE, folder_of, load_session, parse_json
+from calib_core.session.formats import to_present_format
 from calib_core.session.measure import ReadFile
 from calib_core.session.plain_json import require_plain
 from calib_core.session.stored_results import require_result
@@ -233,7 +234,8 @@ def read_archive(bag: Bag) -> ArchivedSession:
     TooLargeError
         If one of them is beyond the limits of a session folder.
     """
-    session = parse_session(_json_object(bag, SESSION_FILE), f"{bag.where}: {SESSION_FILE}")
+    place = f"{bag.where}: {SESSION_FILE}"
+    session = parse_session(to_present_format(_json_object(bag, SESSION_FILE), place), place)
     read = _reader(bag)
     there = set(bag.payload)
     for capture in session.captures:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from calib_core.errors import ConflictError, InputError
-from calib_core.records import FORMAT, Record, Session, parse_session
+from calib_core.records import Record, Session, parse_session
 from calib_core.session.files import MAX_FILE_BYTES, require_file_size
+from calib_core.session.formats import to_present_format
 from calib_core.session.measure import ReadFile
 
 SESSION_FILE = "session.json"
@@ -41,10 +42,7 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     data = parse_json(read_bytes(file, "Write the session's record there.", MAX_SESSION_BYTES), str(file))
     if not isinstance(data, dict):
         raise InputError("a JSON object {…}", f"a {type(data).__name__}", "Write the session's record.", str(file))
-    record = cast("dict[str, Any]", data)
-    if "format" not in record:
-        to_do = f'Add "format": "{FORMAT}".'
-        raise InputError("the field 'format'", "nothing", to_do, str(file))
+    record = to_present_format(cast("dict[str, Any]", data), str(file))
     session = parse_session(record, str(file))
     _require_finite(record, str(file))
     return session, _reader(folder)

@@ -210,7 +210,7 @@ def test_a_solve_its_archive_and_a_restart(
     with serving(place) as client:
         session = simulated_session(client, captures=14)
         job = client.post(f"/sessions/{session}/solve/tcp").json()["id"]
-        assert wait_for(client, job)["status"] == "done"
+        assert wait_for(client, job, timeout_s=300)["status"] == "done"
         result = client.get(f"/sessions/{session}/results/tcp").json()
         assert (result["verdict"], result["stale"]) == ("pass", False)
         archive = client.get(f"/sessions/{session}/archive", params={"scene": False}).content
