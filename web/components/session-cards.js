@@ -33,7 +33,7 @@ export class SessionCardsElement extends HTMLElement {
 
   #build() {
     return h("section", { class: "sessions", "aria-labelledby": "sessions-title" },
-      h("div", { class: "row spread" }, h("h2", { id: "sessions-title" }, t("start.sessions")), h("div", { class: "row finding" }, this.#filter, this.#search)),
+      h("div", { class: "row spread" }, h("h2", { id: "sessions-title" }, t("start.sessions")), h("div", { class: "row finding" }, h("a", { href: "/compare" }, t("start.compare")), this.#filter, this.#search)),
       this.#list, this.#none, this.#more, this.#count);
   }
 

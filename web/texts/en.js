@@ -44,6 +44,7 @@ export const en = Object.freeze({
   "start.title": "Calibrate a scanning cell",
   "start.lead": "Scanner, robot and turntable, from one sphere. Three ways to begin; a session folder or an archive may be dropped anywhere:",
   "start.sessions": "Sessions",
+  "start.compare": "Compare two results",
   "start.search": "Search by name, robot or date",
   "start.loading": "The sessions are being listed …",
   "session.loading": "The session is being loaded …",
