@@ -8,6 +8,7 @@ from functools import partial
 from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
+from starlette.middleware.gzip import GZipMiddleware
 
 from calib_core import __version__
 from server import errors, openapi
@@ -133,7 +134,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(controls_router)
     app.include_router(trials_router)
     app.include_router(cloud_router)
-    app.mount("/web", StaticFiles(directory=settings.web, check_dir=False), name="web")
+    app.mount("/web", GZipMiddleware(StaticFiles(directory=settings.web, check_dir=False), minimum_size=500))
     app.add_middleware(Patience, settings=settings)
     app.add_middleware(Door, settings=settings)
     app.add_middleware(Guard, settings=settings)

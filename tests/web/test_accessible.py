@@ -1,19 +1,16 @@
 """axe finds nothing to object to, in both themes; and the page weighs little."""
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, FilePayload, Page, expect
 
 from tests.server.live_server import make_session, simulated_session
 from tests.web.browsing import leave_out_the_scene
 
 pytestmark = pytest.mark.browser
-
-WEB = Path(__file__).resolve().parents[2] / "web"
 
 
 @pytest.fixture(params=["light", "dark"])
@@ -54,6 +51,40 @@ def test_start(page: Page, axe: str, api: httpx.Client) -> None:
     assert violations(page, axe) == []
 
 
+def test_start_with_an_archive_refused_and_the_tour(page: Page, axe: str) -> None:
+    page.goto("/")
+    archive = FilePayload(name="cell.zip", mimeType="application/zip", buffer=b"no archive")
+    page.locator("input[accept='.zip']").set_input_files(archive)
+    expect(page.locator(".toast.bad")).to_be_visible()
+    assert violations(page, axe) == []
+    page.get_by_role("button", name="Take the tour").click()
+    expect(page.locator(".tour")).to_be_visible()
+    assert violations(page, axe) == []
+
+
+def test_captures_compared_and_poses_in_columns(page: Page, axe: str, api: httpx.Client) -> None:
+    page.goto(f"/sessions/{simulated_session(api, captures=2)}")
+    page.get_by_label("Compare p02 with").select_option("p01")
+    expect(page.get_by_role("region", name="p02 beside p01")).to_contain_text("turns by")
+    page.get_by_role("checkbox", name="Use p01").uncheck()
+    expect(page.get_by_role("button", name="Take back")).to_be_visible()
+    page.get_by_role("button", name="Paste poses").click()
+    page.get_by_label("Pose lines, one a capture").fill("f;x;y;z;q1;q2;q3;q4\np1;1;2;3;1;0;0;0\np2;1;2;3;1;0;0;x")
+    expect(page.locator("sc-pose-columns thead select")).to_have_count(8)
+    expect(page.locator(".match tbody tr")).to_have_count(2)
+    assert violations(page, axe) == []
+
+
+def test_what_is_not_there_or_not_allowed(page: Page, axe: str, api: httpx.Client) -> None:
+    page.goto("/sessions/not-there")
+    expect(page.get_by_role("link", name="Back to all sessions")).to_be_visible()
+    assert violations(page, axe) == []
+    page.goto(f"/sessions/{make_session(api)}")
+    page.get_by_role("button", name="Watch a folder").click()
+    expect(page.get_by_text("SCANCELL_WATCH_ROOT")).to_be_visible()
+    assert violations(page, axe) == []
+
+
 def test_session(page: Page, axe: str, api: httpx.Client) -> None:
     session = simulated_session(api, captures=14, scenario="tcp-moved-sphere")
     page.goto(f"/sessions/{session}")
@@ -71,16 +102,19 @@ def test_session(page: Page, axe: str, api: httpx.Client) -> None:
     assert violations(page, axe) == []
 
 
-def test_weight(open_page: Callable[..., Any], address: str) -> None:
-    """The page without its scene stays below 300 kB, everything counted uncompressed."""
-    counted = [
-        p
-        for p in WEB.rglob("*")
-        if p.is_file() and "vendor" not in p.parts and p.suffix in {".js", ".css", ".html", ".svg"}
-    ]
-    assert sum(p.stat().st_size for p in counted) < 300_000
-    page, _ = open_page()
-    loaded = page.evaluate(
-        "performance.getEntriesByType('resource').map(e => e.decodedBodySize).reduce((a, b) => a + b, 0)"
-    )
-    assert 20_000 < loaded < 300_000
+_LOADED = """() => {
+    const files = performance.getEntriesByType("resource").filter((one) => !/[/](api|scenes)[/]/.test(one.name));
+    const sum = (name) => files.reduce((all, one) => all + one[name], 0);
+    return [sum("decodedBodySize"), sum("encodedBodySize")];
+}"""
+
+
+def test_weight(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    """Each page, without data and scene, stays below 300 kB unpacked; it travels in less than half of that."""
+    session = simulated_session(api, captures=2)
+    for path, ready in (("/", "sc-session-cards section"), (f"/sessions/{session}", ".captures tbody tr")):
+        page, _ = open_page(path)
+        expect(page.locator(ready).first).to_be_visible()
+        size, travelled = page.evaluate(_LOADED)
+        assert 20_000 < size < 300_000, path
+        assert travelled < 150_000, path

@@ -27,7 +27,7 @@ export class SessionPage extends HTMLElement {
   sessionId = "";
   /** @type {HTMLElement | null} */ top = null;
   /** @type {SessionState | null} */ #state = null;
-  #name = h("h1", { class: "session-name" });
+  #name = h("h1", { class: "session-name", hidden: true });
   #cell = h("p", { class: "soft small" });
   #edit = h("button", { type: "button", class: "plain wide small", needs: "capture", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
   #problem = h("section", { class: "lost", hidden: true });
@@ -105,6 +105,7 @@ export class SessionPage extends HTMLElement {
     }
     this.classList.toggle("without-session", !session);
     if (!session) return;
+    this.#name.hidden = false;
     this.#name.textContent = session.name || session.id;
     this.#cell.textContent = (session.simulated ? `${t("cell.simulated")} · ` : "") + cellWords(session.cell);
     this.#edit.hidden = session.simulated;
