@@ -48,7 +48,7 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         capture=capture.id,
         kind=capture.kind,
         verdict="warn" if doubt else "pass",
-        reason=doubt[0] if doubt else None,
+        reason=doubt[0] if doubt else " ".join(view.notes) or None,
         to_do=doubt[1] if doubt else None,
         points=len(pixels),
         preview=np.round(pixels[chosen], 2).tolist(),

@@ -145,7 +145,7 @@ def _result(
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), len(rows)),
-        warnings=[*remarks_of(solution), *problems, *not_used],
+        warnings=[*remarks_of(solution), *problems, *not_used, *_taken_on_trust(given, views)],
         model=camera.model,
         image_size=image_size,
         camera_matrix=camera.camera_matrix.tolist(),
@@ -171,6 +171,25 @@ def _result(
         ),
         residuals=rows,
     )
+
+
+def _taken_on_trust(given: "StageInput", views: dict[str, BoardView]) -> list[str]:
+    """Return what frames of this kind of board cannot tell, in sentences."""
+    board = board_of(given.session.cell)
+    sentences = [
+        f"The board's pitch, {board.pitch_mm:g} mm, is taken on trust: frames of it look the same at any pitch, "
+        "and all lengths grow with it. Measure it over several squares."
+    ]
+    if any(view.turn_is_ambiguous for view in views.values()):
+        sentences.append(
+            "The board looks the same turned by 180°, so the camera is right but a board's pose may be turned: "
+            "take a chessboard with an odd sum of columns and rows, or ChArUco, where that matters."
+        )
+    if board.kind != "charuco":
+        sentences.append(
+            f"A mirrored {board.kind} board looks like one that is not: if the driver mirrors frames, turn it off."
+        )
+    return sentences
 
 
 def _verdict(solution: CameraSolution, problems: bool, used: int, captures: int) -> Verdict:

@@ -95,7 +95,20 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
 
     solved = solve_tcp_captures(given)
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
-    return with_unused(result, given.captures, solved.unused)
+    return _with_doubt_of_pitch(with_unused(result, given.captures, solved.unused), given)
+
+
+def _with_doubt_of_pitch(result: TcpResult, given: StageInput) -> TcpResult:
+    """Return the result; where frames do not fit the sphere, with what may be behind it: a board's wrong pitch."""
+    cell = given.session.cell
+    of_boards = cell.known.laser_plane is None and any(capture.kind == "frame" for capture in given.captures)
+    if result.verdict != "fail" or not of_boards or cell.board is None:
+        return result
+    doubt = (
+        f"The frames' lengths rest on the board's pitch, {cell.board.pitch_mm:g} mm: if it is wrong, arcs of the "
+        "sphere come out too large or too small. Check cell.board.pitch_mm."
+    )
+    return result.model_copy(update={"warnings": [*result.warnings, doubt]})
 
 
 def solve_tcp_captures(given: StageInput) -> SolvedTcp:

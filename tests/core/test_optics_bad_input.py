@@ -1,0 +1,106 @@
+"""Bad frames of boards: a clear sentence each, and what no frame can tell is said."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError, TooLargeError
+from calib_core.records import CameraResult, Capture, Session, TcpResult
+from calib_core.session.measure import measure_capture
+from calib_core.session.pipeline import solve_stage
+from calib_core.simulation import SimulatedSession, simulate
+
+
+@pytest.fixture(scope="module")
+def simulated() -> SimulatedSession:
+    return simulate("frames-tcp", 5)
+
+
+@dataclass(frozen=True, eq=False)
+class Spoiled:
+    """A session's first board frame as an image, to be replaced by another."""
+
+    simulated: SimulatedSession
+
+    @property
+    def capture(self) -> Capture:
+        return self.simulated.session.captures[0]
+
+    @property
+    def image(self) -> np.ndarray:
+        data = np.frombuffer(self.simulated.files[self.capture.files[0]], np.uint8)
+        found = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        assert found is not None
+        return np.asarray(found)
+
+    def said(self, image: np.ndarray) -> str:
+        """The verdict and what is said about another frame in the first one's place."""
+        files = {**self.simulated.files, self.capture.files[0]: encoded(image)}
+        measured = measure_capture(self.simulated.session, self.capture, files.__getitem__)
+        return f"{measured.verdict}: {measured.reason} {measured.to_do}"
+
+
+def encoded(image: np.ndarray) -> bytes:
+    return cv2.imencode(".png", image)[1].tobytes()
+
+
+def test_each_bad_frame_has_its_own_sentence(simulated: SimulatedSession) -> None:
+    frame = Spoiled(simulated)
+    image, noise = frame.image, np.random.default_rng(0).normal(120, 20, (480, 640))
+    second = cv2.imdecode(np.frombuffer(simulated.files[simulated.session.captures[1].files[0]], np.uint8), 0)
+    assert second is not None
+    sentences = {
+        "no board": noise.clip(0, 255).astype(np.uint8),
+        "two boards in one frame": np.hstack([image, second]),
+        "a blurred frame": cv2.GaussianBlur(image, (0, 0), 14),
+        "Focus the camera": cv2.GaussianBlur(image, (0, 0), 4),
+        "is saturated": np.clip(image.astype(int) * 6, 0, 255).astype(np.uint8),
+        "white all over": np.full_like(image, 255),
+        "a blank frame": np.full_like(image, 90),
+        "a black frame": np.zeros_like(image),
+        "in colour and was turned into grey": np.dstack([image] * 3),
+    }
+    for sentence, spoiled in sentences.items():
+        assert sentence in frame.said(spoiled), sentence
+    assert frame.said(image).startswith("pass")
+
+
+def test_files_that_are_no_frames_are_refused_before_they_are_unpacked(simulated: SimulatedSession) -> None:
+    capture = simulated.session.captures[0]
+    whole = simulated.files[capture.files[0]]
+    bomb = whole[:16] + (12_000).to_bytes(4, "big") + (10_000).to_bytes(4, "big") + whole[24:]
+    for data, error, words in (
+        (whole[:20_000], InputError, "truncated"),
+        (bomb, TooLargeError, "120 megapixels"),
+        (b"", InputError, "an empty file"),
+    ):
+        with pytest.raises(error, match=words):
+            measure_capture(simulated.session, capture, {**simulated.files, capture.files[0]: data}.__getitem__)
+
+
+def test_mixed_sizes_are_named(simulated: SimulatedSession) -> None:
+    capture = simulated.session.captures[2]
+    data = np.frombuffer(simulated.files[capture.files[0]], np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    files = {**simulated.files, capture.files[0]: encoded(cv2.resize(image, (800, 600)))}
+    with pytest.raises(InputError, match="mixed image sizes, 800×600 here"):
+        solve_stage(simulated.session, "camera", files.__getitem__)
+
+
+def test_what_a_chessboard_cannot_tell_is_said_and_the_sphere_tells_of_a_wrong_pitch(
+    simulated: SimulatedSession,
+) -> None:
+    record = simulated.session.model_dump(mode="json")
+    record["cell"]["board"]["pitch_mm"] = 10.0  # it is 9
+    session = Session.model_validate(record)
+    camera = solve_stage(session, "camera", simulated.files.__getitem__)
+    assert isinstance(camera, CameraResult)
+    assert any("pitch, 10 mm, is taken on trust" in words for words in camera.warnings)
+    assert any("mirrored" in words for words in camera.warnings)
+    tcp = solve_stage(session, "tcp", simulated.files.__getitem__)
+    assert isinstance(tcp, TcpResult)
+    assert tcp.verdict == "fail"
+    assert any("Check cell.board.pitch_mm" in words for words in tcp.warnings)
