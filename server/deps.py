@@ -5,8 +5,9 @@ from collections.abc import Callable
 from hashlib import sha256
 from typing import Annotated, Any
 
-from fastapi import Depends, Header, Path, Query, Request
+from fastapi import Depends, Header, Path, Query, Request, Response
 from fastapi.responses import JSONResponse
+from pydantic_core import to_json
 from sqlalchemy.orm import Session as Transaction
 
 from server.backlog import Backlog
@@ -95,7 +96,7 @@ class Once:
 
     def run(
         self, store: Store, content: Any, status: int, act: Callable[[Transaction], Data]
-    ) -> tuple[JSONResponse, bool]:
+    ) -> tuple[Response, bool]:
         """Act within one transaction and return the answer, and whether this was the first time.
 
         Raises
@@ -111,7 +112,7 @@ class Once:
             body = act(db)
             if self._key is not None:
                 remember_answer(db, self._scope, self._key, fingerprint, status, body)
-        return JSONResponse(body, status), True
+        return Response(to_json(body), status, media_type="application/json"), True
 
     def _answered(self, db: Transaction, fingerprint: str) -> JSONResponse | None:
         if self._key is None:

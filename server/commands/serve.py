@@ -8,6 +8,9 @@ from pathlib import Path
 
 from calib_core.errors import InputError
 
+_SWITCH_S = 0.001
+"""How long a thread may keep the interpreter while others wait; the one that answers is one of many under load."""
+
 
 def serve(host: str, port: int, data: Path) -> int:
     """Serve until stopped, after printing the address."""
@@ -20,6 +23,7 @@ def serve(host: str, port: int, data: Path) -> int:
 
     settings = Settings(host=host, port=port, data=data)
     set_up(settings.log)
+    sys.setswitchinterval(_SWITCH_S)
     server = WorkbenchServer(settings)
     threading.Thread(target=_announce, args=(server,), daemon=True).start()
     server.run()

@@ -26,7 +26,7 @@ CLIENTS, PER_S = 50, 2.0
 def served(data: Path) -> Generator[tuple[str, psutil.Process]]:
     """Give the address of a server in a process of its own, warm, and that process."""
     command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--data", str(data)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     assert process.stdout is not None
     try:
         address = next(word for word in process.stdout.readline().split() if word.startswith("http"))
