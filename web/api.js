@@ -300,6 +300,13 @@ export const api = {
   /** @param {string} id @param {string} name such as `merged.pcd` */
   cloudAddress: (id, name) => `${ROOT}${session(id)}/clouds/${encodeURIComponent(name)}`,
 
+  /** Whether the session has a mesh to compare its cloud with. @param {string} id @returns {Promise<boolean>} */
+  hasReference: async (id) => {
+    /** @type {{ items: { name: string }[] }} */
+    const { items } = await get(`${session(id)}/clouds`);
+    return items.some(({ name }) => name === "reference.ply");
+  },
+
   /** A thin slice of the merged cloud. @param {string} id @param {CloudView} view @returns {Promise<CloudSection>} */
   cloudSection: (id, view) => get(`${session(id)}/merged/section?${query({ axis: view.axis, at_mm: view.at_mm, ...(view.colors === "deviation" ? compared(view) : {}) })}`),
 

@@ -50,7 +50,7 @@ def look_into_the_merged_part(page: Page, axe: str) -> None:
             page.get_by_role("link", name=name, exact=True).click()
         assert saved.value.path().stat().st_size > 500_000
     page.get_by_label("by deviation").check()
-    expect(page.locator("sc-merged")).to_contain_text("need a reference mesh")
+    expect(page.locator("sc-merged")).to_contain_text("There is no reference mesh yet")
     page.get_by_label("Deviation from").select_option("sphere")
     page.get_by_label("Diameter in mm").fill("20")
     expect(page.locator("sc-merged")).to_contain_text("the sphere, diameter 20.000 mm (known)")

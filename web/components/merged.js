@@ -116,7 +116,12 @@ export class MergedElement extends StateElement {
     const asked = ++this.#asked;
     // The scene is an extra: where it does not answer, section and deviations are still here.
     void api.showCloud(this.state.id, view).catch(() => undefined);
-    const [deviation, section] = await Promise.all([this.#deviations(view), this.#slice(view)]);
+    const known = view.colors !== "deviation" || view.against === "sphere" || await api.hasReference(this.state.id).catch(() => false);
+    this.#forget.hidden = view.against !== "mesh" || !known || !may("capture");
+    const [deviation, section] = await Promise.all([
+      known ? this.#deviations(view) : [h("p", {}, t("merged.no_mesh"))],
+      this.#slice(known ? view : { ...view, colors: "height" }),
+    ]);
     if (asked !== this.#asked) return;
     this.#deviation.replaceChildren(...deviation);
     this.#section.replaceChildren(...section);
@@ -126,7 +131,6 @@ export class MergedElement extends StateElement {
   async #deviations(view) {
     if (view.colors !== "deviation") return [];
     const found = await api.cloudDeviations(this.state.id, view).catch(refused);
-    this.#forget.hidden = view.against !== "mesh" || found instanceof Problem || !may("capture");
     if (found instanceof Problem) return [mark("warn", found.message)];
     const pairs = /** @type {const} */ ([["rms", found.rms_mm], ["mean", found.mean_mm], ["p95", found.p95_mm], ["largest", found.largest_mm]]);
     return [
@@ -142,7 +146,7 @@ export class MergedElement extends StateElement {
   async #slice(view) {
     if (!view.axis) return [];
     const found = await api.cloudSection(this.state.id, view).catch(refused);
-    // Without a reference the section is still worth its points.
+    // Without the sphere that is compared with, the section is still worth its points.
     const section = found instanceof Problem ? await api.cloudSection(this.state.id, { ...view, colors: "height" }).catch(refused) : found;
     if (section instanceof Problem) return [mark("warn", section.message)];
     return [sectionPlot(section), h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];

@@ -649,6 +649,7 @@ export const en = Object.freeze({
   "merged.diameter_hint": "Left empty, the best fit is taken.",
   "merged.add": "Add a reference mesh",
   "merged.remove": "Remove it",
+  "merged.no_mesh": "There is no reference mesh yet. Add one, or compare with the sphere.",
   "merged.added": "Reference with {triangles} triangles stored.",
   "merged.mesh_hint": "STL or PLY in millimetres, in the cloud's own frame: nothing is aligned.",
   "merged.off": "Distance to {reference}, {points} points:",
