@@ -30,11 +30,12 @@ class BucketBlobs(Blobs):
     Who may is found as every S3 client finds it: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile.
     """
 
-    def __init__(self, bucket: str, prefix: str, endpoint: str | None, folder: Path) -> None:
+    def __init__(self, bucket: str, prefix: str, endpoint: str | None, folder: Path, make: bool = True) -> None:
         self._bucket = bucket
         self._prefix = f"{prefix}/" if prefix else ""
         self._folder = folder
-        self._folder.mkdir(parents=True, exist_ok=True)
+        if make:
+            self._folder.mkdir(parents=True, exist_ok=True)
         # Between finding a blob old and its removal, or its renewal: one lock for each first byte.
         self._locks = [threading.Lock() for _ in range(256)]
         self._client = _client(endpoint)
@@ -72,7 +73,7 @@ class BucketBlobs(Blobs):
 
     def open(self, digest: str) -> IO[bytes]:
         """Return a blob as a file to read, after it was compared; raises NotFoundError, DamagedError."""
-        file = tempfile.SpooledTemporaryFile(1 << 20, dir=str(self._folder))  # noqa: SIM115 (closed below)
+        file = tempfile.SpooledTemporaryFile(1 << 20, dir=self._place())  # noqa: SIM115 (closed below)
         try:
             with _named(self._bucket, digest):
                 self._client.download_fileobj(self._bucket, self._key(digest), file)
@@ -81,6 +82,10 @@ class BucketBlobs(Blobs):
             file.close()
             raise
         return file
+
+    def _place(self) -> str | None:
+        """Return where large files pass through; the system's own place while there is no data folder."""
+        return str(self._folder) if self._folder.exists() else None
 
     def damage(self, digest: str) -> str | None:
         """Return in words what is wrong with a blob, None where nothing is."""

@@ -23,13 +23,17 @@ class FolderBlobs(Blobs):
     of it or nothing.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, make: bool = True) -> None:
         self._folder = folder
         self._arriving = folder / "arriving"
+        if make:
+            self._make()
+
+    def _make(self) -> None:
         self._arriving.mkdir(parents=True, exist_ok=True)
         for first in range(256):  # all at once, so that no blob has to wait until its folder's name is on the disk
-            (folder / f"{first:02x}").mkdir(exist_ok=True)
-        _sync_folder(folder)
+            (self._folder / f"{first:02x}").mkdir(exist_ok=True)
+        _sync_folder(self._folder)
 
     def path(self, digest: str) -> Path:
         """Return where the blob with a SHA-256 (64 hex digits) lies."""
@@ -108,7 +112,7 @@ class FolderBlobs(Blobs):
 
     def digests(self, beginning: str = "") -> Iterator[str]:
         """Give the SHA-256 of every blob there is, or of those that begin with two digits."""
-        for folder in [self._folder / beginning] if beginning else sorted(self._folder.iterdir()):
+        for folder in [self._folder / beginning] if beginning else sorted(self._folder.glob("*")):
             if len(folder.name) == 2 and folder.is_dir():
                 yield from sorted(path.name for path in folder.iterdir() if len(path.name) == 64)
 
@@ -127,7 +131,7 @@ class FolderBlobs(Blobs):
 
     def interrupted(self) -> list[str]:
         """Return the names of what interrupted uploads left."""
-        return sorted(path.name for path in self._arriving.iterdir())
+        return sorted(path.name for path in self._arriving.glob("*"))
 
     def clean(self) -> None:
         """Remove what interrupted uploads left."""

@@ -80,8 +80,8 @@ class Blobs(ABC):
         """Remove what interrupted uploads left; called at start-up, before anything arrives."""
 
 
-def open_blobs(place: BlobPlace) -> Blobs:
-    """Return the blobs at a place, which is made where it is a folder that is missing.
+def open_blobs(place: BlobPlace, make: bool = True) -> Blobs:
+    """Return the blobs at a place; a folder that is missing is made, where that is wanted.
 
     Raises
     ------
@@ -91,14 +91,14 @@ def open_blobs(place: BlobPlace) -> Blobs:
     if place.bucket is None:
         from server.store.blob_folder import FolderBlobs
 
-        return FolderBlobs(place.folder)
+        return FolderBlobs(place.folder, make)
     if not place.bucket.startswith(_S3):
         to_do = "Write SCANCELL_BLOBS=s3://bucket or s3://bucket/prefix; leave it out for the data folder."
         raise InputError("an S3 address", repr(place.bucket), to_do, "blobs")
     from server.store.blob_bucket import BucketBlobs
 
     bucket, _, prefix = place.bucket.removeprefix(_S3).partition("/")
-    return BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder)
+    return BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder, make)
 
 
 def copied(pieces: Pieces, file: IO[bytes]) -> tuple[str, int]:

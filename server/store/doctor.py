@@ -77,7 +77,7 @@ def examine(settings: Settings, progress: Progress = lambda _fraction, _what: No
     """
     _require_store(settings)
     found = Examination()
-    blobs = open_blobs(settings.blob_place)
+    blobs = open_blobs(settings.blob_place, make=False)
     engine = reading(engine_of(settings.sql_url, read_only=True))
     try:
         with engine.connect() as connection:

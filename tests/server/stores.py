@@ -17,7 +17,7 @@ PLACES = ("sqlite and folder", "postgresql and s3")
 NewPlace = Callable[[Path], dict[str, Any]]
 
 
-@pytest.fixture(scope="module", params=PLACES)
+@pytest.fixture(scope="session", params=PLACES)
 def new_place(request: pytest.FixtureRequest) -> Iterator[NewPlace]:
     """Return settings of a fresh store of one kind, each time it is called."""
     if request.param == PLACES[0]:

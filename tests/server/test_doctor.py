@@ -179,7 +179,10 @@ def test_an_older_store_is_examined_and_migrated(tmp_path: Path) -> None:
     data = tmp_path / "data"
     old_store(data, 3)
     before = (data / "scancell.db").read_bytes()
+    (data / "blobs" / "arriving").rmdir()  # an older version made fewer folders
+    there = sorted(data.rglob("*"))
     found = examine(Settings(data=data))
+    assert sorted(data.rglob("*")) == there
     assert [finding.kind for finding in found.findings] == ["note"]
     assert "0001" in found.findings[0].what
     assert (found.sessions, found.captures) == (3, 3)
