@@ -43,7 +43,7 @@ def test_start(page: Page, axe: str, api: httpx.Client) -> None:
     make_session(api, name="for the list")
     page.goto("/")
     expect(page.locator(".session-card").first).to_be_visible()
-    expect(page.locator("sc-drawing svg")).to_have_count(3)
+    expect(page.locator(".way sc-drawing svg")).to_have_count(3)
     assert violations(page, axe) == []
     page.get_by_role("button", name="New session").click()
     page.get_by_text("More", exact=True).click()
