@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainData, ChainState, Sigmas
+from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray, rotation_from_vector
 

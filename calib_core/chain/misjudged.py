@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainData, pose_spread
+from calib_core.chain.likelihood import pose_spread
+from calib_core.chain.model import ChainData
 from calib_core.chain.rejection import Judged
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas
 from calib_core.estimation import covariance_of

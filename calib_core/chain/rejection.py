@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainData, ChainLinearisation, ChainState, pose_spread, prediction
+from calib_core.chain.likelihood import ChainLinearisation, pose_spread
+from calib_core.chain.model import ChainData, ChainState, prediction
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.sides import with_better_sides
 from calib_core.chain.start import Start

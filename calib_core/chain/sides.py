@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainData, ChainState, fit
+from calib_core.chain.likelihood import fit
+from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.variance import ChainFit
 
 _NEAR = 0.2  # of the radius: farther from the middle the robust start has decided rightly

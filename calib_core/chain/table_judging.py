@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainData, ChainState, fit
+from calib_core.chain.likelihood import fit
+from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.rejection import Judged, judge_from, judge_these
 from calib_core.chain.table import SCALE_COLUMN

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.table import TableReadings
 from calib_core.chain.table_frame import TableFrame

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainState, Sigmas, chain_data
 from calib_core.chain.misjudged import covariance_of_judged
+from calib_core.chain.model import ChainState, Sigmas, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import moved_since, rejection_reasons
 from calib_core.chain.rejection import Judged, judge, without_each

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.circles import PaperAxis, paper_axis
-from calib_core.chain.likelihood import ChainData, ChainState, Sigmas, ToolPrior, chain_data, fit, linearised_at
+from calib_core.chain.likelihood import fit, linearised_at
 from calib_core.chain.misjudged import covariance_of_judged
+from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior, chain_data
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table import SCALE_COLUMN

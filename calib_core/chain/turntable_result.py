@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.chain.circles import PaperAxis
-from calib_core.chain.likelihood import Sigmas
+from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_frame import TableCovariance, TableFrame
 from calib_core.chain.table_judging import EncoderScale

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.likelihood import Sigmas
+from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import named
 from calib_core.chain.table_frame import TableCovariance, TableFrame
 from calib_core.chain.table_judging import EncoderScale

@@ -10,15 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.chain.centers import centers_suffice, fit_centers
-from calib_core.chain.likelihood import (
-    ChainData,
-    ChainLinearisation,
-    ChainState,
-    Sigmas,
-    fit,
-    pose_spread,
-    prior,
-)
+from calib_core.chain.likelihood import ChainLinearisation, fit, pose_spread
+from calib_core.chain.model import ChainData, ChainState, Sigmas, prior
 from calib_core.estimation import GridPosterior, Minimum, covariance_of, grid_posterior
 from calib_core.frames import FloatArray
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainState, chain_data
 from calib_core.chain.misjudged import covariance_of_judged
+from calib_core.chain.model import ChainState, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, without_each

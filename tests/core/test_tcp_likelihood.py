@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 
 from calib_core.chain.centers import fit_centers
-from calib_core.chain.likelihood import (
-    ChainData,
-    ChainState,
-    Sigmas,
-    chain_data,
-    fit,
-    linearise,
-    pose_spread,
-    retract,
-)
+from calib_core.chain.likelihood import fit, linearise, pose_spread, retract
+from calib_core.chain.model import ChainData, ChainState, Sigmas, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
