@@ -10,6 +10,8 @@ import { attempt } from "./toasts.js";
 
 /** @import {TimelineItem} from "../model.js" */
 
+const MOST_LINES = 300;
+
 export class ReviewLogElement extends StateElement {
   #list = h("ol", { class: "log" });
   #drawn = 0;
@@ -27,7 +29,7 @@ export class ReviewLogElement extends StateElement {
     const { timeline, place } = this.state;
     if (this.#drawn !== timeline.length) {
       this.#drawn = timeline.length;
-      this.#list.replaceChildren(...timeline.map((item) => this.#line(item)));
+      this.#list.replaceChildren(...shortened(timeline).map((item) => this.#line(item)));
     }
     for (const line of this.#list.querySelectorAll("button")) line.setAttribute("aria-current", String(Number(line.dataset["place"]) === place));
   }
@@ -39,6 +41,12 @@ export class ReviewLogElement extends StateElement {
       h("button", { type: "button", class: "plain", "data-place": item.place, onclick: () => void go() }, h("time", { class: "soft number", datetime: item.at }, when(item.at)), ` ${itemWords(item)}`),
       item.message && h("p", { class: "soft small" }, item.message));
   }
+}
+
+/** Of a long row of captures the first and the last, so that the log stays one to read. @param {TimelineItem[]} timeline */
+function shortened(timeline) {
+  if (timeline.length <= MOST_LINES) return timeline;
+  return timeline.filter(({ kind }, index) => kind !== "capture" || timeline[index - 1]?.kind !== "capture" || timeline[index + 1]?.kind !== "capture");
 }
 
 customElements.define("sc-review-log", ReviewLogElement);

@@ -11,6 +11,7 @@ import { attempt } from "./toasts.js";
 /** @import {TimelineItem} from "../model.js" */
 
 const STEP_MS = 700;
+const MOST_MARKS = 400;
 /** Half of the control's handle: marks stand where the handle's middle comes to lie. */
 const EDGE = 8;
 
@@ -66,7 +67,10 @@ export class TimelineElement extends StateElement {
   #draw(timeline) {
     this.#drawn = timeline.length;
     const x = (/** @type {number} */ place) => (timeline.length < 2 ? 0.5 : place / (timeline.length - 1));
-    this.#marks.replaceChildren(...timeline.map((item) => {
+    // Of thousands of captures as many are marked as can be told apart; every solve is.
+    const stride = Math.ceil(timeline.length / MOST_MARKS);
+    const marked = timeline.filter((item) => item.kind !== "capture" || item.place % stride === 0);
+    this.#marks.replaceChildren(...marked.map((item) => {
       const mark = s("svg", { class: `timeline-mark ${item.kind} ${item.verdict ?? ""}`, viewBox: "-8 -8 16 16", width: 16, height: 16, "data-place": item.place }, shape(item));
       mark.style.left = `calc(${EDGE}px + (100% - ${2 * EDGE}px) * ${x(item.place)} - 8px)`;
       return mark;
