@@ -1,0 +1,22 @@
+"""A frame is searched for its board once, and what was found belongs to those bytes and that board."""
+
+import pytest
+
+from calib_core.errors import MeasurementError
+from calib_core.records import Board
+from calib_core.session.boards import board_in, board_of
+from calib_core.simulation import simulate
+
+
+def test_the_same_bytes_give_the_same_view_another_board_another_search() -> None:
+    simulated = simulate("laser-plane", 1)
+    capture, read = simulated.session.captures[0], simulated.files.__getitem__
+    board = board_of(simulated.session.cell)
+    view = board_in(capture, board, read)
+    assert board_in(capture, board, read) is view
+    wider = board_in(capture, board.model_copy(update={"pitch_mm": 18.0}), read)
+    assert wider.points_in_board_mm.max() == 2 * view.points_in_board_mm.max()
+    other = Board(kind="chessboard", columns=7, rows=5, pitch_mm=9.0)
+    for _ in range(2):  # a refusal is remembered too
+        with pytest.raises(MeasurementError, match="7 × 5 inner corners"):
+            board_in(capture, other, read)
