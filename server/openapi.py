@@ -1,6 +1,8 @@
 """The published description of the API: tidy names, and errors as what they are."""
 
+import json
 import re
+from pathlib import Path
 from typing import Any, cast
 
 from fastapi import FastAPI
@@ -14,6 +16,7 @@ ERRORS: dict[int | str, dict[str, Any]] = {
         "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
     }
 }
+_EXAMPLES = Path(__file__).with_name("api_examples.json")
 _UPLOADS = {"Body_captures_add": "CaptureUpload", "Body_clouds_put_reference": "ReferenceUpload"}
 
 
@@ -50,9 +53,25 @@ def install(app: FastAPI) -> None:
                 schemas[name] = {**schemas.pop(made_up), "title": name}
                 _refer_to(name, made_up, schema["paths"])
         _declare_access(schema)
+        _add_examples(schema)
         return schema
 
     app.openapi = openapi
+
+
+def _add_examples(schema: dict[str, Any]) -> None:
+    """Add what was sent and answered when somebody went through the whole chain; see tests/web/api_examples.py."""
+    examples: dict[str, dict[str, Any]] = json.loads(_EXAMPLES.read_text(encoding="utf-8"))
+    for operations in schema["paths"].values():
+        for operation in operations.values():
+            example = examples.get(operation["operationId"], {})
+            sent = operation.get("requestBody", {}).get("content", {}).get("application/json")
+            if sent is not None and "request" in example:
+                sent.setdefault("example", example["request"])
+            for status, answer in operation["responses"].items():
+                answered = answer.get("content", {}).get("application/json")
+                if answered is not None and "answer" in example and status.startswith("2"):
+                    answered["example"] = example["answer"]
 
 
 def _refer_to(name: str, made_up: str, part: Any) -> None:

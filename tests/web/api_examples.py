@@ -1,0 +1,146 @@
+"""Examples of the API, recorded from the real server as it takes the simulated cell through the whole chain.
+
+`PYTHONPATH=. python tests/web/api_examples.py` writes them to server/api_examples.json, from where they go into
+the OpenAPI document; a test says which operations have none, or ones that their schema does not allow.
+"""
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from server.settings import Settings
+from tests.server.live_server import serving, wait_for
+
+TARGET = Path(__file__).resolve().parents[2] / "server" / "api_examples.json"
+_LONG = 16
+_KEPT = 2
+_STAGES = ("tcp", "turntable", "chain", "merge")
+_POSE = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]
+_CELL = {"pose_convention": "fanuc", "sphere_diameter_mm": 40.0}
+
+
+class Recorder:
+    """Sends requests and keeps what was sent and answered, by operation."""
+
+    def __init__(self, client: httpx.Client) -> None:
+        self._client = client
+        self._site = str(client.base_url).removesuffix("/api/v1/")
+        self._operations = {
+            (method.upper(), path): operation["operationId"]
+            for path, operations in client.get(f"{self._site}/openapi.json").json()["paths"].items()
+            for method, operation in operations.items()
+        }
+        self.examples: dict[str, dict[str, Any]] = {}
+
+    def send(
+        self, method: str, template: str, body: Any = None, names: dict[str, Any] | None = None, **more: Any
+    ) -> Any:
+        """Send a request to a path's template and return the answer's data."""
+        if body is not None:
+            more["json"] = body
+        answer = self._client.request(method, self._site + template.format(**(names or {})), **more)
+        assert answer.is_success, (method, template, answer.text)
+        kept: dict[str, Any] = {} if body is None else {"request": body}
+        data = None
+        if answer.headers.get("content-type", "") == "application/json":
+            data = answer.json()
+            kept["answer"] = shortened(data)
+        self.examples.setdefault(self._operations[method, template], kept)
+        return data
+
+
+def shortened(data: Any) -> Any:
+    """Return data with long lists cut: of records after two, of numbers after sixteen."""
+    if isinstance(data, dict):
+        return {name: shortened(value) for name, value in data.items()}
+    if isinstance(data, list):
+        records = bool(data) and isinstance(data[0], dict)
+        few = data[:_KEPT] if records or len(data) > _LONG else data
+        return [shortened(value) for value in few]
+    return data
+
+
+def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
+    """Return an example of each operation whose answer is JSON."""
+    recorder = Recorder(client)
+    send, api, session = recorder.send, "/api/v1", "/api/v1/sessions/{session_id}"
+    simulated = {"name": "trial", "simulated": {"scenario": "cell", "seed": 7}}
+    there = send("POST", f"{api}/sessions", simulated)["id"]
+    names: dict[str, Any] = {"session_id": there, "session": there}
+    send("POST", f"{session}/sources/simulated/capture", names=names)
+    while client.post(f"/sessions/{there}/sources/simulated/capture").status_code == 201:
+        pass
+    for stage in _STAGES:
+        names["stage"] = stage
+        names["job_id"] = send("POST", f"{session}/solve/{{stage}}", names=names)["id"]
+        assert wait_for(client, names["job_id"], 600)["status"] == "done"
+    send("GET", f"{api}/jobs/{{job_id}}", names=names)
+    waiting = client.post(f"/sessions/{there}/solve/chain").json()["id"]
+    send("POST", f"{api}/jobs/{{job_id}}/cancel", names={"job_id": waiting})
+    names |= {"stage": "tcp", "capture_id": "p01", "place": 3}
+    for path in ("", "/guide", "/captures", "/captures/{capture_id}", "/results", "/timeline", "/clouds"):
+        send("GET", session + path, names=names)
+    for path in ("/results/{stage}", "/results/{stage}/history", "/timeline/{place}"):
+        send("GET", session + path, names=names)
+    listed = recorder.examples["solves_list_results"]["answer"]
+    recorder.examples["solves_list_results"]["answer"] = {"tcp": listed["tcp"]}  # one is enough
+    history = client.get(f"/sessions/{there}/results/tcp/history").json()
+    names["number"] = history["items"][0]["number"]
+    send("GET", f"{session}/results/{{stage}}/history/{{number}}", names=names)
+    send("GET", f"{session}/merged/section", names=names, params={"axis": "z", "at_mm": 30.0})
+    send("GET", f"{session}/merged/deviation", names=names, params={"against": "sphere"})
+    sides = {"left": there, "right": there}
+    send("GET", f"{api}/compare/{{stage}}", names=names, params=sides)
+    replay = send("POST", f"{session}/replay", names=names)
+    assert wait_for(client, replay["id"], 600)["status"] == "done"
+    send("GET", f"{api}/jobs/{{job_id}}/answer", names={"job_id": replay["id"]})
+    send("PATCH", session, {"name": "cell 4, morning"}, names)
+    send("PATCH", f"{session}/captures/{{capture_id}}", {"excluded": True}, names)
+    send("POST", f"{session}/pose-lines", {"text": "-195.8 1363.305 524.812 -179.924 0.889 179.635"}, names)
+    archive = client.get(f"/sessions/{there}/archive", params={"scene": False}).content
+    zipped = {"content": archive, "headers": {"Content-Type": "application/zip"}}
+    send("POST", f"{api}/archives/verify", **zipped)
+    send("POST", f"{api}/archives", **zipped)
+    send("GET", f"{api}/sessions", params={"limit": 2})
+    _uploads(recorder, names)
+    send("GET", f"{api}/me")
+    token = send("POST", f"{api}/tokens", {"name": "robot 2", "role": "capture"})
+    recorder.examples["access_make"]["answer"]["secret"] = "scancell_…"
+    send("GET", f"{api}/tokens")
+    send("GET", f"{api}/audit", params={"limit": 2})
+    recorder.examples["access_log_in"] = {"answer": recorder.examples["access_me"]["answer"]}
+    client.delete(f"/tokens/{token['id']}")
+    send("GET", f"{api}/health")
+    send("GET", "/health")
+    return recorder.examples
+
+
+def _uploads(recorder: Recorder, names: dict[str, Any]) -> None:
+    mine = recorder.send("POST", "/api/v1/sessions", {"name": "cell 4", "cell": _CELL})["id"]
+    content = b"x_mm,z_mm\n" + b"".join(
+        b"%.1f,%.4f\n" % (x / 10, 150 - (225 - x * x / 100) ** 0.5) for x in range(-120, 121)
+    )
+    record = {"id": "p01", "step": "tcp", "kind": "profile", "files": ["captures/p01.csv"], "pose": _POSE}
+    parts = {"record": (None, json.dumps(record)), "files": ("p01.csv", content)}
+    to = {"session_id": mine}
+    recorder.send("POST", "/api/v1/sessions/{session_id}/captures", names=to, files=parts)
+    line = (
+        json.dumps({**record, "id": "p02", "files": ["captures/p02.csv"], "sizes": [len(content)]}).encode()
+        + b"\n"
+    )
+    recorder.send("POST", "/api/v1/sessions/{session_id}/captures/batch", names=to, content=line + content)
+
+
+def main() -> None:
+    """Write the examples."""
+    with tempfile.TemporaryDirectory() as data, serving(Settings(data=Path(data) / "d", port=0)) as client:
+        client.timeout = httpx.Timeout(600)
+        examples = record(client)
+    TARGET.write_text(json.dumps(examples, indent=1, ensure_ascii=False, sort_keys=True) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
