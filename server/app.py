@@ -49,6 +49,7 @@ from server.scenes.trials import trials_router
 from server.settings import Settings
 from server.sources.watching import session_watcher
 from server.store.database import Store
+from server.uploads import Room
 from server.watch import Watch
 
 _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
@@ -56,6 +57,9 @@ _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, 
 Lengths are millimetres. Errors are problem details (RFC 9457) whose `detail` says what to do. Every POST takes an
 `Idempotency-Key`. Lists are paged by the cursor in `next`. Changes take in `If-Match` the `ETag` of what
 they change."""
+
+_UPLOADS_IN_MEMORY = 3
+"""How many of the largest uploads may be in memory at once."""
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -109,6 +113,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings, app.state.hub, app.state.refusals = settings, hub, Refusals()
     app.state.metrics = Metrics()
+    app.state.upload_room = Room(_UPLOADS_IN_MEMORY * settings.max_upload_bytes)
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")

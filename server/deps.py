@@ -19,6 +19,7 @@ from server.settings import Settings
 from server.store.answers import remember_answer, stored_answer
 from server.store.database import Store
 from server.store.models import AnswerRow, Data
+from server.uploads import Room
 
 # These are coroutines because FastAPI hands every plain function to another thread first.
 
@@ -47,6 +48,10 @@ async def _metrics(request: Request) -> Metrics:
     return request.app.state.metrics
 
 
+async def _room(request: Request) -> Room:
+    return request.app.state.upload_room
+
+
 async def _backlog(request: Request) -> Backlog:
     return request.app.state.backlog
 
@@ -57,6 +62,7 @@ HubDep = Annotated[Hub, Depends(_hub)]
 JobsDep = Annotated[Jobs, Depends(_jobs)]
 MeasuringDep = Annotated[Measuring, Depends(_measuring)]
 MetricsDep = Annotated[Metrics, Depends(_metrics)]
+RoomDep = Annotated[Room, Depends(_room)]
 BacklogDep = Annotated[Backlog, Depends(_backlog)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]

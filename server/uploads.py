@@ -1,11 +1,38 @@
 """The files of an upload, under the names that the capture's record gives them."""
 
-from collections.abc import Mapping
+import threading
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import PurePosixPath
 from typing import Any
 
 from calib_core.errors import InputError
+
+
+class Room:
+    """How many bytes of uploads may be in memory at once; who comes when it is full waits for others to end.
+
+    Until then an upload lies in a temporary file.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._taken = 0
+        self._changed = threading.Condition()
+
+    @contextmanager
+    def taken(self, size: int) -> Generator[None]:
+        """Take room for so many bytes; what is larger than all of it waits until it is alone."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._taken + size <= self._size or not self._taken)
+            self._taken += size
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._taken -= size
+                self._changed.notify_all()
 
 
 def comes_in_pieces(path: str) -> bool:

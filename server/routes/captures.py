@@ -19,6 +19,7 @@ from server.deps import (
     MeasuringDep,
     Once,
     OnceDep,
+    RoomDep,
     SessionId,
     SettingsDep,
     StoreDep,
@@ -72,6 +73,7 @@ def add(
     once: OnceDep,
     store: StoreDep,
     measuring: MeasuringDep,
+    room: RoomDep,
     settings: SettingsDep,
     files: Annotated[
         list[UploadFile], File(description="The record's `files`, by name or in their order; none for centres.")
@@ -90,8 +92,9 @@ def add(
             f"at most {settings.max_files_per_capture} files", f"{len(files)}", "Split the capture.", "files"
         )
     data.pop("measured", None)  # of a record that came from here
-    contents = named_files(data, [(file.filename or "", file.file.read()) for file in files])
-    return _store(store, measuring, once, session_id, parse_capture(data, "record"), contents)
+    with room.taken(sum(file.size or 0 for file in files)):
+        contents = named_files(data, [(file.filename or "", file.file.read()) for file in files])
+        return _store(store, measuring, once, session_id, parse_capture(data, "record"), contents)
 
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
