@@ -94,7 +94,7 @@ def _header(data: bytes) -> tuple[int, int, float, bool]:
     """Return width, height, bytes a pixel when unpacked, and whether the file is complete, from headers alone."""
     if data[:8] == _PNG:
         width, height, depth, color = struct.unpack(">IIBB", data[16:26])
-        return width, height, _PNG_CHANNELS.get(color, 4) * max(1.0, depth / 8), b"IEND" in data[-64:]
+        return width, height, _PNG_CHANNELS.get(color, 4) * max(1.0, depth / 8), _png_is_whole(data)
     if data[:2] == b"\xff\xd8":
         return _jpeg_header(data)
     if data[:2] == b"BM":
@@ -107,6 +107,17 @@ def _header(data: bytes) -> tuple[int, int, float, bool]:
     if data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         return _tiff_header(data)
     raise InputError("an image in PNG, TIFF, BMP or JPEG format", "something else", "Export the frame as PNG.")
+
+
+def _png_is_whole(data: bytes) -> bool:
+    """Return whether the chunks follow each other to the last; a decoder makes room for what a length claims."""
+    at = len(_PNG)
+    while at + 12 <= len(data):
+        (length,), kind = struct.unpack(">I", data[at : at + 4]), data[at + 4 : at + 8]
+        at += 12 + length
+        if kind == b"IEND":
+            return at <= len(data)
+    return False
 
 
 def _jpeg_header(data: bytes) -> tuple[int, int, float, bool]:

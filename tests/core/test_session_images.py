@@ -85,7 +85,15 @@ def test_damage_never_escapes_as_another_error() -> None:
 def test_images_that_would_take_too_much_memory_are_refused_before_they_are_unpacked(
     depth_and_color: tuple[int, int],
 ) -> None:
-    header = struct.pack(">IIBB", 7000, 7000, *depth_and_color)
-    data = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + header + b"\0" * 100 + b"IEND\xaeB`\x82"
+    header = struct.pack(">IIBB", 7000, 7000, *depth_and_color) + b"\0" * 7
+    data = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + header + b"\0\0\0\0IEND\xaeB`\x82"
     with pytest.raises(TooLargeError, match="MB unpacked"):
         decode_image(data, "f.png")
+
+
+def test_a_chunk_that_claims_more_than_the_file_has_is_a_truncated_file() -> None:
+    data = bytearray(encode(".png", GREY))
+    place = data.index(b"IDAT") - 4
+    data[place : place + 4] = struct.pack(">I", 1_000_000_000)  # a decoder would make room for it
+    with pytest.raises(InputError, match="truncated"):
+        decode_image(bytes(data), "f.png")
