@@ -65,6 +65,12 @@ def remove_orphans(store: Store, stopping: threading.Event) -> None:
             return
         beginning = f"{first:02x}"
         with store.read() as db:
-            columns = (FileRow.sha256, OutputRow.sha256)
-            known = {digest for c in columns for digest in db.scalars(select(c).where(c.startswith(beginning)))}
+            known = {
+                digest
+                for column in (FileRow.sha256, OutputRow.sha256)
+                # A range, which an index answers, where LIKE would read the whole table.
+                for digest in db.scalars(
+                    select(column).distinct().where(column >= beginning, column < beginning + "g")
+                )
+            }
         store.blobs.remove(digest for digest in store.blobs.digests(beginning) if digest not in known)
