@@ -64,7 +64,7 @@ class LoginError(CalibrationError):
 
 
 class TooManyError(CalibrationError):
-    """More requests than a token or address may send in its time; `retry_after_s` says when there is room again."""
+    """More requests than a token or address may send; `retry_after_s` says when there is room again."""
 
     code = "too-many"
     status = 429
