@@ -4,7 +4,7 @@ import "./theme.js";
 import { h } from "./dom.js";
 import { icon } from "./icons.js";
 import { learn, whenRefused } from "./me.js";
-import { route } from "./router.js";
+import { place as placeAsked, route } from "./router.js";
 import { switchTheme, theme, whenThemeChanges } from "./theme.js";
 import { t } from "./texts.js";
 import { menu } from "./components/menu.js";
@@ -41,7 +41,9 @@ async function pageOf(place) {
   return h("section", { class: "lost" }, h("h1", {}, t("lost.title")), h("p", {}, t("lost.words")), h("a", { href: "/" }, t("lost.back")));
 }
 
-// What one may do decides what the page offers, so this comes first.
+// What one may do decides what the page offers, so this comes first; the page's code is on its way meanwhile.
+const { page: asked } = placeAsked();
+if (asked === "start" || asked === "session") void import(`./pages/${asked}.js`);
 await learn();
 document.body.append(
   h("a", { class: "skip", href: "#main" }, t("skip")),

@@ -2,7 +2,6 @@
 
 import { ActionsElement } from "../components/actions.js";
 import { CapturesElement } from "../components/captures.js";
-import { cellDialog } from "../components/cell-dialog.js";
 import { FolderWatchElement } from "../components/folder-watch.js";
 import { GuideElement } from "../components/guide.js";
 import { IntakeElement } from "../components/intake.js";
@@ -17,7 +16,6 @@ import { allowed } from "../me.js";
 import { SessionState } from "../state.js";
 import { t } from "../texts.js";
 import { cellWords } from "../cell-words.js";
-import { SESSION_STOPS, tour } from "../components/tour.js";
 import { forgetDeeds, undoLast } from "../undo.js";
 import { viewTabs } from "../components/view-tabs.js";
 
@@ -29,7 +27,7 @@ export class SessionPage extends HTMLElement {
   /** @type {SessionState | null} */ #state = null;
   #name = h("h1", { class: "session-name", hidden: true });
   #cell = h("p", { class: "soft small" });
-  #edit = h("button", { type: "button", class: "plain wide small", needs: "capture", hidden: true, onclick: () => this.#correct() }, t("cell.correct"));
+  #edit = h("button", { type: "button", class: "plain wide small", needs: "capture", hidden: true, onclick: () => void this.#correct() }, t("cell.correct"));
   #problem = h("section", { class: "lost", hidden: true });
   #loading = h("p", { class: "lost soft", role: "status" }, t("session.loading"));
   /** @type {ActionsElement | null} */ #actions = null;
@@ -49,7 +47,7 @@ export class SessionPage extends HTMLElement {
     state.watch(["view"], () => this.#address(state));
     void attempt(() => state.start()).then(() => {
       performance.mark("scancell:ready");
-      if (toured && state.session) tour(SESSION_STOPS);
+      if (toured && state.session) void import("../components/tour.js").then(({ SESSION_STOPS, tour }) => tour(SESSION_STOPS));
     });
   }
 
@@ -112,9 +110,9 @@ export class SessionPage extends HTMLElement {
     document.title = `${session.name || session.id} · scancell`;
   }
 
-  #correct() {
+  async #correct() {
     const session = this.#state?.session;
-    if (session) cellDialog(session);
+    if (session) (await import("../components/cell-dialog.js")).cellDialog(session);
   }
 
   /** @param {SessionState} state */
