@@ -5,6 +5,7 @@ import sqlite3
 import tempfile
 import time
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,10 @@ def _insert(
     )
     database.executemany(
         "INSERT INTO files (session_id, capture_id, name, sha256, size) VALUES (?, ?, ?, ?, 8000)",
-        [(session, f"p{n}", f"captures/p{n}.csv", f"{n:064x}") for n in range(len(captures))],
+        [
+            (session, f"p{n}", f"captures/p{n}.csv", sha256(f"{session} {n}".encode()).hexdigest())
+            for n in range(len(captures))
+        ],
     )
 
 
