@@ -121,6 +121,7 @@ def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
 Layer = Callable[[SceneFacts, Look], Iterator[Node]]
 
 LAYERS: dict[str, tuple[str, Layer]] = {
+    "scans": ("Merged cloud", merged_layer),
     "base": ("Base and floor", base_frame),
     "frames": ("Flange and laser frames", frames),
     "light": ("Plane of light", light),
@@ -135,10 +136,9 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "camera": ("Camera: field of view", camera),
     "boards": ("Camera: boards", boards),
     "plane": ("Camera: laser plane", plane_in_camera),
-    "scans": ("Merged cloud", merged_layer),
     "labels": ("Labels", labels),
 }
-"""Root node of each layer, its name for people, and what draws it."""
+"""Root node of each layer, its name for people, and what draws it; the first ones are sent and seen first."""
 
 
 def draw(facts: SceneFacts, look: Look) -> dict[str, Node]:
