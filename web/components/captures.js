@@ -8,6 +8,7 @@ import { maybe, plural, t } from "../texts.js";
 import { did, lastDeed, undoLast, whenDeedsChange } from "../undo.js";
 import { isReplaceable, replaceCapture } from "../replace.js";
 import { StateElement } from "./base.js";
+import { pointsPlot } from "./frame-plot.js";
 import { profilePlot } from "./profile-plot.js";
 import { tableDialog } from "./table-dialog.js";
 import { attempt } from "./toasts.js";
@@ -158,7 +159,7 @@ function columns() {
 
 /** @param {CaptureOut} capture */
 export function thumbnail(capture) {
-  const plot = profilePlot(capture.measured, { width: 48, height: 28, scale: false, most: 60 });
+  const plot = capture.measured.image_size ? pointsPlot(capture) : profilePlot(capture.measured, { width: 48, height: 28, scale: false, most: 60 });
   plot.removeAttribute("role");
   plot.removeAttribute("aria-label");
   plot.setAttribute("aria-hidden", "true");

@@ -7,6 +7,18 @@ import { t } from "../texts.js";
 /** @import {CaptureOut} from "../model.js" */
 
 /**
+ * What was found in a frame without the frame itself: for lists, which should not load a picture a row.
+ * @param {CaptureOut} capture
+ */
+export function pointsPlot({ measured }) {
+  const [width, height] = (measured.image_size ?? [1, 1]).map(Number);
+  return s(
+    "svg", { class: "frame-plot", viewBox: `-0.5 -0.5 ${width} ${height}` },
+    s("path", { class: "found", "stroke-width": Math.max(width ?? 1, height ?? 1) / 24, d: (measured.preview ?? []).map(([x, y]) => `M${x} ${y}h0`).join("") }),
+  );
+}
+
+/**
  * @param {CaptureOut} capture
  * @param {string} sessionId
  */

@@ -1,0 +1,64 @@
+"""From raw camera frames to the solved plane of light, doing what the page says."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+pytestmark = pytest.mark.browser
+
+FRAMES = 20  # boards, and boards with the stripe
+
+
+def seen_so_far(page: Page) -> tuple[int, int]:
+    """How many frames count, and what share of the image they cover, %."""
+    words = page.locator("sc-quality .seen-so-far figcaption").inner_text()
+    found = re.search(r"(\d+) frames cover (\d+) %", words)
+    assert found, words
+    return int(found[1]), int(found[2])
+
+
+def test_the_page_leads_from_board_frames_to_the_plane_of_light(open_page: Callable[..., Any]) -> None:
+    page, watched = open_page(width=1400, height=1000)
+    page.get_by_role("button", name="With raw camera frames").click()
+    instruction = page.locator("sc-guide h1")
+    expect(instruction).not_to_be_empty()
+    captured, solved, shares = 0, [], []
+    while "Laser" not in solved:
+        words = instruction.inner_text()
+        if words.startswith("Solve"):
+            page.locator("sc-actions .solve").click()
+            expect(instruction).not_to_have_text(words, timeout=120_000)
+            solved.append(page.locator(".banner h2").first.inner_text().split()[0])
+            look_at_the_result(page, solved[-1])
+            page.get_by_role("tab", name="Measure").click()
+            continue
+        assert captured < FRAMES, words
+        told = page.locator(".guide-words").inner_text()
+        page.locator("sc-actions .capture").click()
+        captured += 1
+        expect(page.locator("table.captures tbody tr")).to_have_count(captured, timeout=30_000)
+        expect(page.locator(".guide-words")).not_to_have_text(told, timeout=30_000, use_inner_text=True)
+        if not solved and captured in (1, 6):
+            frames, share = seen_so_far(page)
+            assert frames == captured
+            shares.append(share)
+            gauge = page.get_by_role("meter", name=re.compile(r"edges are \d+\.\d pixels wide"))
+            assert float(gauge.get_attribute("value") or 0) > 6  # edges of some two pixels
+            expect(page.locator("sc-quality .frame-plot image")).to_have_count(1)
+    assert shares[0] < shares[1]
+    # The boards with the stripe serve the camera too: it is solved again before the plane.
+    assert list(dict.fromkeys(solved)) == ["Camera", "Laser"]
+    assert len(solved) <= 3
+    assert watched.complaints == []
+
+
+def look_at_the_result(page: Page, step: str) -> None:
+    """Each result has its own evidence."""
+    if step == "Camera":
+        expect(page.locator("svg.arrows .corner").first).to_be_visible()
+        expect(page.get_by_role("heading", name="Coverage")).to_be_visible()
+    elif step == "Laser":
+        expect(page.locator("table.compare tbody tr").first).to_be_visible()
