@@ -9,7 +9,7 @@ from typing import IO
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
-from calib_core.records import Capture, Measured, Session
+from calib_core.records import FORMAT, Capture, Measured, Session
 from calib_core.session.archive import (
     REPORT_FILE,
     SCENE_FILE,
@@ -80,7 +80,7 @@ def pack_stored(
     files = {name: file for name, file in kept.items() if name not in taken} | dict(stored.outputs)
     payload: dict[str, Content] = {
         **{name: partial(stored.blobs.open, file.sha256) for name, file in files.items()},
-        SESSION_FILE: to_json_bytes(stored.session.to_json()),
+        SESSION_FILE: to_json_bytes({"format": FORMAT, **stored.session.to_json()}),
         **{f"results/{stage}.json": to_json_bytes(result) for stage, result in stored.results.items()},
         **pages,
     }
