@@ -157,7 +157,8 @@ def install(app: FastAPI) -> None:
         return problem_response(problem_of_status(error.status_code, got), error.headers)
 
     async def storage(request: Request, error: Exception) -> JSONResponse:
-        log.error("storage failed in %s %s", request.method, request.url.path, exc_info=error)
+        method = request.scope.get("method", "WebSocket")  # of a stream, too: its browser may be cut off
+        log.error("storage failed in %s %s", method, request.url.path, exc_info=error)
         return problem_response(storage_problem(error))
 
     async def unexpected(_: Request, error: Exception) -> JSONResponse:
