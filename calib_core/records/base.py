@@ -1,0 +1,43 @@
+"""What records are made of: names, numbers with limits, a frozen base that keeps fields it does not know."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+FORMAT = "scancell-session/1"
+Step = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan"]
+Kind = Literal["frame", "profile", "cloud", "sweep", "center"]
+Stage = Literal["camera", "laser-plane", "tcp", "turntable", "chain", "verify", "merge"]
+Verdict = Literal["pass", "warn", "fail"]
+PoseConvention = Literal[
+    "matrix", "quaternion-xyzw", "quaternion-wxyz", "abb", "kuka", "fanuc", "ur",
+    "staubli", "kawasaki", "yaskawa", "mitsubishi", "nachi", "ros",
+]  # fmt: skip
+Identifier = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Matrix4 = Annotated[
+    list[Annotated[list[Finite], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)
+]
+Rows = list[list[float]]
+
+
+def mismatch(need: str, got: str, to_do: str) -> ValueError:
+    """Return what a validator raises: `input_error_from_details` takes the three parts out again."""
+    return ValueError(f"need {need}, got {got}. {to_do}", need, got, to_do)
+
+
+class Record(BaseModel):
+    """A frozen record that keeps fields it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the record as plain JSON data, without the fields that were left out."""
+        return self.model_dump(mode="json", exclude_unset=True)
+
+    def unknown_fields(self) -> list[str]:
+        """Return the names in this record that the format does not know (typing errors, or newer fields)."""
+        return sorted(self.model_extra or {})

@@ -1,0 +1,99 @@
+"""What a capture was measured to be, what is wrong with a session, and what to do next."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from calib_core.records.base import Kind, Matrix4, Record, Rows, Stage, Verdict
+
+
+class Measured(Record):
+    """What was seen in one capture of the sphere, in the scanner's frame L, and how good it is.
+
+    A profile's `center_mm` and the rows of `preview` are [x, z] of the plane of light; those of a cloud or a
+    centre are [x, y, z].  `zone` is r/R, the circle's radius over the sphere's; `extent_deg` the length of the
+    arc seen.  A frame's `preview` are pixels of `image_size` (width, height).  A sweep's `profiles` are those in
+    which the sphere's arc is found; its figures are of the one with the largest circle, its points of all.
+
+    Of a frame of the board: `board_px` are its corners, `pitch_px` how far they stand apart (the nearer the board,
+    the farther), `edge_width_px` the rise of its squares' edges from 10 to 90 %: how sharp the frame is.
+    """
+
+    capture: str
+    kind: Kind
+    verdict: Verdict
+    reason: str | None = None
+    to_do: str | None = None
+    points: int = 0
+    on_sphere: int = 0
+    center_mm: list[float] | None = None
+    radius_mm: float | None = None
+    rms_mm: float | None = None
+    point_sigma_mm: float | None = None
+    covariance: Rows | None = None
+    zone: float | None = None
+    extent_deg: float | None = None
+    preview: Rows = Field(default_factory=list)
+    preview_on_sphere: list[bool] = Field(default_factory=list)
+    image_size: tuple[int, int] | None = None
+    board_px: Rows = Field(default_factory=list)
+    pitch_px: float | None = None
+    edge_width_px: float | None = None
+    profiles: int | None = None
+
+
+class Finding(Record):
+    """Something that a check of a session found: an error blocks solving, a warning doubts it, a note informs."""
+
+    level: Literal["error", "warning", "note"]
+    where: str
+    sentence: str
+
+
+GuideStatus = Literal["done", "working", "todo", "later", "stale", "failing", "known", "not-needed"]
+
+
+class GuideStep(Record):
+    """One step of the way and how far it is; computed, never stored."""
+
+    step: Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan", "merge"]
+    status: GuideStatus
+    note: str | None = None
+
+
+class GuideNow(Record):
+    """The one thing to do now.
+
+    `drawing` names the picture beside it.  `suggested_pose` is base_from_tool0 of a capture that would help, and
+    `suggested_pose_numbers` the same as the controller writes it.
+    """
+
+    step: str
+    stage: Stage | None = None
+    action: Literal["capture", "solve", "review"]
+    instruction: str
+    why: str
+    exit: str
+    drawing: str
+    progress: str | None = None
+    still_needed: int = 0
+    suggested_pose: Matrix4 | None = None
+    suggested_pose_numbers: list[float] | None = None
+    suggested_note: str | None = None
+
+
+class GuideLast(Record):
+    """How the last capture was, and what to do where it was not good."""
+
+    capture: str
+    verdict: Verdict
+    reason: str | None = None
+    to_do: str | None = None
+
+
+class Guide(Record):
+    """What to do now and why, how much is still needed, and where every step stands."""
+
+    steps: list[GuideStep]
+    current: GuideNow
+    last_capture: GuideLast | None = None

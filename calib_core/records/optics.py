@@ -1,0 +1,119 @@
+"""Results of the camera and of the laser plane."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from calib_core.records.base import Matrix4, Record, Rows, Vector3
+from calib_core.records.results import CaptureResidual, Result
+
+
+class CameraSegment(Record):
+    """One band of depth of a segmental camera."""
+
+    near_mm: float
+    far_mm: float
+    distortion: dict[str, float]
+
+
+class RefinedCamera(Record):
+    """The camera as it was refined together with the plane of light: the one that belongs to that plane."""
+
+    model: Literal["plain", "rational", "tilted", "segmental"]
+    image_size: tuple[int, int]
+    camera_matrix: Rows
+    distortion: dict[str, float]
+    segments: list[CameraSegment] = Field(default_factory=list)
+
+
+class PlaneInCamera(Record):
+    """The plane of light in the camera frame: normal · p = distance, distance not negative."""
+
+    normal: Vector3
+    distance_mm: float
+
+
+class LaserPlaneResidual(CaptureResidual):
+    """Figures of one board with the stripe: its points on the plane of light, and its corners."""
+
+    points: int = 0
+    line_rms_mm: float | None = None
+    line_mean_mm: float | None = None
+    stripe_sigma_px: float | None = None
+    board_sigma_px: float | None = None
+    board_distance_mm: float | None = None
+
+
+class LaserPlaneResult(Result):
+    """The plane of light in the camera frame, and the frame L in it.
+
+    `covariance` is of camera_from_laser, `plane_covariance` (4, 4) of the normal and the distance,
+    `joint_covariance` of the camera's parameters named (none where the camera was brought) and normal / distance.
+    `camera` is the camera refined together with the plane, where the session's boards gave it.
+    """
+
+    stage: Literal["laser-plane"] = "laser-plane"
+    plane_in_camera: PlaneInCamera
+    camera_from_laser: Matrix4
+    plane_rms_mm: float
+    covariance: Rows
+    plane_covariance: Rows
+    camera: RefinedCamera | None = None
+    joint_parameters: list[str] = Field(default_factory=list)
+    joint_covariance: Rows
+    normal_sigma_deg: float
+    distance_sigma_mm: float
+    residuals: list[LaserPlaneResidual]
+
+
+class CameraResidual(CaptureResidual):
+    """Figures of one view of the board; `points_px` and `residuals_px` (seen minus predicted) draw its arrows."""
+
+    corners: int = 0
+    rms_px: float | None = None
+    edge_width_px: float | None = None
+    camera_from_board: Matrix4 | None = None
+    points_px: Rows = Field(default_factory=list)
+    residuals_px: Rows = Field(default_factory=list)
+
+
+class CameraCandidate(Record):
+    """A camera model that was compared, and its error on held-out views."""
+
+    model: str
+    parameters: int
+    held_out_rms_px: float
+
+
+class CameraCoverage(Record):
+    """Where the boards were seen: corners per cell (rows from the top), their depths, the largest tilt."""
+
+    counts: list[list[int]]
+    covered: float
+    near_mm: float
+    far_mm: float
+    largest_tilt_rad: float
+
+
+class CameraResult(Result):
+    """The camera, with its evidence; `covariance` is of `parameters`, in their order and units (px, rad, 1).
+
+    `tilt_rad` are the sensor's two angles, also in `distortion` as tauX and tauY.
+    """
+
+    stage: Literal["camera"] = "camera"
+    model: Literal["plain", "rational", "tilted", "segmental"]
+    image_size: tuple[int, int]
+    camera_matrix: Rows
+    distortion: dict[str, float]
+    tilt_rad: list[float]
+    segments: list[CameraSegment] = Field(default_factory=list)
+    reprojection_rms_px: float
+    corner_sigma_px: float
+    parameters: list[str]
+    covariance: Rows
+    tilt_correlation: float | None = None
+    board_bend_mm: float | None = None
+    candidates: list[CameraCandidate] = Field(default_factory=list)
+    coverage: CameraCoverage
+    residuals: list[CameraResidual]

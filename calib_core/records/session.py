@@ -1,0 +1,171 @@
+"""A session as its file tells it: the cell, and the captures in it."""
+
+from pathlib import PurePosixPath
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from calib_core.records.base import (
+    FORMAT,
+    Finite,
+    Identifier,
+    Kind,
+    Matrix4,
+    NotNegative,
+    PoseConvention,
+    Positive,
+    Record,
+    Step,
+    Vector3,
+    mismatch,
+)
+
+
+class Scanner(Record):
+    """What kind of data the scanner delivers and how noisy it is."""
+
+    kind: Kind | None = None
+    point_sigma_mm: Positive | None = None
+    z_axis: Literal["away", "toward"] | None = None
+
+
+class Robot(Record):
+    """The repeatability of the robot, standard deviations per axis."""
+
+    position_sigma_mm: NotNegative | None = None
+    orientation_sigma_deg: NotNegative | None = None
+    brand: str | None = None
+
+
+class Turntable(Record):
+    """The turntable's sense of turning, its encoder's standard deviation, and whether its scale is an unknown.
+
+    With `encoder` left out, its scale is an unknown where the captures leave no doubt that it is off.  `angles`
+    says that nobody read them: captures of the sphere then need none.
+
+    `direction` is 1 where the angles count right-handed about the axis that points up in base.
+    """
+
+    direction: Literal[1, -1] | None = None
+    angle_sigma_deg: NotNegative | None = None
+    encoder: Literal["exact", "scale"] | None = None
+    angles: Literal["read", "unknown"] | None = None
+
+
+class Board(Record):
+    """The calibration board of the camera stages; one that is not `flat` has its shape refined with the camera."""
+
+    kind: Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
+    columns: Annotated[int, Field(ge=2, le=200)]
+    rows: Annotated[int, Field(ge=2, le=200)]
+    pitch_mm: Positive
+    marker_mm: Positive | None = None
+    dictionary: str | None = None
+    flat: bool = True
+
+
+class KnownCamera(Record):
+    """A camera calibration that the user brings."""
+
+    camera_matrix: Annotated[list[Vector3], Field(min_length=3, max_length=3)]
+    distortion: dict[str, Finite] = Field(default_factory=dict)
+
+
+class KnownPlane(Record):
+    """A laser plane that the user brings, in the camera frame: normal · p = distance."""
+
+    normal: Vector3
+    distance_mm: Finite
+
+
+class Known(Record):
+    """Results that the user brings: a known stage is not solved, and later stages use it."""
+
+    camera: KnownCamera | None = None
+    laser_plane: KnownPlane | None = None
+    tool0_from_laser: Matrix4 | None = None
+    base_from_turntable: Matrix4 | None = None
+
+
+class MergeSettings(Record):
+    """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile."""
+
+    voxel_mm: Positive = 0.5
+    mesh: Literal["poisson", "grid", "none"] = "poisson"
+    registration: bool = False
+    memory_mb: Positive = 1000.0
+
+
+class Cell(Record):
+    """The scanning cell: sphere, robot, scanner, table, board."""
+
+    pose_convention: PoseConvention
+    sphere_diameter_mm: Positive | None = None
+    sphere_diameter_sigma_mm: NotNegative | None = None
+    scanner: Scanner = Field(default_factory=Scanner)
+    robot: Robot = Field(default_factory=Robot)
+    turntable: Turntable = Field(default_factory=Turntable)
+    board: Board | None = None
+    known: Known = Field(default_factory=Known)
+    merge: MergeSettings = Field(default_factory=MergeSettings)
+
+
+class TimedPose(Record):
+    """One pose of a track that is sampled in time."""
+
+    t_s: Finite
+    pose: list[Finite]
+
+
+class Capture(Record):
+    """One measurement: its files and where robot and table stood, the numbers as they came."""
+
+    id: Identifier
+    step: Step
+    kind: Kind
+    files: list[str] = Field(default_factory=list)
+    pose: list[Finite] | None = None
+    table_deg: Finite | None = None
+    mount: str | None = None
+    center_mm: Vector3 | None = None
+    poses: list[list[Finite]] | None = None
+    timestamps_s: list[Finite] | None = None
+    pose_track: list[TimedPose] | None = None
+    excluded: bool = False
+    side: Literal[1, -1] | None = None
+
+    @field_validator("files")
+    @classmethod
+    def _files_stay_inside(cls, files: list[str]) -> list[str]:
+        for name in files:
+            path = PurePosixPath(name)
+            if not name or path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name or ":" in name:
+                raise mismatch("a file inside the session folder", repr(name)[:80], "Copy it into captures/.")
+        return files
+
+    @model_validator(mode="after")
+    def _has_its_data(self) -> "Capture":
+        if self.kind == "center":
+            if self.center_mm is None:
+                raise mismatch("center_mm [x, y, z] in a capture of kind 'center'", "none", "Add it.")
+        elif not self.files:
+            raise mismatch(f"at least one file in `files` of a '{self.kind}' capture", "none", "Add it.")
+        return self
+
+
+class Session(Record):
+    """A session: the cell and its captures."""
+
+    format: Literal["scancell-session/1"] = FORMAT
+    name: str = ""
+    cell: Cell
+    captures: list[Capture] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _capture_ids_differ(self) -> "Session":
+        seen: set[str] = set()
+        for capture in self.captures:
+            if capture.id in seen:
+                raise mismatch("capture ids that differ", f"'{capture.id}' twice", "Rename or remove one.")
+            seen.add(capture.id)
+        return self
