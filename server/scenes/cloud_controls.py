@@ -5,7 +5,7 @@ from typing import Literal
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from server.scenes.cloud_view import Against, CloudView, Section
+from server.scenes.cloud_view import Against, CloudColors, CloudView, Section
 from server.scenes.router import Scenes, SessionId
 
 cloud_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
@@ -28,9 +28,12 @@ class CloudShown(BaseModel):
     diameter_mm: float | None = Field(default=None, gt=0, le=10_000)
 
 
+_COLORS: dict[str, CloudColors] = {"height": "by height", "scan": "by scan", "deviation": "by deviation"}
+
+
 @cloud_router.post("/cloud", status_code=204, summary="How the merged cloud is shown")
 def show_cloud(session: SessionId, body: CloudShown, scenes: Scenes) -> None:
     """Colour the merged cloud, and cut it open; nothing happens where nobody looks."""
     section = body.section and Section(body.section.axis, body.section.at_mm, body.section.keep)
-    view = CloudView(f"by {body.colors}", section, Against(body.against, body.diameter_mm))
+    view = CloudView(_COLORS[body.colors], section, Against(body.against, body.diameter_mm))
     scenes.show_cloud(session, view)
