@@ -11,6 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _MOST_BYTES = 64 * 1024 * 1024
 _LONGEST_S = 10.0
+_LONGEST_PAUSE_S = 1.0  # who has stopped sending is told why at once
 
 
 class Drain:
@@ -35,7 +36,8 @@ class Drain:
         async def take_rest() -> None:
             taken = 0
             while not whole and taken < _MOST_BYTES:
-                taken += len((await noting()).get("body", b""))
+                message = await asyncio.wait_for(noting(), _LONGEST_PAUSE_S)
+                taken += len(message.get("body", b""))
 
         async def sending(message: Message) -> None:
             nonlocal whole

@@ -26,7 +26,7 @@ def test_without_a_place_the_sentence_begins_with_the_need() -> None:
 
 def test_codes_and_statuses_tell_the_kinds_apart() -> None:
     assert len({kind.code for kind in KINDS}) == len(KINDS)
-    assert {kind.status for kind in KINDS} == {404, 409, 413, 422}
+    assert {kind.status for kind in KINDS} == {404, 409, 413, 422, 503}
 
 
 def test_at_gives_a_place_to_an_error_that_has_none() -> None:

@@ -123,7 +123,7 @@ def test_a_disk_that_becomes_read_only_is_said_and_loses_nothing(small_disk: Pat
         subprocess.run(["mount", "-o", "remount,bind,ro", blobs], check=True)
         assert_problem(add(client, session, 1), 503, "Read-only", "data folder")
         assert_all_there(client, session, 1)
-        subprocess.run(["umount", blobs], check=True)
+        subprocess.run(["umount", "--lazy", blobs], check=True)
         assert add(client, session, 1).status_code == 201
     subprocess.run(["mount", "-o", "remount,ro", small_disk], check=True)
     assert "read-only" in _tried(data)

@@ -72,6 +72,7 @@ def test_a_slow_import_says_how_far_it_is(open_page: Callable[..., Any], archive
         said.append(words)
 
     page.expose_function("note", note)
+    page.locator("sc-progress").wait_for(state="attached")
     page.evaluate("""() => {
         const progress = document.querySelector("sc-progress");
         const told = new MutationObserver(() => note(progress.innerText));

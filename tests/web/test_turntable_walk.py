@@ -31,9 +31,17 @@ def violations(page: Page) -> list[tuple[str, str]]:
 
 def start_the_merge_and_cancel_it(page: Page) -> None:
     """Progress names the scan that is being merged; after the cancel everything is as it was."""
+    page.evaluate("""() => {
+        window.told = [];
+        const job = document.querySelector("sc-actions .job");
+        const options = { subtree: true, childList: true, characterData: true };
+        new MutationObserver(() => window.told.push(job.innerText)).observe(job, options);
+    }""")
     page.locator("sc-actions .solve").click()
-    expect(page.locator("sc-actions .job")).to_contain_text(re.compile(r"Cleaning and merging v\d\d"))
+    merging = re.compile("Cleaning and merging|Gathering the points|Building the mesh")
+    expect(page.locator("sc-actions .job")).to_contain_text(merging)
     page.get_by_role("button", name="Cancel").click()
+    assert any(re.search(r"Cleaning and merging v\d\d", words) for words in page.evaluate("window.told"))
     expect(page.locator("sc-toasts")).to_contain_text("The solve was cancelled.")
     expect(page.locator("sc-guide h1")).to_have_text("Merge the 12 scans.")
 
