@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -132,14 +133,22 @@ def test_a_job_that_takes_too_long_is_ended(start: Callable[..., Any]) -> None:
         assert "0.5 s" in job["error"]["detail"]
 
 
+def require_gone(process: int) -> None:
+    """Assert that a process has ended, or does so within seconds (its parent may still have to take note)."""
+    end_s = time.monotonic() + 10
+    status = Path(f"/proc/{process}/stat")
+    while status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z":
+        assert time.monotonic() < end_s
+        time.sleep(0.05)
+
+
 @pytest.mark.usefixtures("slow")
 def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
     with start() as client:
         session = make_session(client)
         running, waiting = (client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(2))
         worker = wait_until_it_runs(client, running)
-    with pytest.raises(ProcessLookupError):
-        os.kill(worker, 0)
+    require_gone(worker)
     with start() as client:
         for job_id in (running, waiting):
             job = client.get(f"/jobs/{job_id}").json()
