@@ -158,9 +158,12 @@ def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
         temporary = Path(name)
         size = 0
         with os.fdopen(handle, "wb", buffering=0) as file:
-            for piece in pieces:
-                _reserve(file.fileno(), size, len(piece))
-                size += _write_all(file.fileno(), piece)
+            for step in _in_large_steps(pieces):
+                length = sum(len(piece) for piece in step)
+                if size or length >= _LARGE:
+                    _reserve(file.fileno(), size, length)
+                for piece in step:
+                    size += _write_all(file.fileno(), piece)
         temporary.chmod(0o644)
         temporary.replace(path)
     except OSError as error:
@@ -174,9 +177,21 @@ def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
     return size
 
 
+def _in_large_steps(pieces: Iterable[bytes | memoryview]) -> Iterator[list[bytes | memoryview]]:
+    """Give pieces together until they are large, so that a header does not go alone."""
+    step: list[bytes | memoryview] = []
+    for piece in pieces:
+        step.append(piece)
+        if sum(len(one) for one in step) >= _LARGE:
+            yield step
+            step = []
+    if step:
+        yield step
+
+
 def _reserve(handle: int, start: int, length: int) -> None:
-    """Reserve the room of a large piece: a full disk is known at once, and renaming need not wait for the room."""
-    if length >= _LARGE and hasattr(os, "posix_fallocate"):
+    """Reserve room: a full disk is known at once, and renaming need not wait until the disk has found the room."""
+    if hasattr(os, "posix_fallocate"):
         try:
             os.posix_fallocate(handle, start, length)
         except OSError as error:
