@@ -15,6 +15,8 @@ import { attempt } from "./toasts.js";
 
 /** @import {CaptureOut, Residual} from "../model.js" */
 
+const ROWS_AT_ONCE = 40;
+
 export class CapturesElement extends StateElement {
   #count = h("h2", { id: "captures-title" });
   #body = h("tbody");
@@ -25,6 +27,7 @@ export class CapturesElement extends StateElement {
 
   #undo = h("button", { type: "button", class: "plain wide", needs: "capture", hidden: true, onclick: () => void undoLast() }, icon("undo"), t("undo.button"));
   /** @type {(() => void) | null} */ #stopDeeds = null;
+  /** @type {ReturnType<typeof setTimeout> | undefined} */ #timer;
   /** @type {WeakMap<Element, { capture: CaptureOut, told: string }>} */ #shown = new WeakMap();
 
   get parts() {
@@ -61,12 +64,38 @@ export class CapturesElement extends StateElement {
     this.#offerUndo();
     this.#count.textContent = plural(captures.length, "captures.one", "captures.many");
     const residuals = this.#residuals();
-    keyed(this.#body, captures, (capture) => capture.id, () => h("tr"), (row, capture) => this.#fill(row, capture, residuals.get(capture.id)));
+    /** @type {(() => void)[]} */ const later = [];
+    let filled = 0;
+    keyed(this.#body, captures, (capture) => capture.id, () => h("tr"), (row, capture) => {
+      const residual = residuals.get(capture.id);
+      this.#mark(row, capture);
+      if (!this.#differs(row, capture, residual)) return;
+      if (filled++ < ROWS_AT_ONCE) this.#fill(row, capture, residual);
+      else later.push(() => this.#fill(row, capture, residual));
+    });
+    this.#fillLater(later);
+  }
+
+  /** Fill the rest of a long table a few rows at a time, so that the page stays fluid. @param {(() => void)[]} rows */
+  #fillLater(rows) {
+    clearTimeout(this.#timer);
+    if (rows.length === 0) return;
+    this.#timer = setTimeout(() => {
+      for (const fill of rows.splice(0, ROWS_AT_ONCE)) fill();
+      this.#fillLater(rows);
+    });
   }
 
   #residuals() {
     const rows = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals ?? [])));
     return new Map(rows.map((row) => [row.capture, row]));
+  }
+
+  /** @param {Element} row @param {CaptureOut} capture */
+  #mark(row, capture) {
+    const picked = this.state.selected === capture.id;
+    row.classList.toggle("picked", picked);
+    row.querySelector(".pick")?.setAttribute("aria-pressed", String(picked));
   }
 
   /**
@@ -75,17 +104,22 @@ export class CapturesElement extends StateElement {
    * @param {CaptureOut} capture
    * @param {Residual | undefined} residual
    */
-  #fill(row, capture, residual) {
-    const picked = this.state.selected === capture.id;
-    row.classList.toggle("picked", picked);
-    row.querySelector(".pick")?.setAttribute("aria-pressed", String(picked));
-    const told = JSON.stringify(residual ?? null);
+  #differs(row, capture, residual) {
     const shown = this.#shown.get(row);
-    if (shown && shown.capture === capture && shown.told === told) return;
+    return shown?.capture !== capture || shown.told !== JSON.stringify(residual ?? null);
+  }
+
+  /**
+   * @param {Element} row
+   * @param {CaptureOut} capture
+   * @param {Residual | undefined} residual
+   */
+  #fill(row, capture, residual) {
+    const told = JSON.stringify(residual ?? null);
     this.#shown.set(row, { capture, told });
     const focused = row.contains(document.activeElement) ? document.activeElement?.className : "";
     row.classList.toggle("out", capture.excluded === true || residual?.used === false);
-    row.replaceChildren(...this.#cells(capture, residual, picked));
+    row.replaceChildren(...this.#cells(capture, residual, this.state.selected === capture.id));
     if (focused) /** @type {HTMLElement | null} */ (row.querySelector(`.${focused.split(" ").at(-1)}`))?.focus();
   }
 
