@@ -1,4 +1,4 @@
-// Every text of the page comes from one catalogue; another language is another file beside texts/en.js.
+// Every text of the page comes from one catalogue; another language is another index and folder beside texts/en.js.
 
 import { en } from "./texts/en.js";
 

@@ -71,7 +71,7 @@ export class SessionPage extends HTMLElement {
       measure.hidden = state.view !== "measure";
       result.hidden = state.view !== "result";
     });
-    const work = h("div", { class: "work" }, viewTabs(state), measure, result);
+    const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result);
     this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit), make(LiveElement, { state }));
     this.append(this.#loading, this.#problem, h("div", { class: "session" }, make(RailElement, { state }), work, make(SceneElement, { state })));
     this.#listenForDrops(sources[0]);

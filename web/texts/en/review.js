@@ -1,0 +1,38 @@
+// English. Review, time line, recomputing.
+
+export const review = {
+  "review.title": "Review of {name} · scancell",
+  "review.read_only": "read-only",
+  "review.links": "This session",
+  "review.session": "Open the session",
+  "review.archive": "Archive",
+  "review.print": "Print",
+  "review.log": "Log",
+
+  "timeline.label": "Time line of captures and solves",
+  "timeline.words": "{at} of {all} · {what} · {when}",
+  "timeline.capture": "Capture {capture}, {verdict}",
+  "timeline.removed": "Capture {capture}, removed since",
+  "timeline.result": "{stage} solved, {verdict}",
+  "timeline.failed": "{stage} could not be solved",
+  "timeline.cancelled": "Solve of {stage} cancelled",
+  "timeline.now": "As it is now",
+  "timeline.back": "One step back",
+  "timeline.forward": "One step forward",
+  "timeline.play": "Play",
+  "timeline.pause": "Pause",
+
+  "recompute.title": "Recompute",
+  "recompute.what": "Solves every stage afresh from the stored captures and compares each number. Nothing stored is changed.",
+  "recompute.go": "Recompute and compare",
+  "recompute.running": "Solving afresh",
+  "recompute.cancelled": "Cancelled; nothing was compared.",
+  "recompute.equal": "Every number came out again, within {tolerance} relative, with {software}.",
+  "recompute.differs": "Not every number came out again within {tolerance} relative, with {software}. What differs and why stands below.",
+  "recompute.stage_equal": "{numbers} numbers equal, largest difference {largest} relative",
+  "recompute.stage_differs": "{count} values differ, largest difference {largest} relative",
+  "recompute.side_by_side": "{stage}: stored and new side by side",
+  "recompute.where": "Value",
+  "recompute.stored": "Stored",
+  "recompute.fresh": "New",
+};
