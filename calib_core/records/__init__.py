@@ -20,7 +20,16 @@ from calib_core.records.base import (
     Vector3,
     Verdict,
 )
-from calib_core.records.guidance import Finding, Guide, GuideLast, GuideNow, GuideStatus, GuideStep, Measured
+from calib_core.records.guidance import (
+    Finding,
+    Guide,
+    GuideLast,
+    GuideNow,
+    GuideStatus,
+    GuideStep,
+    Measured,
+    Still,
+)
 from calib_core.records.optics import (
     CameraCandidate,
     CameraCoverage,
@@ -119,6 +128,7 @@ __all__ = [
     "Session",
     "Stage",
     "Step",
+    "Still",
     "TableCircle",
     "TableFields",
     "TableMount",

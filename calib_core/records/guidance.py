@@ -7,6 +7,20 @@ from pydantic import Field
 from calib_core.records.base import Kind, Matrix4, Record, Rows, Stage, Verdict
 
 
+class Still(Record):
+    """Whether a capture's exposures at one commanded pose show the sphere at one place.
+
+    `movement_mm` is the root mean square of what is beyond noise in centre and radius of the arc, `noise_mm` what
+    noise alone gives, `chance` how often noise alone scatters as much.
+    """
+
+    exposures: int
+    movement_mm: float
+    noise_mm: float
+    chance: float
+    stands_still: bool
+
+
 class Measured(Record):
     """What was seen in one capture of the sphere, in the scanner's frame L, and how good it is.
 
@@ -17,6 +31,8 @@ class Measured(Record):
 
     Of a frame of the board: `board_px` are its corners, `pitch_px` how far they stand apart (the nearer the board,
     the farther), `edge_width_px` the rise of its squares' edges from 10 to 90 %: how sharp the frame is.
+
+    `still` tells of standstill where the capture has several exposures at one pose; of one it cannot be told.
     """
 
     capture: str
@@ -40,6 +56,7 @@ class Measured(Record):
     pitch_px: float | None = None
     edge_width_px: float | None = None
     profiles: int | None = None
+    still: Still | None = None
 
 
 class Finding(Record):

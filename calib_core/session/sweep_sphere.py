@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, Measured, Session
+from calib_core.records import Capture, Measured, Session, Still
 from calib_core.session.measure import SPHERE_STEPS, ReadFile, arc_observation, sphere_of, thinned, thinning
+from calib_core.session.standstill import doubt_of, still_of
 from calib_core.session.sweep import sweep_poses, sweep_profile
 from calib_core.sphere.arc import ArcFit, fit_arc
 
@@ -85,13 +86,15 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
             points=points,
             profiles=0,
         )
-    few = len(arcs) < _FEW_PROFILES
+    still = still_of((arc.pose, arc.fit) for arc in arcs)
+    doubt = doubt_of(still) or _doubt_of_count(len(arcs), len(profiles), still)
     return Measured(
         capture=capture.id,
         kind="sweep",
-        verdict="warn" if few else "pass",
-        reason=_count(len(arcs), len(profiles)),
-        to_do="Move more slowly across the sphere, or record more profiles." if few else None,
+        verdict="warn" if doubt else "pass",
+        reason=doubt[0] if doubt else _count(len(arcs), len(profiles)),
+        to_do=doubt[1] if doubt else None,
+        still=still,
         points=points,
         on_sphere=sum(int(arc.fit.inliers.sum()) for arc in arcs),
         profiles=len(arcs),
@@ -157,6 +160,13 @@ def _no_arc(profiles: list[_Profile]) -> MeasurementError:
     assert isinstance(fullest, MeasurementError)
     got = f"{fullest.got} (none of {len(profiles)} profiles shows it)"
     return MeasurementError(fullest.need, got, fullest.to_do, fullest.where)
+
+
+def _doubt_of_count(arcs: int, profiles: int, still: Still | None) -> tuple[str, str] | None:
+    """Return reason and what to do where a sweep across the sphere shows it too seldom."""
+    if arcs >= _FEW_PROFILES or (still is not None and still.exposures == arcs):
+        return None
+    return _count(arcs, profiles), "Move more slowly across the sphere, or record more profiles."
 
 
 def _count(arcs: int, profiles: int) -> str:

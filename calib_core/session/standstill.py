@@ -1,0 +1,62 @@
+"""Standstill of a capture: what its exposures at one commanded pose say, as a record and in words."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from calib_core.frames import RigidTransform
+from calib_core.records import Still
+from calib_core.sphere.arc import ArcFit
+from calib_core.sphere.standstill import standstill
+
+# A controller that stands still may tell poses that differ in their last digit.
+_SAME_PLACE_MM = 0.002
+_SAME_ORIENTATION_RAD = 2e-5
+
+
+def still_of(arcs: Iterable[tuple[RigidTransform, ArcFit]]) -> Still | None:
+    """Return how much the arc moved between exposures that follow each other at one commanded pose.
+
+    Parameters
+    ----------
+    arcs : iterable of (base_from_tool0, ArcFit)
+        The exposures in which the sphere was found, in their order.
+
+    Returns
+    -------
+    Still or None
+        None where no two exposures share a pose: then it cannot be told.
+    """
+    groups: list[list[ArcFit]] = []
+    began: RigidTransform | None = None
+    for pose, fit in arcs:
+        if began is None or not _is_same(began, pose):
+            began = pose
+            groups.append([])
+        groups[-1].append(fit)
+    found = standstill(groups)
+    if found is None:
+        return None
+    return Still(
+        exposures=found.exposures,
+        movement_mm=found.movement_mm,
+        noise_mm=found.noise_mm,
+        chance=found.chance,
+        stands_still=found.stands_still,
+    )
+
+
+def doubt_of(still: Still | None) -> tuple[str, str] | None:
+    """Return reason and what to do where something moved, else None."""
+    if still is None or still.stands_still:
+        return None
+    reason = (
+        f"The sphere moved by {still.movement_mm:.3f} mm between {still.exposures} exposures at one commanded "
+        f"pose, where noise alone lets it scatter {still.noise_mm:.3f} mm."
+    )
+    return reason, "Let the arm settle before the capture, and fix what shakes: scanner, sphere or stand."
+
+
+def _is_same(one: RigidTransform, other: RigidTransform) -> bool:
+    difference = np.abs(one.difference(other))
+    return bool(difference[:3].max() < _SAME_ORIENTATION_RAD and difference[3:].max() < _SAME_PLACE_MM)
