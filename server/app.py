@@ -18,6 +18,7 @@ from server.auth.refusals import Refusals
 from server.backlog import Backlog
 from server.drain import Drain
 from server.events import Hub
+from server.gone import Gone
 from server.guard import Guard
 from server.housekeeping import Housekeeping
 from server.jobs import Jobs
@@ -144,6 +145,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(Door, settings=settings)
     app.add_middleware(Guard, settings=settings)
     app.add_middleware(Drain)
+    app.add_middleware(Gone)
     app.add_middleware(Watch, metrics=app.state.metrics)
     return app
 

@@ -11,6 +11,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from sqlalchemy.exc import DBAPIError, OperationalError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
@@ -161,6 +162,9 @@ def install(app: FastAPI) -> None:
         log.error("storage failed in %s %s", method, request.url.path, exc_info=error)
         return problem_response(storage_problem(error))
 
+    async def cut_off(_: Request, __: Exception) -> JSONResponse:
+        return problem_response(problem_of_status(400, "a request whose connection ended before it was whole"))
+
     async def unexpected(_: Request, error: Exception) -> JSONResponse:
         # The server logs it: it is raised again after this answer.
         got = f"an error of the program itself ({type(error).__name__})"
@@ -172,4 +176,5 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, http)
     app.add_exception_handler(OSError, storage)
     app.add_exception_handler(OperationalError, storage)
+    app.add_exception_handler(ClientDisconnect, cut_off)
     app.add_exception_handler(Exception, unexpected)

@@ -5,15 +5,15 @@ from contextlib import suppress
 from typing import IO, Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
-from fastapi.responses import HTMLResponse, StreamingResponse
+from fastapi.responses import HTMLResponse
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 
 from calib_core.errors import CalibrationError, InputError
 from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
 from server.deps import OnceDep, SessionId, StoreDep
+from server.downloads import Download
 from server.schemas import StoredSession
-from server.store.blobs import chunks_to_end
 from server.store.kept import kept_files
 from server.store.models import Data
 from server.store.sessions import StoredSession as SessionOfStore
@@ -73,7 +73,7 @@ def get_archive(
     session_id: SessionId,
     store: StoreDep,
     scene: Annotated[bool, Query(description="With the 3-D scene as a page of its own.")] = True,
-) -> StreamingResponse:
+) -> Download:
     """Return the session as one zip that still computes years later: record, files, results, past, pages."""
     from server.store.archived_history import HISTORY_FILE, history_bytes
     from server.store.archives import pack_stored
@@ -92,7 +92,7 @@ def get_archive(
         "Content-Length": str(size),
         "Content-Disposition": f'attachment; filename="{archive_name(stored.session)}.zip"',
     }
-    return StreamingResponse(chunks_to_end(file), media_type="application/zip", headers=headers)
+    return Download(file, "application/zip", headers)
 
 
 @router.post("/archives", status_code=201, response_model=StoredSession, openapi_extra=_BODY)

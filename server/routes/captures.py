@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, File, Form, Response, UploadFile
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError, InputError, TooLargeError
@@ -24,13 +24,13 @@ from server.deps import (
     SettingsDep,
     StoreDep,
 )
+from server.downloads import Download
 from server.measuring import check_poses
 from server.measuring_processes import Measuring
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.sources.receiving import receive
 from server.sources.simulated import next_capture
 from server.store.arrivals import add_captures
-from server.store.blobs import chunks_to_end
 from server.store.captures import (
     capture_data,
     capture_ids,
@@ -225,7 +225,7 @@ def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_mat
     response_class=Response,
     responses={200: {"description": "The file.", "content": {"application/octet-stream": {}}}},
 )
-def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: StoreDep) -> StreamingResponse:
+def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: StoreDep) -> Download:
     """Return a file as it came, byte for byte; `name` as in the record's `files`, or its last part."""
     with store.read() as db:
         session_row(db, session_id)
@@ -233,10 +233,10 @@ def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: Sto
     file = store.blobs.open(digest)
     size = file.seek(0, 2)
     last = quote(PurePosixPath(name).name)
-    return StreamingResponse(
-        chunks_to_end(file),
-        media_type="application/octet-stream",
-        headers={
+    return Download(
+        file,
+        "application/octet-stream",
+        {
             "Content-Length": str(size),
             "ETag": f'"{digest}"',
             "Cache-Control": "private, max-age=31536000, immutable",

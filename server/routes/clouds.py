@@ -1,21 +1,19 @@
 """Clouds and meshes that a merge made: listed, and streamed in the formats of other programs."""
 
-from collections.abc import Iterator
 from pathlib import PurePosixPath
-from typing import IO, Annotated
+from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response
 from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
 from server.deps import SessionId, StoreDep
+from server.downloads import Download
 from server.schemas import StoredCloudFile, StoredCloudFiles
 from server.store.sessions import StoredSession, load_session
 from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["clouds"], route_class=StrictRoute)
-
-_CHUNK_BYTES = 1 << 20
 
 CloudName = Annotated[
     str,
@@ -70,7 +68,7 @@ def get_cloud(
     content = store.blobs.open(output.sha256)
     if chosen == "ply":
         headers["Content-Length"] = str(output.size)
-        return StreamingResponse(_chunks(content), media_type=MEDIA_TYPES[chosen], headers=headers)
+        return Download(content, MEDIA_TYPES[chosen], headers)
     with content:
         cloud = read_stored_ply(content.read(), file)
     return StreamingResponse(in_format(cloud, chosen, file), media_type=MEDIA_TYPES[chosen], headers=headers)
@@ -82,9 +80,3 @@ def _missing(stored: StoredSession, name: str) -> NotFoundError:
         return NotFoundError(f"a cloud among {there}", repr(name), "Name one of these.", "name")
     to_do = f"POST …/sessions/{stored.id}/solve/merge makes them."
     return NotFoundError("a merged cloud", "none in this session", to_do, "name")
-
-
-def _chunks(content: IO[bytes]) -> Iterator[bytes]:
-    with content:
-        while chunk := content.read(_CHUNK_BYTES):
-            yield chunk

@@ -5,13 +5,12 @@ from typing import Annotated, Final
 from urllib.parse import quote
 
 from fastapi import APIRouter, Path, Response
-from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
 from calib_core.session.archive import REPORT_FILE, SCENE_FILE
 from server.deps import SessionId, StoreDep
+from server.downloads import Download
 from server.schemas import KeptFile, KeptFiles
-from server.store.blobs import chunks_to_end
 from server.store.kept import kept_files
 from server.store.sessions import session_row
 from server.strict_json import StrictRoute
@@ -44,7 +43,7 @@ def get_kept(
     session_id: SessionId,
     name: Annotated[str, Path(description="As in the list: `scene.html`, `truth.json`.", max_length=1000)],
     store: StoreDep,
-) -> StreamingResponse:
+) -> Download:
     """Return a file of the archive byte for byte; `scene.html` and `report.html` as pages on their own."""
     with store.read() as db:
         session_row(db, session_id)
@@ -57,10 +56,10 @@ def get_kept(
     page = name in _PAGES
     file = store.blobs.open(kept[name].sha256)
     how = "inline" if page else "attachment"
-    return StreamingResponse(
-        chunks_to_end(file),
-        media_type="text/html; charset=utf-8" if page else "application/octet-stream",
-        headers={
+    return Download(
+        file,
+        "text/html; charset=utf-8" if page else "application/octet-stream",
+        {
             "Content-Length": str(kept[name].size),
             "ETag": f'"{kept[name].sha256}"',
             "Content-Disposition": f"{how}; filename*=UTF-8''{quote(PurePosixPath(name).name)}",

@@ -1,0 +1,46 @@
+"""WebSockets that end before or without their other side: nobody is left to be told, and nothing has failed."""
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocketDisconnect
+from uvicorn.protocols.utils import ClientDisconnected
+
+
+class Gone:
+    """A layer of the application that ends a WebSocket in silence once it was refused or its other side hung up.
+
+    What is sent then fails with an OSError, which further in would be taken for a disk that cannot be used; and
+    uvicorn takes a refusal, once it is sent, for a handshake that was forgotten.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve; raises ClientDisconnected, which the server expects, where nobody is there any more."""
+        if scope["type"] != "websocket":
+            await self._app(scope, receive, send)
+            return
+        gone = False
+
+        async def hearing() -> Message:
+            nonlocal gone
+            message = await receive()
+            gone = gone or message["type"] == "websocket.disconnect"
+            return message
+
+        async def saying(message: Message) -> None:
+            nonlocal gone
+            try:
+                await send(message)
+            except OSError as error:
+                gone = True
+                raise WebSocketDisconnect(1006) from error
+            gone = gone or message["type"] == "websocket.http.response.body"
+
+        try:
+            await self._app(scope, hearing, saying)
+        except WebSocketDisconnect:
+            if not gone:
+                raise
+        if gone:
+            raise ClientDisconnected
