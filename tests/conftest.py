@@ -1,6 +1,49 @@
-"""Properties are tested with the same examples every time, and take the time that a busy machine gives them."""
+"""Properties are tested with the same examples every time, and take the time that a busy machine gives them.
 
+The browser of all browser tests is here, and what watches it.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:  # most tests need no browser
+    from playwright.sync_api import Browser
+
+    from tests.web.browsing import Watch
 
 settings.register_profile("scancell", deadline=None, derandomize=True, database=None)
 settings.load_profile("scancell")
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    from playwright.sync_api import expect, sync_playwright
+
+    from tests.web.browsing import BROWSER_ARGUMENTS
+
+    expect.set_options(timeout=30_000)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def watch(chromium: Browser) -> Iterator[Watch]:
+    """What watches the test's pages: each asks its own server alone and complains of nothing unannounced."""
+    from tests.web.browsing import watching
+
+    with watching(chromium) as watch:
+        yield watch
+
+
+@pytest.fixture
+def browser(chromium: Browser, watch: Watch) -> Browser:
+    """The browser, all of whose pages are watched."""
+    return chromium

@@ -1,7 +1,5 @@
 """The scene in a real browser: it draws, follows, keeps to its own server and has nothing to complain about."""
 
-import shutil
-from collections.abc import Iterator
 from io import BytesIO
 from urllib.parse import urlsplit
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from server.scenes.colors import REJECTED, Rgb
 from server.scenes.manager import SceneManager
@@ -51,17 +49,6 @@ class Watched:
             before = now
             self.page.wait_for_timeout(250)
         raise AssertionError("the picture never comes to rest")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=shutil.which("chromium"),
-            args=["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"],
-        )
-        yield browser
-        browser.close()
 
 
 def pixels_near(picture: NDArray[np.int_], color: Rgb, within: int = 60) -> int:

@@ -1,9 +1,13 @@
 """What the browser's tests share: pages that are watched, and pages without the scene."""
 
 import re
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any
 from urllib.parse import urlsplit
 
-from playwright.sync_api import BrowserContext, Page, Request
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, Request
 
 BROWSER_ARGUMENTS = [
     "--use-angle=swiftshader",
@@ -12,6 +16,63 @@ BROWSER_ARGUMENTS = [
     "--disable-background-networking",
 ]
 _SCENE = re.compile(r"/scenes/[^/]+/(viewers/[^/]+/)?(\?.*)?$")
+
+
+class Watch:
+    """Watches all pages of a test: none may ask another server than its own, or complain unannounced."""
+
+    def __init__(self) -> None:
+        self.complaints: list[str] = []
+        self.foreign: list[str] = []
+        self._announced: list[str] = []
+
+    def announce(self, pattern: str) -> None:
+        """Say beforehand that pages will complain like this: the browser writes down each request that fails."""
+        self._announced.append(pattern)
+
+    def follow(self, context: BrowserContext) -> BrowserContext:
+        """Watch a profile's pages; the server that the first of them asks is its own."""
+        own: list[str] = []
+
+        def asked(url: str) -> None:
+            parts = urlsplit(url)
+            if parts.scheme in ("data", "blob", "about"):
+                return
+            own.append(parts.netloc)
+            if parts.netloc != own[0] or parts.hostname != "127.0.0.1":
+                self.foreign.append(url)
+
+        context.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
+        context.on("weberror", lambda error: self.complaints.append(str(error.error)))
+        context.on("request", lambda request: asked(request.url))
+        context.on("page", lambda page: page.on("websocket", lambda socket: asked(socket.url)))
+        return context
+
+    def require_quiet(self) -> None:
+        """Fail where a page asked elsewhere, complained unannounced, or did not complain as announced."""
+        unannounced = [c for c in self.complaints if not any(re.search(p, c) for p in self._announced)]
+        missing = [p for p in self._announced if not any(re.search(p, c) for c in self.complaints)]
+        if self.foreign or unannounced or missing:
+            said = f"asked elsewhere: {self.foreign}; complained: {unannounced}; did not complain of: {missing}"
+            raise AssertionError(said)
+
+
+@contextmanager
+def watching(browser: Browser) -> Generator[Watch]:
+    """Watch every page that is opened in a browser meanwhile, and fail at the end where one was not quiet."""
+    watch = Watch()
+    make = browser.new_context
+
+    def context(**options: Any) -> BrowserContext:
+        return watch.follow(make(**options))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(browser, "new_context", context)
+        patch.setattr(browser, "new_page", lambda **options: context(**options).new_page())
+        yield watch
+        for left in browser.contexts:  # what they still have to say is heard as well
+            left.close()
+    watch.require_quiet()
 
 
 class Watched:

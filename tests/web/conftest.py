@@ -1,27 +1,17 @@
 """A real Chromium on the real server."""
 
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from server.settings import Settings
 from tests.server.live_server import serving
-from tests.web.browsing import BROWSER_ARGUMENTS, Watched, leave_out_the_scene
+from tests.web.browsing import Watched, leave_out_the_scene
 
 # The start page draws the simulated cell's seed by lot; here it is always 7.
 _SAME_CELL = "if (window === window.top) Math.random = () => 0.00065;"
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    expect.set_options(timeout=30_000)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, FilePayload, Page, expect
 
 from tests.server.live_server import make_session, simulated_session
-from tests.web.browsing import leave_out_the_scene
+from tests.web.browsing import Watch, leave_out_the_scene
 
 pytestmark = pytest.mark.browser
 
@@ -51,7 +51,8 @@ def test_start(page: Page, axe: str, api: httpx.Client) -> None:
     assert violations(page, axe) == []
 
 
-def test_start_with_an_archive_refused_and_the_tour(page: Page, axe: str) -> None:
+def test_start_with_an_archive_refused_and_the_tour(page: Page, axe: str, watch: Watch) -> None:
+    watch.announce("status of 422")
     page.goto("/")
     archive = FilePayload(name="cell.zip", mimeType="application/zip", buffer=b"no archive")
     page.locator("input[accept='.zip']").set_input_files(archive)
@@ -75,7 +76,8 @@ def test_captures_compared_and_poses_in_columns(page: Page, axe: str, api: httpx
     assert violations(page, axe) == []
 
 
-def test_what_is_not_there_or_not_allowed(page: Page, axe: str, api: httpx.Client) -> None:
+def test_what_is_not_there_or_not_allowed(page: Page, axe: str, api: httpx.Client, watch: Watch) -> None:
+    watch.announce("status of 404")
     page.goto("/sessions/not-there")
     expect(page.get_by_role("link", name="Back to all sessions")).to_be_visible()
     assert violations(page, axe) == []

@@ -14,7 +14,7 @@ from server.settings import Settings
 from tests.benchmarks.bench_page import fresh_page, longest_tasks_ms, many_captures
 from tests.real.conftest import data_folder  # noqa: F401 — the fixture
 from tests.server.live_server import make_session, serving, simulated_session
-from tests.web.browsing import leave_out_the_scene
+from tests.web.browsing import Watch, leave_out_the_scene
 
 pytestmark = pytest.mark.browser
 
@@ -149,7 +149,8 @@ def test_a_slow_link_says_what_it_waits_for(open_page: Callable[..., Any], api: 
     assert watched.complaints == []
 
 
-def test_without_a_server_nothing_is_lost(open_page: Callable[..., Any], api: httpx.Client) -> None:
+def test_without_a_server_nothing_is_lost(open_page: Callable[..., Any], api: httpx.Client, watch: Watch) -> None:
+    watch.announce("ERR_INTERNET_DISCONNECTED")
     session = make_session(api)
     page, _ = open_page(f"/sessions/{session}")
     expect(page.locator("sc-live")).to_have_text("live")

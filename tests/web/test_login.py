@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from tests.server.access import bearer, guarded, site_of
 from tests.server.live_server import simulated_session
-from tests.web.browsing import Watched, leave_out_the_scene
+from tests.web.browsing import Watch, Watched, leave_out_the_scene
 from tests.web.test_accessible import violations
 
 pytestmark = pytest.mark.browser
@@ -41,7 +41,8 @@ def log_in(page: Page, token: str) -> None:
     page.get_by_role("button", name="Log in").click()
 
 
-def test_in_and_out(browser: Browser, served, axe: str) -> None:
+def test_in_and_out(browser: Browser, served, axe: str, watch: Watch) -> None:
+    watch.announce("status of 401")
     client, tokens, session = served
     context = browser.new_context(base_url=site_of(client))
     leave_out_the_scene(context)
@@ -87,7 +88,8 @@ def test_the_login_leads_nowhere_else(browser: Browser, served, next_page: str) 
     context.close()
 
 
-def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, axe: str) -> None:
+def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, axe: str, watch: Watch) -> None:
+    watch.announce("status of 401")
     client, tokens, session = served
     page = context.new_page()
     page.goto("/login")
@@ -138,7 +140,8 @@ def test_a_revoked_token_ends_an_open_page(browser: Browser, served) -> None:
     context.close()
 
 
-def test_the_scene_needs_the_login_too(browser: Browser, served, tmp_path: Path) -> None:
+def test_the_scene_needs_the_login_too(browser: Browser, served, tmp_path: Path, watch: Watch) -> None:
+    watch.announce("status of 401")
     client, tokens, session = served
     context = browser.new_context(base_url=site_of(client))
     page = context.new_page()

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.server.live_server import simulated_session, wait_for
-from tests.web.browsing import leave_out_the_scene
+from tests.web.browsing import Watch, leave_out_the_scene
 from tests.web.test_accessible import violations
 
 pytestmark = pytest.mark.browser
@@ -91,14 +91,19 @@ def test_recomputing_shows_stored_and_new(open_page: Callable[..., Any], session
     assert watched.complaints == []
 
 
-def test_a_session_that_is_not_there_says_so(open_page: Callable[..., Any]) -> None:
+def test_a_session_that_is_not_there_says_so(open_page: Callable[..., Any], watch: Watch) -> None:
+    watch.announce("status of 404")
     page, _ = open_page("/sessions/none/review")
     expect(page.get_by_role("link", name="Back to all sessions")).to_be_visible()
 
 
 def test_from_a_result_to_its_history_and_to_the_comparison(
-    open_page: Callable[..., Any], session: str, api: httpx.Client
+    open_page: Callable[..., Any],
+    session: str,
+    api: httpx.Client,
+    watch: Watch,
 ) -> None:
+    watch.announce("status of 404")
     page, watched = open_page(f"/sessions/{session}#result")
     workpiece = page.get_by_role("region", name="What it means at the workpiece")
     assert re.search(r"±0\.\d+ mm", workpiece.inner_text().replace("\u202f", " "))

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 from calib_core.simulation import simulate
 from server.settings import Settings
 from tests.server.live_server import make_session, serving, simulated_session
-from tests.web.browsing import leave_out_the_scene
+from tests.web.browsing import Watch, leave_out_the_scene
 
 pytestmark = pytest.mark.browser
 
@@ -138,7 +138,10 @@ def test_files_are_dropped_anywhere_on_the_page(open_page: Callable[..., Any], a
     assert watched.complaints == []
 
 
-def test_a_session_removed_elsewhere_says_so(open_page: Callable[..., Any], api: httpx.Client) -> None:
+def test_a_session_removed_elsewhere_says_so(
+    open_page: Callable[..., Any], api: httpx.Client, watch: Watch
+) -> None:
+    watch.announce("status of 404")
     session = simulated_session(api, captures=1)
     page, _ = open_page(f"/sessions/{session}")
     expect(rows(page)).to_have_count(1)
@@ -157,8 +160,12 @@ def test_a_solve_that_cannot_be_says_what_is_missing(open_page: Callable[..., An
 
 
 def test_a_refused_capture_says_what_to_do(
-    open_page: Callable[..., Any], api: httpx.Client, tmp_path: Path
+    open_page: Callable[..., Any],
+    api: httpx.Client,
+    tmp_path: Path,
+    watch: Watch,
 ) -> None:
+    watch.announce("status of 422")
     session = make_session(api)
     flat = tmp_path / "wall.csv"
     x_mm = np.linspace(-30, 30, 200)
@@ -221,7 +228,8 @@ def test_a_solve_goes_on_while_the_page_is_loaded_anew(open_page: Callable[..., 
     assert watched.complaints == []
 
 
-def test_an_address_of_nothing_says_so(open_page: Callable[..., Any]) -> None:
+def test_an_address_of_nothing_says_so(open_page: Callable[..., Any], watch: Watch) -> None:
+    watch.announce("status of 404")
     page, _ = open_page("/sessions/not-there")
     expect(page.locator("main")).to_contain_text("not-there")
     page.get_by_role("link", name="Back to all sessions").click()

@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.server.live_server import make_session, simulated_session, wait_for
+from tests.web.browsing import Watch
 
 pytestmark = pytest.mark.browser
 
@@ -53,8 +54,12 @@ def test_an_archive_dropped_on_the_page_becomes_a_session(open_page: Callable[..
 
 
 def test_a_damaged_archive_is_refused_with_its_reason(
-    open_page: Callable[..., Any], archive: Path, api: httpx.Client
+    open_page: Callable[..., Any],
+    archive: Path,
+    api: httpx.Client,
+    watch: Watch,
 ) -> None:
+    watch.announce("status of 422")
     before = len(api.get("/sessions?limit=1000").json()["items"])
     page, _ = open_page()
     drop(page, archive.name, archive.read_bytes()[:-300])
