@@ -1,7 +1,7 @@
 """Every error leaves the server as a problem detail (RFC 9457) that says what to do."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from errno import ENOSPC
 from http import HTTPStatus
 from typing import Any
@@ -39,7 +39,12 @@ _TO_DO = {
     400: "Correct the request.",
     404: "Check the address; /docs lists them all.",
     405: "Use one of the methods that the Allow header names; /docs lists them all.",
+    408: "Send it again; the same Idempotency-Key keeps it from counting twice.",
     413: "Send less at once: thin the points, crop the frame, or split the capture.",
+    500: "Look into the server's log and report it.",
+    503: "Try again in a moment.",
+    504: "Try again with less at once.",
+    507: "Free space on the server's disk, then send it again.",
 }
 
 
@@ -70,6 +75,18 @@ class TooManyError(CalibrationError):
     code = "too-many"
     status = 429
     retry_after_s = 1
+
+
+def catalogue() -> dict[str, str]:
+    """Return every type of problem that an answer or a failed job may bear, without its prefix, with its title."""
+    titles = {code: _TITLES[code] for code in _codes(CalibrationError)}
+    return titles | {f"http-{status}": HTTPStatus(status).phrase for status in _TO_DO}
+
+
+def _codes(error: type[CalibrationError]) -> Iterator[str]:
+    for kind in error.__subclasses__():
+        yield kind.code
+        yield from _codes(kind)
 
 
 def problem(error: CalibrationError) -> dict[str, Any]:
