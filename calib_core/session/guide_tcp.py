@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell, GuideNow, Measured, Session
 from calib_core.robot_pose import parse_pose, to_pose
 from calib_core.session.guide_motion import (
@@ -21,7 +22,9 @@ from calib_core.session.guide_motion import (
     next_turn,
     turn_between_deg,
 )
+from calib_core.session.guide_place import SeenCenter, probable_place
 
+_PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
 _MANY = 12  # so many captures of different orientations do without pure translations
 
 
@@ -56,7 +59,56 @@ def tcp_now(session: Session, measured: Sequence[Measured], result: Mapping[str,
         return _solve(turns, again=result is not None)
     if not shifted:
         return _shift(session.cell, motion, home)
-    return _turn(session.cell, motion, home, result)
+    names = [name for name in poses if verdicts.get(name) != "fail"]
+    return _turn(session.cell, motion, home, _sphere(session.cell, names, poses, measured, motion, result))
+
+
+def _sphere(
+    cell: Cell,
+    names: Sequence[str],
+    poses: Mapping[str, RigidTransform],
+    measured: Sequence[Measured],
+    motion: Motion,
+    result: Mapping[str, Any] | None,
+) -> tuple[FloatArray | None, str]:
+    """Return where the sphere is in base, as solved or else as guessed, and what that rests on."""
+    if result:
+        return (
+            np.array(result["sphere_center_in_base_mm"]),
+            "The flange turns about the sphere: the scanner goes on seeing it.",
+        )
+    seen = {m.capture: _seen(cell, poses[m.capture], m) for m in measured if m.capture in names}
+    home = poses[names[motion.reference]]
+    found = [(name, one) for name, one in seen.items() if one is not None]
+    alike = {
+        name for name in names if np.linalg.norm(home.rotation - poses[name].rotation) < EQUAL_ORIENTATION_RAD
+    }
+    shifted = [one for name, one in found if name in alike]
+    place = probable_place(shifted, [one for name, one in found if name not in alike])
+    if place is None:
+        return None, "Only the orientation is meant: shift the scanner until it sees the sphere as before."
+    if place.scanner_sigma_mm > _PLACE_KNOWN_MM:
+        return (
+            place.center_in_base_mm,
+            "This assumes that the scanner sits at the flange itself, as far as no turn has told where it sits. "
+            "Shift it until it sees the sphere as before; the next proposals will be nearer.",
+        )
+    return (
+        place.center_in_base_mm,
+        "The flange turns about the place where the captures so far put the sphere, "
+        f"about ±{2 * place.scanner_sigma_mm:.0f} mm.",
+    )
+
+
+def _seen(cell: Cell, pose: RigidTransform, measured: Measured) -> SeenCenter | None:
+    """Return a capture's own centre of the sphere; of a profile y is what its circle leaves of the radius."""
+    center, radius_mm = measured.center_mm, (cell.sphere_diameter_mm or 0.0) / 2
+    if center is None:
+        return None
+    if len(center) == 3:
+        return SeenCenter(pose, np.array(center), False)
+    height_mm = float(np.sqrt(max(0.0, radius_mm**2 - (measured.radius_mm or radius_mm) ** 2)))
+    return SeenCenter(pose, np.array([center[0], height_mm, center[1]]), True)
 
 
 def _poses(cell: Cell, captures: Sequence[Capture]) -> tuple[dict[str, RigidTransform], tuple[str, str] | None]:
@@ -127,16 +179,11 @@ def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
     )
 
 
-def _turn(cell: Cell, motion: Motion, home: RigidTransform, result: Mapping[str, Any] | None) -> GuideNow:
+def _turn(cell: Cell, motion: Motion, home: RigidTransform, sphere: tuple[FloatArray | None, str]) -> GuideNow:
     count = len(motion.turns_rad)
-    center = np.array(result["sphere_center_in_base_mm"]) if result else None
-    pose = next_turn(motion, home, center)
+    center_in_base_mm, note = sphere
+    pose = next_turn(motion, home, center_in_base_mm)
     angle_deg, axis = turn_between_deg(home, pose)
-    note = (
-        "The flange turns about the sphere: the scanner goes on seeing it."
-        if result
-        else "Only the orientation is meant: shift the scanner until it sees the sphere as before."
-    )
     parallel = count >= LEAST_TURNS and not motion.turns_differ
     start = "All turns so far are about one axis: turn" if parallel else "Turn"
     return GuideNow(

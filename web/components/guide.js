@@ -54,9 +54,9 @@ function reason(name, text) {
 function suggestion({ suggested_pose_numbers: numbers, suggested_note: note }) {
   if (!numbers) return null;
   const text = numbers.join(" ");
-  return h(
-    "details", { class: "suggestion" }, h("summary", {}, t("guide.pose")),
-    h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
+  return h("div", {},
+    h("details", { class: "suggestion" }, h("summary", {}, t("guide.pose")),
+      h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy")))),
     note ? h("p", { class: "soft small" }, note) : null,
   );
 }
