@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Response, WebSocket
+from fastapi import APIRouter, Path, Query, Request, Response, WebSocket
 from fastapi.responses import HTMLResponse, StreamingResponse
 from pydantic import BaseModel, Field
 
@@ -11,8 +11,7 @@ from server.scenes.bridge import bridge
 from server.scenes.layers import LAYERS
 from server.scenes.live import LiveScene
 from server.scenes.manager import SceneManager
-from server.scenes.page import client_page, content_security_policy
-from server.scenes.router import Past, Scenes, SessionId, require_scene
+from server.scenes.router import Past, Scenes, SessionId, client_answer, require_scene
 from server.scenes.views import VIEWS
 
 controls_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
@@ -102,11 +101,10 @@ def offline(session: SessionId, scenes: Scenes) -> Response:
 
 
 @controls_router.get("/viewers/{viewer}/", response_class=HTMLResponse, summary="The scene within a named page")
-def viewer_page(session: SessionId, viewer: Viewer, scenes: Scenes) -> HTMLResponse:
+def viewer_page(session: SessionId, viewer: Viewer, scenes: Scenes, request: Request) -> Response:
     """Return the page that draws the scene for one viewer, whose camera and picture can then be asked for."""
     require_scene(scenes, session)
-    headers = {"Content-Security-Policy": content_security_policy(), "Cache-Control": "no-cache"}
-    return HTMLResponse(client_page(), headers=headers)
+    return client_answer(request)
 
 
 @controls_router.websocket("/viewers/{viewer}")

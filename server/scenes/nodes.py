@@ -16,6 +16,9 @@ from server.scenes.colors import Rgb
 
 METRES_PER_MM = 1e-3
 _PLACE = ("position", "wxyz")
+_AXES_UNIT = 100.0
+"""Axes are made this long and scaled down: for every node that can be clicked the client prepares an outline, and
+compares all corners within 0.01 of each other, which in axes of a few centimetres are nearly all of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +53,16 @@ class Node:
 
 def axes(name: str, pose: RigidTransform, length_mm: float, origin: Rgb) -> Node:
     """Return a frame drawn as three axes (red x, green y, blue z) with a coloured origin."""
-    length = length_mm * METRES_PER_MM
     return Node(
         name,
         "add_frame",
         {
             **_place(pose),
-            "axes_length": length,
-            "axes_radius": length * 0.03,
-            "origin_radius": length * 0.11,
+            "axes_length": _AXES_UNIT,
+            "axes_radius": _AXES_UNIT * 0.03,
+            "origin_radius": _AXES_UNIT * 0.11,
             "origin_color": origin,
+            "scale": length_mm * METRES_PER_MM / _AXES_UNIT,
         },
     )
 

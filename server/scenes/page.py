@@ -111,6 +111,12 @@ def client_page(title: str = "Scene") -> str:
 
 
 @cache
+def page_tag() -> str:
+    """Return the entity tag of `client_page`: a browser that has this page need not load it again."""
+    return f'"{sha256(client_page().encode()).hexdigest()[:16]}"'
+
+
+@cache
 def content_security_policy() -> str:
     """Return the policy of `client_page`: of all that stands in a page, its own scripts alone run."""
     scripts = _Scripts()

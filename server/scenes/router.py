@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from calib_core.errors import NotFoundError
 from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
-from server.scenes.page import client_page, content_security_policy
+from server.scenes.page import client_page, content_security_policy, page_tag
 from server.scenes.past import PastScenes
 
 scenes_router = APIRouter(prefix="/scenes", tags=["scenes"])
@@ -47,11 +47,10 @@ def scene_address(session: SessionId, request: Request) -> RedirectResponse:
 
 
 @scenes_router.get("/{session}/", response_class=HTMLResponse, summary="The 3-D scene of a session")
-def scene_page(session: SessionId, scenes: Scenes) -> HTMLResponse:
+def scene_page(session: SessionId, scenes: Scenes, request: Request) -> Response:
     """Return the page that draws the session's scene, live. `?theme=dark` or `?theme=light` sets its theme."""
     require_scene(scenes, session)
-    headers = {"Content-Security-Policy": content_security_policy(), "Cache-Control": "no-cache"}
-    return HTMLResponse(client_page(), headers=headers)
+    return client_answer(request)
 
 
 @scenes_router.get("/{session}/picture", response_class=Response, summary="A small picture of a session")
@@ -83,6 +82,15 @@ def highlight(session: SessionId, body: Highlight, scenes: Scenes) -> None:
 async def scene_socket(websocket: WebSocket, session: str, scenes: Scenes) -> None:
     """Carry the scene's messages between a viewer and the session's viser server."""
     await bridge(websocket, scenes, session)
+
+
+def client_answer(request: Request) -> Response:
+    """Return the page that draws scenes, or that the browser has it already: it is the same for all of them."""
+    tag = page_tag()
+    headers = {"Content-Security-Policy": content_security_policy(), "Cache-Control": "no-cache", "ETag": tag}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return HTMLResponse(client_page(), headers=headers)
 
 
 def require_scene(scenes: SceneManager, session: str) -> None:

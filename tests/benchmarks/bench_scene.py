@@ -15,7 +15,7 @@ from calib_core.simulation import simulate
 from server.scenes.facts import SceneInput
 from server.scenes.merged import merged_cloud
 from server.scenes.stored import scene_input
-from tests.server.scene_visit import ARGUMENTS, visit
+from tests.server.scene_visit import ARGUMENTS, FirstPicture, visit
 
 MOST_S, MOST_POINTS = 5.0, 1_000_000
 
@@ -60,11 +60,16 @@ def run(full: bool) -> list[Row]:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(ARGUMENTS))
         for what, one in cases.items():
             seen = [visit(browser, one) for _ in range(3 if full else 1)]
-            seconds, points = max(s.seconds for s in seen), max(s.points for s in seen)
-            processor_s, megabytes = max(s.processor_s for s in seen), max(s.bytes for s in seen) / 1e6
-            took = f"{seconds:.2f} s ({processor_s:.1f} s of processors)"
+            shot = [visit(browser, one, "screenshots") for _ in range(3 if full else 1)]
+            points, megabytes = max(s.points for s in seen), max(s.bytes for s in seen) / 1e6
             rows += [
-                Row(f"{what}: first picture, worst of {len(seen)}", f"< {MOST_S:g} s", took, seconds < MOST_S),
+                Row(f"{what}: first picture, worst of {len(seen)}", f"< {MOST_S:g} s", *_time(seen)),
+                Row(
+                    f"{what}: the same, slowed by one screenshot after the other",
+                    "to compare",
+                    _time(shot)[0],
+                    True,
+                ),
                 Row(
                     f"{what}: points sent",
                     f"≤ {MOST_POINTS:,}",
@@ -74,3 +79,10 @@ def run(full: bool) -> list[Row]:
             ]
         browser.close()
     return rows
+
+
+def _time(seen: list[FirstPicture]) -> tuple[str, bool]:
+    """Return the slowest in words, and whether it is soon enough."""
+    worst = max(seen, key=lambda picture: picture.seconds)
+    more = f"presented after {worst.presented_s:.2f} s, {worst.processor_s:.1f} s of processors"
+    return f"{worst.seconds:.2f} s ({more})", worst.seconds < MOST_S

@@ -267,6 +267,14 @@ def test_the_page_may_only_talk_to_its_own_server(client: httpx.Client) -> None:
     assert redirect.headers["location"] == "/scenes/s1/?theme=dark"
 
 
+def test_the_page_is_sent_once_to_a_browser_that_keeps_it(client: httpx.Client) -> None:
+    first = client.get("/scenes/s1/")
+    again = client.get("/scenes/s1/", headers={"if-none-match": first.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    assert again.headers["content-security-policy"] == first.headers["content-security-policy"]
+    assert client.get("/scenes/s1/", headers={"if-none-match": '"another"'}).content == first.content
+
+
 def test_the_legend_is_sent_again_only_when_it_changed(client: httpx.Client, manager: SceneManager) -> None:
     with manager.viewing("s1"):
         first = client.get("/scenes/s1/legend")

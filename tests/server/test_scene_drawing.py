@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib_core.records import Session
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Capture, Session
 from server.scenes.colors import DIVERGING, REJECTED, USED, diverging_colors, length_text, residual_limit_mm
 from server.scenes.facts import MAX_POINTS, SceneFacts, scene_facts
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
 from server.scenes.look import look_at
-from server.scenes.nodes import Node
+from server.scenes.nodes import Node, axes
 from server.scenes.views import FIELD_OF_VIEW_RAD, VIEWS, view
 from tests.server.scene_cell import CENTER_MM, TOOL0_FROM_LASER, make_cell
 
@@ -125,7 +126,11 @@ def test_picking_a_capture_touches_its_own_nodes_and_dims_the_other_light() -> N
 def test_the_light_comes_from_the_side_that_the_scanner_sees(z_sign: float, away_mm: float) -> None:
     angle = np.deg2rad(np.linspace(-65, 65, 200))
     arc = np.stack([12 * np.sin(angle), 0 * angle, away_mm - 12 * np.cos(angle)], axis=1) * [1, 1, z_sign]
-    scene = dataclasses.replace(make_cell().scene(count=1), load_points=lambda _: arc)
+
+    def load_points(_: Capture) -> FloatArray:
+        return arc
+
+    scene = dataclasses.replace(make_cell().scene(count=1), load_points=load_points)
     corners = drawn(scene_facts(scene))["/light/p01"].arguments["vertices"] * 1000.0
     depth = corners[:, 2] * z_sign  # grows away from the scanner
     assert depth.max() == pytest.approx((arc[:, 2] * z_sign).max(), abs=1e-3)
@@ -206,3 +211,10 @@ def test_the_limit_covers_98_percent_and_is_at_most_twice_too_wide(values: list[
 
 def test_lengths_read_well() -> None:
     assert [length_text(v) for v in (0.05, 0.0015, 1.5)] == ["50 µm", "1.5 µm", "1.5 mm"]
+
+
+def test_small_axes_are_large_ones_scaled_down_for_the_clients_outlines() -> None:
+    """The client compares all corners within 0.01 of each other, which takes seconds where all of them are."""
+    node = axes("/frames/p01/flange", RigidTransform.identity("base", "tool0"), 24.0, (1, 2, 3))
+    assert node.arguments["axes_length"] * node.arguments["scale"] == pytest.approx(0.024)
+    assert node.arguments["axes_radius"] > 100 * 0.01
