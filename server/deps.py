@@ -76,6 +76,7 @@ LastEventId = Annotated[
     str | None, Header(pattern=r"^\d{1,15}$", description="The last event's id: the stream goes on after it.")
 ]
 Cursor = Annotated[str | None, Query(max_length=500, description="The `next` of the page before.")]
+Again = Annotated[str | None, Query(max_length=64, description="The `id` of a capture to be taken again.")]
 Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
 
 

@@ -11,6 +11,7 @@ from calib_core.simulation.chain_bound import ChainBound, chain_bound
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
+from calib_core.simulation.retake import retake
 from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
@@ -34,6 +35,7 @@ __all__ = [
     "WholeScenario",
     "World",
     "chain_bound",
+    "retake",
     "simulate",
     "simulate_table",
     "simulate_tcp",

@@ -25,7 +25,7 @@ def session_record(world: World, name: str) -> Session:
             "orientation_sigma_deg": float(np.rad2deg(options.orientation_sigma_rad)),
         }
     cell["scanner"] = scanner
-    captures = [_capture(shot, world) for shot in world.shots]
+    captures = [shot_record(shot, world) for shot in world.shots]
     return Session.model_validate(
         {"format": "scancell-session/1", "name": name, "cell": cell, "captures": captures}
     )
@@ -33,19 +33,24 @@ def session_record(world: World, name: str) -> Session:
 
 def session_files(world: World) -> dict[str, bytes]:
     """Return the bytes of every capture's file."""
+    return {name: content for shot in world.shots for name, content in shot_files(shot, world).items()}
+
+
+def shot_files(shot: Shot, world: World) -> dict[str, bytes]:
+    """Return the bytes of one capture's file by its name; of a centre, which has none, nothing."""
+    if shot.kind == "center":
+        return {}
     scale = 0.001 if world.options.length_unit == "m" else 1.0
-    return {
-        _file(shot): (profile_csv if shot.kind == "profile" else _cloud_xyz)(shot.measured_points_mm, scale)
-        for shot in world.shots
-        if shot.kind != "center"
-    }
+    write = profile_csv if shot.kind == "profile" else _cloud_xyz
+    return {_file(shot): write(shot.measured_points_mm, scale)}
 
 
 def _file(shot: Shot) -> str:
     return f"captures/{shot.name}.{_ENDING[shot.kind]}"
 
 
-def _capture(shot: Shot, world: World) -> dict[str, object]:
+def shot_record(shot: Shot, world: World) -> dict[str, object]:
+    """Return one capture as the session's record has it."""
     scale = 0.001 if world.options.length_unit == "m" else 1.0
     data: dict[str, object] = {"id": shot.name, "step": "tcp", "kind": shot.kind}
     if shot.kind == "center":

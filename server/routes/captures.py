@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import CalibrationError, ConflictError, InputError, TooLargeError
 from calib_core.records import Capture, Session, Step, parse_capture
 from server.deps import (
+    Again,
     CaptureId,
     Cursor,
     IfMatch,
@@ -29,7 +30,7 @@ from server.measuring import check_poses
 from server.measuring_processes import Measuring
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.sources.receiving import receive
-from server.sources.simulated import next_capture
+from server.sources.simulated import capture_again, next_capture
 from server.store.arrivals import add_captures
 from server.store.captures import (
     capture_data,
@@ -99,10 +100,18 @@ def add(
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
 def take_simulated(
-    session_id: SessionId, once: OnceDep, store: StoreDep, measuring: MeasuringDep, step: Step | None = None
+    session_id: SessionId,
+    once: OnceDep,
+    store: StoreDep,
+    measuring: MeasuringDep,
+    step: Step | None = None,
+    again: Again = None,
 ) -> Response:
-    """Let the simulated cell take its next capture, one of `step` where some are left."""
-    content = f"next {step}" if step else "next"
+    """Let the simulated cell take its next capture, one of `step` where some are left; or one of its own `again`.
+
+    What is taken again has a name of its own (`p05-again`); arm and scanner err anew.
+    """
+    content = f"again {again}" if again else f"next {step}" if step else "next"
     answered = once.answered(store, content)
     if answered is not None:
         return answered
@@ -113,7 +122,11 @@ def take_simulated(
                 "a session of the simulated cell", "one of a real cell", "Upload captures to it.", session_id
             )
         device, taken = dict(row.simulated), capture_ids(db, session_id)
-    capture, contents = next_capture(device["scenario"], device["seed"], taken, step)
+    scenario, seed = device["scenario"], device["seed"]
+    if again:
+        capture, contents = capture_again(scenario, seed, taken, again)
+    else:
+        capture, contents = next_capture(scenario, seed, taken, step)
     return _store(store, measuring, once, session_id, capture, contents, content=content)
 
 

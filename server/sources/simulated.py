@@ -1,11 +1,14 @@
 """The simulated cell as a source of captures."""
 
+import re
+import zlib
 from collections.abc import Collection
 from functools import lru_cache
+from itertools import count
 
 from calib_core.errors import ConflictError
 from calib_core.records import Capture
-from calib_core.simulation import SimulatedSession, simulate
+from calib_core.simulation import SimulatedSession, retake, simulate
 
 
 @lru_cache(maxsize=8)
@@ -41,3 +44,20 @@ def next_capture(
         f"all of its {len(simulated.session.captures)} captures in this session",
         "Solve now; or remove a capture to take it again.",
     )
+
+
+def capture_again(
+    scenario: str, seed: int, taken: Collection[str], capture: str
+) -> tuple[Capture, dict[str, bytes]]:
+    """Return a capture that the simulated cell takes again under a name of its own, and its files by name.
+
+    Raises
+    ------
+    ConflictError
+        If this one cannot be taken again.
+    """
+    first = re.sub(r"-again\d*$", "", capture)
+    names = (f"{first}-again{number if number > 1 else ''}" for number in count(1))
+    number, name = next((n, name) for n, name in enumerate(names, start=1) if name not in taken)
+    place = zlib.crc32(first.encode())
+    return retake(simulated_session(scenario, seed), first, name, seed + place + number)
