@@ -72,13 +72,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         store = Store(settings, hub.publish)
         app.state.metrics.watch_store(store, settings.data)
-        jobs = Jobs(settings, store)
+        measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
+        backlog = Backlog(store, measuring)
+        jobs = Jobs(settings, store, backlog.wake)
         past_scenes = PastScenes(store)
         scenes = SceneManager(past_scenes.load, partial(follow_scene, hub))
         app.state.past_scenes = past_scenes
-        measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
-        backlog = Backlog(store, measuring)
         housekeeping = Housekeeping(store)
         app.state.measuring, app.state.backlog = measuring, backlog
         app.state.logins = Logins(settings.data, store)

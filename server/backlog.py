@@ -7,10 +7,11 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 
-from calib_core.errors import CalibrationError
+from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.records import Capture, Measured, parse_capture
 from server.measuring import unmeasured
 from server.measuring_processes import Measuring
+from server.store.calibrations import Calibrated, calibrated_session, needs_calibration
 from server.store.database import Store
 from server.store.sessions import empty_session
 from server.store.waiting import Waiting, first_waiting, note_measured
@@ -18,6 +19,7 @@ from server.store.waiting import Waiting, first_waiting, note_measured
 log = logging.getLogger("scancell")
 _AT_ONCE = 20
 _PAUSE_S = 5.0
+_LOOK_S = 60.0  # a capture may begin to wait in the moment in which the plane of light is solved
 
 
 class Backlog:
@@ -62,7 +64,7 @@ class Backlog:
 
     def _work(self) -> None:
         while not self._stopping.is_set():
-            self._woken.wait()
+            self._woken.wait(_LOOK_S)
             self._woken.clear()
             try:
                 while not self._stopping.is_set() and self._measure_some():
@@ -88,20 +90,32 @@ class Backlog:
 
     def _measure_of_session(self, session_id: str, waiting: Sequence[Waiting]) -> None:
         session = empty_session(waiting[0].session_record, session_id)
+        frames: Calibrated | None = None
         measured: list[Measured] = []
         for one in waiting:
             if self._stopping.is_set():
                 break
             capture = parse_capture(one.record, "record")
+            if needs_calibration(capture) and frames is None:
+                frames = self._calibrated(session_id)
+            used = frames.session if frames and needs_calibration(capture) else session
             try:
                 seen = self._measuring.measure(
-                    session, capture, lambda name, one=one: self._store.blobs.read(one.digests[name])
+                    used, capture, lambda name, one=one: self._store.blobs.read(one.digests[name])
                 )
+                seen = frames.told(seen) if frames and used is frames.session else seen
             except CalibrationError as error:
                 seen = _of_no_use(capture, error)
             measured.append(seen)
         with self._store.write() as db:
             note_measured(db, session_id, waiting[: len(measured)], measured)
+
+    def _calibrated(self, session_id: str) -> Calibrated | None:
+        try:
+            with self._store.read() as db:
+                return calibrated_session(db, self._store.blobs, session_id)
+        except NotFoundError:
+            return None  # it was removed meanwhile
 
 
 def to_wait(capture: Capture, reason: str = "It is not measured yet: it came with many others.") -> Measured:

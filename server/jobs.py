@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -9,10 +10,12 @@ from functools import partial
 from typing import Any
 
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
+from calib_core.session.measure import BOARD_STEPS
 from server import worker
 from server.errors import problem, problem_of_status
 from server.pools import Pool, open_pool
 from server.settings import Settings
+from server.store.calibrations import measure_frames_anew
 from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import load_session, unused
@@ -47,9 +50,10 @@ class _Running:
 class Jobs:
     """The jobs of all sessions."""
 
-    def __init__(self, settings: Settings, store: Store) -> None:
+    def __init__(self, settings: Settings, store: Store, captures_wait: Callable[[], None]) -> None:
         self._settings = settings
         self._store = store
+        self._captures_wait = captures_wait
         self._running: dict[str, _Running] = {}
         self._lock = threading.RLock()
         self._ready: Future[bool] | None = None
@@ -93,7 +97,8 @@ class Jobs:
             work = partial(worker.replay, job_id, session, dict(stored.results), digests)
         else:
             solved_from = {"session": session, "files": digests}
-            work = partial(worker.solve, job_id, session, stage, digests)
+            solved = {name: stored.results[name] for name in BOARD_STEPS if name in stored.results}
+            work = partial(worker.solve, job_id, session, stage, digests, solved)
         with self._lock:
             if self._pool is None:  # the server stops, and says so of its jobs
                 return
@@ -220,6 +225,10 @@ class Jobs:
                 add_answer(db, job_id, solved.result)
                 return
             former = add_result(db, job_id, solved.result, running.solved_from, solved.outputs)
+            row = job_row(db, job_id) if solved.result["stage"] in BOARD_STEPS else None
+            wait = row is not None and measure_frames_anew(db, row.session_id, row.stage)
+        if wait:
+            self._captures_wait()
         with self._store.read() as db:
             former = unused(db, former)
         self._store.blobs.remove(former)

@@ -87,8 +87,16 @@ def ready() -> bool:
     return True
 
 
-def solve(job_id: str, session: Mapping[str, Any], stage: str, digests: Mapping[str, str]) -> Solved:
+def solve(
+    job_id: str,
+    session: Mapping[str, Any],
+    stage: str,
+    digests: Mapping[str, str],
+    solved: Mapping[str, Mapping[str, Any]],
+) -> Solved:
     """Solve a stage of a session, files given by the SHA-256 of their blobs.
+
+    `solved` are results of camera and plane of light, on which raw frames rest while they are fresh.
 
     Raises
     ------
@@ -97,9 +105,11 @@ def solve(job_id: str, session: Mapping[str, Any], stage: str, digests: Mapping[
     """
     progress = started(job_id)
     from calib_core.records import parse_session
+    from calib_core.session.frames import recall
     from calib_core.session.pipeline import solve_stage
     from server.strict_json import plain_json
 
+    recall(solved)
     outputs = _Outputs(_blobs(), stage)
     result = solve_stage(parse_session(session), stage, _reader(digests), progress, outputs.store)
     return Solved(plain_json(result), outputs.stored)

@@ -371,6 +371,8 @@ export interface Known {
 export interface KnownCamera {
   camera_matrix: number[][];
   distortion?: Record<string, number>;
+  image_size?: unknown[] | null;
+  segments?: CameraSegment[];
 }
 
 export interface KnownPlane {

@@ -113,8 +113,15 @@ class CameraModel:
 
     @classmethod
     def from_known(cls, known: KnownCamera, image_size: tuple[int, int] = (0, 0)) -> "CameraModel":
-        """Return the camera that a user brought as `cell.known.camera`."""
-        return cls.from_names(known.camera_matrix, known.distortion, image_size)
+        """Return the camera that a user brought as `cell.known.camera`; its own image size counts."""
+        plain = cls.from_names(known.camera_matrix, known.distortion, known.image_size or image_size)
+        if not known.segments:
+            return plain
+        segments = tuple(
+            Segment(band.near_mm, band.far_mm, cls.from_names(known.camera_matrix, band.distortion).distortion)
+            for band in known.segments
+        )
+        return replace(plain, model="segmental", segments=segments)
 
     @property
     def distortion_by_name(self) -> dict[str, float]:

@@ -6,14 +6,7 @@ from pydantic import Field
 
 from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import CaptureResidual, Result
-
-
-class CameraSegment(Record):
-    """One band of depth of a segmental camera."""
-
-    near_mm: float
-    far_mm: float
-    distortion: dict[str, float]
+from calib_core.records.session import CameraSegment
 
 
 class RefinedCamera(Record):

@@ -64,11 +64,21 @@ class Board(Record):
     flat: bool = True
 
 
+class CameraSegment(Record):
+    """One band of depth of a segmental camera."""
+
+    near_mm: Finite
+    far_mm: Finite
+    distortion: dict[str, Finite]
+
+
 class KnownCamera(Record):
-    """A camera calibration that the user brings."""
+    """A camera calibration that the user brings; frames of another size than `image_size` are then refused."""
 
     camera_matrix: Annotated[list[Vector3], Field(min_length=3, max_length=3)]
     distortion: dict[str, Finite] = Field(default_factory=dict)
+    image_size: tuple[int, int] | None = None
+    segments: list[CameraSegment] = Field(default_factory=list)
 
 
 class KnownPlane(Record):

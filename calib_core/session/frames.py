@@ -4,8 +4,8 @@ What was solved is remembered by what it was solved from, so that fourteen frame
 """
 
 import threading
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,16 @@ from calib_core.errors import InputError
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.optics.triangulate import ProfileCalibration, profile_from_frame
-from calib_core.records import CameraResult, Capture, LaserPlaneResult, Session, Stage
+from calib_core.records import (
+    CameraResult,
+    Capture,
+    KnownCamera,
+    KnownPlane,
+    LaserPlaneResult,
+    RefinedCamera,
+    Session,
+    Stage,
+)
 from calib_core.session.boards import read_frame
 from calib_core.session.measure import ReadFile
 
@@ -66,6 +75,58 @@ def calibration_of(session: Session, read: ReadFile) -> ProfileCalibration:
     result = plane_of(session, read)
     camera = camera_from_result(result.camera) if result.camera else camera_of(session, read)[0]
     return ProfileCalibration.of(camera, result.plane_in_camera.normal, result.plane_in_camera.distance_mm)
+
+
+def can_be_calibrated(session: Session) -> bool:
+    """Return whether camera and plane of light stand in the cell, or there are captures to solve them from."""
+    known = session.cell.known
+    steps = {capture.step for capture in session.captures if not capture.excluded}
+    plane = known.laser_plane is not None or "laser-plane" in steps
+    return plane and (known.camera is not None or not steps.isdisjoint({"camera", "laser-plane"}))
+
+
+def with_solved_calibration(session: Session, results: Mapping[str, Mapping[str, Any]]) -> Session:
+    """Return the session with camera and plane of light as they were solved, where the user brought none.
+
+    Parameters
+    ----------
+    session : Session
+    results : mapping
+        Stored results by stage, as JSON data.
+    """
+    known, camera = session.cell.known, None
+    if known.laser_plane is not None:
+        plane = known.laser_plane
+    elif "laser-plane" in results:
+        solved = LaserPlaneResult.model_validate(results["laser-plane"])
+        plane, camera = KnownPlane(**solved.plane_in_camera.model_dump()), solved.camera
+    else:
+        return session
+    if known.camera is None and camera is None and "camera" in results:
+        camera = CameraResult.model_validate(results["camera"])
+    changes = {"laser_plane": plane, "camera": _known_camera(camera) if camera else known.camera}
+    cell = session.cell.model_copy(update={"known": known.model_copy(update=changes)})
+    return session.model_copy(update={"cell": cell})
+
+
+def _known_camera(camera: CameraResult | RefinedCamera) -> KnownCamera:
+    return KnownCamera.model_validate(
+        {name: getattr(camera, name) for name in ("camera_matrix", "distortion", "image_size")}
+        | {"segments": [band.model_dump() for band in camera.segments]}
+    )
+
+
+def recall(results: Mapping[str, Mapping[str, Any]]) -> None:
+    """Take stored results of camera and plane of light, as JSON data, for those of a later stage's solve.
+
+    They count only where they were solved from what the session holds then: what is stale is solved anew.
+    """
+    if "camera" in results:
+        camera = CameraResult.model_validate(results["camera"])
+        remembered("camera", camera.inputs_sha256, camera)
+    if "laser-plane" in results:
+        plane = LaserPlaneResult.model_validate(results["laser-plane"])
+        remembered("laser-plane", plane.inputs_sha256, plane)
 
 
 def plane_of(session: Session, read: ReadFile) -> LaserPlaneResult:

@@ -46,6 +46,8 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
         width, height, pixel_bytes, complete = _header(data)
     except (struct.error, IndexError, ValueError):
         raise _truncated(where, "a file that ends in its header") from None
+    except InputError as error:
+        raise (error.at(where) if where else error) from None
     if width <= 0 or height <= 0:
         raise InputError(
             "an image", f"a header that says {width}×{height} pixels", "Export the frame again.", where

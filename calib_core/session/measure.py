@@ -23,6 +23,7 @@ CENTER_SIGMA_MM = 0.02
 """Taken for centres that a scanner reports without saying how exact they are."""
 
 SPHERE_STEPS = ("tcp", "turntable", "verify")
+BOARD_STEPS = ("camera", "laser-plane")
 _PREVIEW_POINTS = 400
 
 
@@ -53,10 +54,14 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     TooLargeError
         If a file is larger than the limits.
     """
-    if capture.kind == "frame" and capture.step not in SPHERE_STEPS:
+    if capture.kind == "frame" and capture.step in BOARD_STEPS:
         from calib_core.session.measure_frame import measure_frame
 
         return measure_frame(session, capture, read)
+    if capture.kind in ("frame", "sweep") and _waits_for_calibration(session, capture):
+        from calib_core.session.measure_frame import measure_stripe
+
+        return measure_stripe(session, capture, read)
     if capture.kind == "sweep":
         from calib_core.session.sweep_sphere import measure_sweep
 
@@ -170,6 +175,14 @@ def read_points(capture: Capture, read: ReadFile) -> FloatArray:
         "Export the scanner's calibrated profiles or clouds.",
         capture.id,
     )
+
+
+def _waits_for_calibration(session: Session, capture: Capture) -> bool:
+    """Return whether a capture is raw frames that nothing tells yet how to make points of."""
+    from calib_core.session.frames import can_be_calibrated
+    from calib_core.session.sweep import of_frames
+
+    return of_frames(capture) and not can_be_calibrated(session)
 
 
 def _points(session: Session, capture: Capture, read: ReadFile) -> FloatArray:

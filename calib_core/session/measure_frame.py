@@ -5,11 +5,14 @@ from typing import Any
 import numpy as np
 
 from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
+from calib_core.optics.stripe import find_stripe
 from calib_core.records import Capture, Measured, Session
 from calib_core.session.boards import board_in, board_of, read_frame
 from calib_core.session.frames import stripe_of
-from calib_core.session.measure import ReadFile
+from calib_core.session.measure import SPHERE_STEPS, ReadFile, pose_of
+from calib_core.session.sweep import sweep_poses
 
 _PREVIEW_POINTS = 200
 _SOFT_EDGE_PX = 6.0
@@ -43,7 +46,6 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
             **_board_figures(view),
         )
     doubt = _doubt(view)
-    chosen = np.unique(np.linspace(0, len(pixels) - 1, min(len(pixels), _PREVIEW_POINTS)).astype(int))
     return Measured(
         capture=capture.id,
         kind=capture.kind,
@@ -51,10 +53,51 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         reason=doubt[0] if doubt else " ".join(view.notes) or None,
         to_do=doubt[1] if doubt else None,
         points=len(pixels),
-        preview=np.round(pixels[chosen], 2).tolist(),
+        preview=_thinned(pixels),
         image_size=view.image_size,
         **_board_figures(view),
     )
+
+
+def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    """Return the stripe, in pixels, of a frame that cannot become points yet; of a sweep, in its middle frame.
+
+    Raises
+    ------
+    InputError
+        If a file or the pose is of no use.
+    TooLargeError
+        If an image has too many pixels.
+    """
+    if capture.kind == "sweep":
+        sweep_poses(session.cell, capture)
+    elif capture.pose is not None or capture.step in SPHERE_STEPS:
+        pose_of(session.cell, capture)
+    shown = len(capture.files) // 2
+    for place in range(len(capture.files)):
+        if place != shown:
+            read_frame(capture, read, place)  # refuses what is no image
+    middle = read_frame(capture, read, shown)
+    height, width = middle.shape[:2]
+    about: dict[str, Any] = {"capture": capture.id, "kind": capture.kind, "image_size": (width, height)}
+    try:
+        pixels = find_stripe(middle).pixels
+    except MeasurementError as error:
+        reason = f"Need {error.need}, got {error.got}."
+        return Measured(verdict="fail", reason=reason, to_do=error.to_do, **about)
+    return Measured(
+        verdict="warn",
+        reason="The stripe is seen, but camera and plane of light are not known yet: it cannot become points.",
+        to_do="Solve the laser plane; this capture is then measured by itself.",
+        points=len(pixels),
+        preview=_thinned(pixels),
+        **about,
+    )
+
+
+def _thinned(pixels: FloatArray) -> list[list[float]]:
+    chosen = np.unique(np.linspace(0, len(pixels) - 1, min(len(pixels), _PREVIEW_POINTS)).astype(int))
+    return np.round(pixels[chosen], 2).tolist()
 
 
 def _size(capture: Capture, read: ReadFile) -> tuple[int, int]:

@@ -32,6 +32,7 @@ from server.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.sources.receiving import receive
 from server.sources.simulated import capture_again, next_capture
 from server.store.arrivals import add_captures
+from server.store.calibrations import Calibrated, calibrated, needs_calibration
 from server.store.captures import (
     capture_data,
     capture_ids,
@@ -189,7 +190,8 @@ def change(
         record, revision = before.record, before.revision
     capture = _changed(record, changes)
     check_poses(stored.session, capture)
-    measured = measuring.measure(stored.session, capture, stored.read)
+    frames = calibrated(stored) if needs_calibration(capture) else Calibrated(stored.session, ())
+    measured = frames.told(measuring.measure(frames.session, capture, stored.read))
     with store.write() as db:
         session = locked_session(db, session_id)
         _require_same_cell(session, stored.session)

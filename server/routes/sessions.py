@@ -1,6 +1,7 @@
 """Sessions."""
 
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Response
@@ -26,6 +27,7 @@ from server.events import follow, to_sse
 from server.measuring import check_poses, measure
 from server.schemas import NewSession, PoseLine, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
 from server.sources.simulated import simulated_session
+from server.store.calibrations import calibrated, needs_calibration
 from server.store.models import Data
 from server.store.sessions import (
     STORE_FIELDS,
@@ -42,6 +44,7 @@ from server.store.sessions import (
     session_row,
     unused,
 )
+from server.store.sessions import StoredSession as StoredAs
 from server.store.solves import unfinished_jobs
 from server.store.waiting import measure_anew
 from server.strict_json import StrictRoute, plain_json
@@ -51,7 +54,7 @@ router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=StrictRout
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
 _CHANGED = "It is measured anew: the cell was changed."
 # What measuring a capture depends on, beside the capture.
-_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner")
+_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
 
 
 @router.post("", status_code=201, response_model=StoredSession)
@@ -115,7 +118,7 @@ def change(
         check_poses(session, capture)
     anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
     at_once = anew and len(session.captures) <= _MEASURED_AT_ONCE
-    measured = {c.id: measure(session, c, before.read).to_json() for c in session.captures} if at_once else {}
+    measured = _measured_anew(replace(before, session=session)) if at_once else {}
     with store.write() as db:
         row = locked_session(db, session_id)
         require_revision(row, if_match)
@@ -191,6 +194,13 @@ async def events(
     """Stream what happens: `capture`, `result`, `job` and `session` events; begins with the newest one."""
     async for event in follow(store, hub, session_id, None if last_event_id is None else int(last_event_id)):
         yield to_sse(event)
+
+
+def _measured_anew(stored: StoredAs) -> dict[str, Data]:
+    frames = calibrated(stored)
+    measured = {c.id: measure(frames.session, c, stored.read) for c in stored.session.captures}
+    raw = {c.id for c in stored.session.captures if needs_calibration(c)}
+    return {name: (frames.told(seen) if name in raw else seen).to_json() for name, seen in measured.items()}
 
 
 def _without_captures(session: Session) -> Data:

@@ -21,6 +21,7 @@ from calib_core.records import (
     TcpResult,
     TurntableResult,
 )
+from calib_core.session.frames import with_solved_calibration
 from calib_core.session.measure import ReadFile, observe_capture
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.facts import SceneInput
@@ -64,11 +65,13 @@ def scene_input(
         Returns the bytes of a file that a stage made beside its result, None where there is none.
     """
 
+    calibrated = with_solved_calibration(session.model_copy(update={"captures": []}), results)
+
     def points_on_sphere(capture: Capture) -> FloatArray:
-        if capture.step not in _OF_THE_SPHERE or capture.kind not in ("profile", "cloud"):
+        if capture.step not in _OF_THE_SPHERE or capture.kind not in ("profile", "cloud", "frame"):
             return np.zeros((0, 3))
         try:
-            return observe_capture(session, capture, read).points_in_laser_mm
+            return observe_capture(calibrated, capture, read).points_in_laser_mm
         except CalibrationError:
             return np.zeros((0, 3))  # its measurement has said why, and the scene shows that
 

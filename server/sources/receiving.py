@@ -6,6 +6,7 @@ from calib_core.records import Capture
 from server.measuring import check_poses
 from server.measuring_processes import Measuring
 from server.store.arrivals import Arrival, require_free, session_record
+from server.store.calibrations import calibrated_session, needs_calibration
 from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import empty_session
@@ -30,7 +31,15 @@ def receive(
         require_free(db, session_id, capture, digests)
     session = empty_session(record, session_id)
     check_poses(session, capture)
-    measured = measuring.measure(session, capture, contents.__getitem__)
+    sizes = {name: len(part) for name, part in contents.items()}
+    if needs_calibration(capture):
+        with store.read() as db:
+            frames = calibrated_session(db, store.blobs, session_id)
+        measured = frames.told(measuring.measure(frames.session, capture, contents.__getitem__))
+        arrival = Arrival(capture, measured, digests, sizes, calibration=frames.results)
+    else:
+        measured = measuring.measure(session, capture, contents.__getitem__)
+        arrival = Arrival(capture, measured, digests, sizes)
     for part in contents.values():
         store.blobs.put(part)
-    return Arrival(capture, measured, digests, {name: len(part) for name, part in contents.items()}), record
+    return arrival, record

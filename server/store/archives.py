@@ -28,6 +28,7 @@ from server.measuring import check_poses, measure
 from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
 from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
+from server.store.calibrations import without_captures
 from server.store.kept import keep
 from server.store.models import Data, SessionRow
 from server.store.references import set_reference
@@ -105,9 +106,10 @@ def read_import(file: IO[bytes], blobs: Blobs, limits: ArchiveLimits = LIMITS) -
         archived = read_archive(bag)
         found = Import(archived.session, archived.results, read_history(bag))
         _require_storable(archived)
+        session = without_captures(archived.session, archived.results)
         for capture in archived.session.captures:
-            check_poses(archived.session, capture)
-            found.measured[capture.id] = measure(archived.session, capture, archived.read)
+            check_poses(session, capture)
+            found.measured[capture.id] = measure(session, capture, archived.read)
         for name in dict.fromkeys(name for capture in archived.session.captures for name in capture.files):
             content = archived.read(name)
             found.digests[name], found.sizes[name] = blobs.put(content), len(content)

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError
 from calib_core.records import Capture, Measured
+from server.store.calibrations import board_results
 from server.store.database import publish_later
 from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, WaitingRow, now
 from server.store.sessions import no_such_session
@@ -46,13 +47,17 @@ _Named = tuple[Capture, Mapping[str, str]]
 
 @dataclass(frozen=True)
 class Arrival:
-    """A capture with the SHA-256 and size in bytes of each of its files, by name; it may wait to be measured."""
+    """A capture with the SHA-256 and size in bytes of each of its files, by name; it may wait to be measured.
+
+    `calibration` are the results by which raw frames were measured (`calibrations.board_results`), else None.
+    """
 
     capture: Capture
     measured: Measured
     digests: Mapping[str, str]
     sizes: Mapping[str, int]
     waits: bool = False
+    calibration: tuple[int, ...] | None = None
 
 
 def session_record(db: Transaction, session_id: str) -> Data:
@@ -166,7 +171,7 @@ def add_captures(
         )
         files += [{**keys, "name": name, "sha256": d, "size": a.sizes[name]} for name, d in a.digests.items()]
         answers.append({**data, "measured": seen})
-        if a.waits:
+        if a.waits or (a.calibration is not None and a.calibration != board_results(db, session_id)):
             waiting.append(keys)
     if captures:
         run(_ADD_CAPTURES, captures)

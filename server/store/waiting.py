@@ -63,15 +63,16 @@ def first_waiting(db: Transaction, limit: int) -> list[Waiting]:
 
 
 def measure_anew(db: Transaction, session_id: str, until_then: Mapping[str, Measured]) -> None:
-    """Let captures wait to be measured anew, with what is noted of each until then."""
+    """Let captures wait to be measured anew, with what is noted of each until then.
+
+    One that waits already begins to wait again: it may be in the midst of being measured as things were before.
+    """
     for capture_id, measured in until_then.items():
         db.get_one(CaptureRow, (session_id, capture_id)).measured = measured.to_json()
-    already = set(db.scalars(select(WaitingRow.capture_id).where(WaitingRow.session_id == session_id)))
-    db.add_all(
-        WaitingRow(session_id=session_id, capture_id=capture_id)
-        for capture_id in until_then
-        if capture_id not in already
+    db.execute(
+        delete(WaitingRow).where(WaitingRow.session_id == session_id, WaitingRow.capture_id.in_(until_then))
     )
+    db.add_all(WaitingRow(session_id=session_id, capture_id=capture_id) for capture_id in until_then)
 
 
 def note_measured(

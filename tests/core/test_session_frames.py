@@ -1,0 +1,85 @@
+"""Raw frames in a session: camera and plane of light that were solved before serve as long as they are fresh."""
+
+import numpy as np
+import pytest
+
+from calib_core.records import LaserPlaneResult, Session
+from calib_core.session.frames import calibration_of, recall, with_solved_calibration
+from calib_core.session.measure import measure_capture
+from calib_core.session.pipeline import solve_stage
+from calib_core.simulation import SimulatedSession, simulate
+
+SHIFT_MM = 5.0
+
+
+@pytest.fixture(scope="module")
+def cell() -> SimulatedSession:
+    return simulate("frames-tcp", 7)
+
+
+@pytest.fixture(scope="module")
+def plane(cell: SimulatedSession) -> LaserPlaneResult:
+    result = solve_stage(cell.session, "laser-plane", cell.files.__getitem__)
+    assert isinstance(result, LaserPlaneResult)
+    return result
+
+
+def moved(plane: LaserPlaneResult) -> LaserPlaneResult:
+    """The plane as no solver would find it here, to tell a stored result from one that is solved afresh."""
+    shifted = plane.plane_in_camera.model_copy(
+        update={"distance_mm": plane.plane_in_camera.distance_mm + SHIFT_MM}
+    )
+    return plane.model_copy(update={"plane_in_camera": shifted})
+
+
+def test_a_stored_plane_serves_later_stages_until_its_captures_change(
+    cell: SimulatedSession, plane: LaserPlaneResult
+) -> None:
+    recall({"laser-plane": moved(plane).to_json()})
+    used = calibration_of(cell.session, cell.files.__getitem__)
+    assert used.distance_mm == plane.plane_in_camera.distance_mm + SHIFT_MM
+    boards = [c for c in cell.session.captures if c.step == "laser-plane"]
+    fewer = cell.session.model_copy(
+        update={"captures": [c for c in cell.session.captures if c.id != boards[-1].id]}
+    )
+    afresh = calibration_of(fewer, cell.files.__getitem__)
+    assert abs(afresh.distance_mm - plane.plane_in_camera.distance_mm) < 6 * plane.distance_sigma_mm
+    recall({"laser-plane": plane.to_json()})
+
+
+def test_a_solved_calibration_in_the_cell_measures_the_sphere_as_the_boards_do(
+    cell: SimulatedSession, plane: LaserPlaneResult
+) -> None:
+    ball = next(c for c in cell.session.captures if c.step == "tcp")
+    alone = cell.session.model_copy(update={"captures": []})
+    brought = with_solved_calibration(alone, {"laser-plane": plane.to_json()})
+    seen = measure_capture(brought, ball, cell.files.__getitem__)
+    with_boards = measure_capture(cell.session, ball, cell.files.__getitem__)
+    assert seen.center_mm == pytest.approx(with_boards.center_mm, abs=1e-9)
+    assert with_solved_calibration(alone, {}) == alone
+
+
+def test_bands_of_depth_are_kept_in_the_cell() -> None:
+    bands = [
+        {"near_mm": 150.0 + 60 * k, "far_mm": 270.0 + 60 * k, "distortion": {"k1": -0.1 - 0.01 * k}}
+        for k in (0, 1)
+    ]
+    cell = {
+        "pose_convention": "matrix",
+        "known": {
+            "camera": {
+                "camera_matrix": [[900, 0, 320], [0, 900, 240], [0, 0, 1]],
+                "image_size": [640, 480],
+                "segments": bands,
+            },
+            "laser_plane": {"normal": [0, 1, 0.5], "distance_mm": 100},
+        },
+    }
+    session = Session.model_validate({"cell": cell})
+    calibration = calibration_of(session, lambda _: b"")
+    assert calibration.camera.model == "segmental"
+    assert calibration.camera.image_size == (640, 480)
+    assert [s.distortion[0] for s in calibration.camera.segments] == [-0.1, -0.11]
+    pixels = np.array([[100.0, 50.0], [500.0, 400.0]])
+    again = calibration.camera.project(calibration.camera_from_laser.apply(calibration.points(pixels)))
+    assert np.allclose(again, pixels, atol=1e-6)
