@@ -179,3 +179,8 @@ class MergeResult(Result):
     low_mm: Vector3
     high_mm: Vector3
     residuals: list[MergeResidual]
+
+    @property
+    def scan_names(self) -> tuple[str, ...]:
+        """The scans that were merged, as the cloud's column `scan` counts them: by their first captures."""
+        return tuple(row.capture for row in self.residuals if row.used and row.points)

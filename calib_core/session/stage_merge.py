@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.fusion.majority import NO_SCAN, HeaviestScans
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
 from calib_core.records import (
@@ -25,7 +26,7 @@ from calib_core.session.point_writers import Pieces, ply_pieces, ply_pieces_of
 from calib_core.session.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.session.spill import FileSpill
 from calib_core.session.stage_tcp import SOFTWARE, StageInput
-from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE
+from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 
 _CALIBRATION_SHARE = 0.2
 
@@ -64,7 +65,7 @@ def solve_merge_stage(given: StageInput) -> MergeResult:
         solution = solve_merge(plan.scans, plan.errors, plan.options, tell, spill)
         result = _result(given, plan, solution)
         if given.store is not None:
-            given.store(CLOUD_FILE, _cloud_pieces(solution))
+            given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names))
             if solution.mesh is not None:
                 given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
     return result
@@ -98,10 +99,19 @@ def plan_merge(given: StageInput) -> MergePlan:
     return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options)
 
 
-def _cloud_pieces(solution: MergeSolution) -> Pieces:
-    names = ("x", "y", "z", "nx", "ny", "nz", "sigma")
+def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
+    heaviest = HeaviestScans(solution.patches)
+    numbers = np.array([scan_names.index(name) for name in solution.patches.names] + [NO_SCAN])
+    names = ("x", "y", "z", "nx", "ny", "nz", "sigma", SCAN_COLUMN)
     tables = (
-        np.column_stack([cloud.points_mm, np.nan_to_num(cloud.normals), cloud.sigma_mm])
+        np.column_stack(
+            [
+                cloud.points_mm,
+                np.nan_to_num(cloud.normals),
+                cloud.sigma_mm,
+                numbers[heaviest.of(cloud.points_mm)],
+            ]
+        )
         for cloud in solution.grid.clouds()
     )
     return ply_pieces_of(tables, solution.extent.points, names)

@@ -17,6 +17,9 @@ MESH_FILE: Final = f"{CLOUD_FOLDER}/mesh.ply"
 REFERENCE_FILE: Final = f"{CLOUD_FOLDER}/reference.ply"
 """The mesh that says what the object should be: the user's, not a stage's."""
 
+SCAN_COLUMN: Final = "scan"
+"""The number of the scan that weighs most around a point, by `MergeResult.scan_names`; −1 where none does."""
+
 MEDIA_TYPES: Final[Mapping[str, str]] = {
     "ply": "model/ply",
     "pcd": "application/octet-stream",
@@ -50,6 +53,13 @@ class StoredCloud:
     values: NDArray[np.float32]
     names: tuple[str, ...]
     triangles: NDArray[np.int32] | None
+
+    @property
+    def scans(self) -> NDArray[np.int64] | None:
+        """The number (N,) of the scan that weighs most around each point; None where the file does not say."""
+        return (
+            self.values[:, self.names.index(SCAN_COLUMN)].astype(np.int64) if SCAN_COLUMN in self.names else None
+        )
 
     @property
     def points_mm(self) -> NDArray[np.float32]:

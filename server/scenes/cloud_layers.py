@@ -39,8 +39,8 @@ def merged_layer(facts: SceneFacts, look: Look) -> Iterator[Node]:
 
 
 def shown_cloud(facts: SceneFacts, look: Look) -> MergedScans | None:
-    """Return what is drawn: the merged cloud, or the scans as they were measured where their colours are asked."""
-    if look.cloud.colors == "by scan" and facts.merged is not None and facts.merged.fused:
+    """Return what is drawn: the merged cloud; the scans as they were measured where it does not know its scans."""
+    if look.cloud.colors == "by scan" and facts.merged is not None and not len(facts.merged.scan):
         return facts.scans() or facts.merged
     return facts.merged
 
@@ -70,8 +70,15 @@ def cloud_colors(merged: MergedScans, look: Look) -> NDArray[np.uint8]:
         values = look.deviation.values_mm if isinstance(look.deviation, CloudDeviation) else None
         return deviation_colors(values, len(merged.points_mm), look)
     if look.cloud.colors == "by scan" and len(merged.scan):
-        return np.array(SCANS, dtype=np.uint8)[merged.scan % len(SCANS)]
+        return scan_colors(merged.scan)
     return height_colors(merged.points_mm[:, 2].astype(float), *height_range_mm(merged))
+
+
+def scan_colors(numbers: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return the colours (N, 3) of scans by their numbers (N,); grey where there is none."""
+    colors = np.array(SCANS, dtype=np.uint8)[numbers % len(SCANS)]
+    colors[numbers < 0] = WAITING
+    return colors
 
 
 def deviation_colors(values_mm: FloatArray | None, count: int, look: Look) -> NDArray[np.uint8]:

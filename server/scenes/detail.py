@@ -17,6 +17,7 @@ from server.scenes.cloud_layers import (
     deviation_colors,
     height_range_mm,
     point_size_mm,
+    scan_colors,
     shown_cloud,
 )
 from server.scenes.colors import height_colors
@@ -56,27 +57,31 @@ def detail(facts: SceneFacts, look: Look, gaze: Gaze) -> Node | None:
         return None
     eye, target = place.inverse().apply(np.array([gaze.position_mm, gaze.look_at_mm]))
     reach = 1.2 * float(np.linalg.norm(target - eye)) * float(np.tan(gaze.field_rad / 2))
-    inside = _around(cloud.every_mm, target, reach, look)
+    chosen = thinned(_around(cloud.every_mm, target, reach, look), MAX_DETAIL_POINTS)
     there = len(_around(cloud.points_mm, target, reach, look))
-    points = thinned(inside, MAX_DETAIL_POINTS)
+    points = cloud.every_mm[chosen]
     if len(points) < _WORTH * max(there, 1):
         return None
     size = point_size_mm(cloud, float(np.sqrt(max(there, 1) / len(points))))
-    return nodes.points(_NAME, points, target, _colors(points, cloud, look), size)
+    return nodes.points(_NAME, points, target, _colors(chosen, cloud, look), size)
 
 
 def _around(
     points_mm: NDArray[np.floating], center_mm: FloatArray, radius_mm: float, look: Look
-) -> NDArray[np.floating]:
-    """Return the points (K, 3) in a ball, on the side of the section that is shown."""
+) -> NDArray[np.int64]:
+    """Return which of the points lie in a ball, on the side of the section that is shown."""
     center = center_mm.astype(points_mm.dtype)
     near = np.flatnonzero(np.abs(points_mm[:, 0] - center[0]) <= radius_mm)
     offsets = points_mm[near] - center
-    inside = points_mm[near[np.einsum("ij,ij->i", offsets, offsets) <= radius_mm**2]]
-    return inside if look.cloud.section is None else inside[look.cloud.section.keeps(inside)]
+    inside = near[np.einsum("ij,ij->i", offsets, offsets) <= radius_mm**2]
+    return inside if look.cloud.section is None else inside[look.cloud.section.keeps(points_mm[inside])]
 
 
-def _colors(points_mm: NDArray[np.floating], cloud: MergedScans, look: Look) -> NDArray[np.uint8]:
+def _colors(chosen: NDArray[np.int64], cloud: MergedScans, look: Look) -> NDArray[np.uint8]:
+    assert cloud.every_mm is not None
+    points_mm = cloud.every_mm[chosen]
+    if look.cloud.colors == "by scan" and cloud.every_scan is not None:
+        return scan_colors(cloud.every_scan[chosen])
     if look.cloud.colors == "by deviation":
         known = look.deviation.of(points_mm) if isinstance(look.deviation, CloudDeviation) else None
         return deviation_colors(known, len(points_mm), look)

@@ -106,6 +106,8 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
         ]
         if len(merged.names) > len(SCANS):
             parts.append(f"<p>and {len(merged.names) - len(SCANS)} more, the same colours again</p>")
+        if merged.fused:
+            parts.append("<p>Each patch in the colour of the scan that weighs most in it</p>")
     if look.cloud.section is not None:
         parts.append(f"<p>{_cut_words(look.cloud.section, frame)}</p>")
     shown = len(merged.points_mm)

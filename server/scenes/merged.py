@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from calib_core.session.measure import ReadFile
 MAX_SCAN_POINTS = 500_000
 """At most this many points of cloud or scans are sent as a whole; with captures and details it stays below 1M."""
 
-Points = TypeVar("Points", bound=NDArray[np.floating])
+Points = TypeVar("Points", bound=NDArray[Any])
 
 ReadOutput = Callable[[str], bytes | None]
 """Gives a file that a stage made beside its result, by its name; None where there is none."""
@@ -30,7 +30,8 @@ class MergedScans:
     points_mm : (N, 3)
         In the turntable's frame, or in the base where there is no table.
     scan : (N,) int
-        The number of the scan that each point belongs to; empty of a merged cloud.
+        The number of the scan that each point belongs to; in a merged cloud of the one that weighs most there, −1
+        where none does. Empty where a stored cloud does not say.
     names : tuple of str
         The scans' names.
     frame : "turntable" or "base"
@@ -38,6 +39,8 @@ class MergedScans:
         How many points there are before thinning.
     every_mm : (measured, 3) or None
         All points of a merged cloud.
+    every_scan : (measured,) int or None
+        Of the same points, as `scan`.
     """
 
     points_mm: NDArray[np.floating]
@@ -46,6 +49,7 @@ class MergedScans:
     frame: Literal["turntable", "base"]
     measured: int
     every_mm: NDArray[np.floating] | None = None
+    every_scan: NDArray[np.int64] | None = None
 
     @property
     def fused(self) -> bool:
@@ -64,14 +68,18 @@ def merged_cloud(results: Mapping[str, Result], read: ReadOutput) -> MergedScans
     if data is None:
         return None
     try:
-        every = read_stored_ply(data, merge.cloud).points_mm
+        stored = read_stored_ply(data, merge.cloud)
     except CalibrationError:
         return None  # an archive's file that another version wrote: the scans are shown
+    every, scans = stored.points_mm, stored.scans
     if not len(every):
         return None
-    return MergedScans(
-        thinned(every, MAX_SCAN_POINTS), np.zeros(0, dtype=np.int64), (), merge.frame, len(every), every
-    )
+    names = merge.scan_names if scans is not None else ()
+    if scans is not None and scans.max() >= len(names):
+        scans, names = None, ()  # the result beside it is of another merge
+    few = thinned(np.arange(len(every)), MAX_SCAN_POINTS)
+    shown = scans[few] if scans is not None else np.zeros(0, dtype=np.int64)
+    return MergedScans(every[few], shown, names, merge.frame, len(every), every, scans)
 
 
 def merged_scans(
@@ -112,7 +120,7 @@ def merged_scans(
 
 
 def thinned(points: Points, most: int) -> Points:
-    """Return at most so many of the points (N, 3), evenly chosen in their order."""
+    """Return at most so many of the rows, evenly chosen in their order."""
     if len(points) <= most:
         return points
     return cast(Points, points[np.linspace(0, len(points) - 1, most).astype(np.int64)])

@@ -16,6 +16,7 @@ from calib_core.session.pipeline import inputs_sha256, run
 from calib_core.session.point_writers import write_pieces
 from calib_core.session.scans import Placement, read_scan, scan_groups
 from calib_core.session.stage_merge import CLOUD_FILE, MESH_FILE, _Calibration, _moves
+from calib_core.session.stored_clouds import read_stored_ply
 
 sphere_scans = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("sphere_scans.py"))))
 
@@ -299,3 +300,23 @@ def test_a_cloud_without_points_is_named(name: str):
     captures = [c.model_copy(update={"files": [name]}) if c.id == "s1" else c for c in given.captures]
     with pytest.raises(InputError, match=f"{name}: need .*point"):
         solve((given.model_copy(update={"captures": captures}), {**files, name: content[name]}))
+
+
+def test_the_cloud_says_which_scan_weighs_most_at_each_point(tmp_path: Path):
+    """That is one of those which look at the surface there most squarely."""
+    given = session()
+    skipped = given[0].model_copy(
+        update={"captures": [c.model_copy(update={"excluded": c.id == "s2"}) for c in given[0].captures]}
+    )
+    result = solve((skipped, given[1]), store=lambda name, pieces: write_pieces(tmp_path / name, pieces))
+    assert result.scan_names == ("s0", "s1", "s3", "s4", "s5", "s6", "s7")
+    stored = read_stored_ply((tmp_path / CLOUD_FILE).read_bytes(), CLOUD_FILE)
+    assert stored.scans is not None
+    assert stored.scans.max() == 6
+    assert (stored.scans < 0).mean() < 0.02
+    views = -np.array([sphere_scans.nominal_poses(8)[int(name[1:])][:3, 2] for name in result.scan_names])
+    outward = (stored.points_mm - sphere_scans.CENTER_MM) / sphere_scans.RADIUS_MM
+    known = stored.scans >= 0
+    cosines = outward[known] @ views.T
+    own = cosines[np.arange(len(cosines)), stored.scans[known]]
+    assert (own > cosines.max(axis=1) - 0.2).mean() > 0.95

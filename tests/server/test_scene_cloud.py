@@ -6,17 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.records import MergeResult
 from calib_core.session.point_writers import ply_pieces
 from calib_core.session.stored_clouds import CLOUD_FILE, REFERENCE_FILE
-from server.scenes.cloud_layers import height_range_mm
+from server.scenes.cloud_layers import cloud_place, height_range_mm
 from server.scenes.cloud_view import Against, CloudView, Section
-from server.scenes.colors import DIVERGING, VIRIDIS, WAITING
+from server.scenes.colors import DIVERGING, SCANS, VIRIDIS, WAITING
+from server.scenes.detail import Gaze, detail
 from server.scenes.facts import SceneFacts, SceneInput, scene_facts
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.live import LiveScene
 from server.scenes.look import look_at
-from server.scenes.merged import MAX_SCAN_POINTS
+from server.scenes.merged import MAX_SCAN_POINTS, merged_cloud
 from server.scenes.nodes import Node
 from server.scenes.stored import scene_input
 from server.scenes.views import FIELD_OF_VIEW_RAD, view
@@ -52,6 +54,20 @@ def fused_scene(points: np.ndarray = CLOUD, reference: bytes | None = None) -> S
     return replace(scene, load_scans=raw.load_scans, outputs=tuple(files))
 
 
+def scans_scene(points: np.ndarray, scans: np.ndarray) -> SceneInput:
+    """The same with a cloud that says which scan, s0 or s2, weighs most at each point."""
+    scene = fused_scene()
+    names = ("x", "y", "z", "scan")
+    data = b"".join(bytes(piece) for piece in ply_pieces(np.column_stack([points, scans]), names))
+    merge = scene.results["merge"]
+    assert isinstance(merge, MergeResult)
+    rows = [row.model_copy(update={"points": 500}) for row in merge.residuals]
+    merge = merge.model_copy(update={"residuals": rows})
+    return replace(
+        scene, results={"merge": merge}, load_merged=lambda: merged_cloud({"merge": merge}, {CLOUD_FILE: data}.get)
+    )
+
+
 def drawn(facts: SceneFacts, view: CloudView | None = None) -> dict[str, Node]:
     return draw(facts, look_at(facts, cloud=view))
 
@@ -72,6 +88,45 @@ def test_the_stored_cloud_is_drawn_and_the_scans_where_their_colours_are_asked()
     by_scan = drawn(facts, CloudView("by scan"))
     assert len(points_of(by_scan)) == 1000  # two scans of 500 points
     assert "as they were measured" in legend_html(facts, look_at(facts, cloud=CloudView("by scan")))
+
+
+def test_a_cloud_that_knows_its_scans_is_coloured_by_them() -> None:
+    numbers = np.where(np.arange(len(CLOUD)) < 10, -1, CLOUD[:, 0] > 0)
+    facts = scene_facts(scans_scene(CLOUD, numbers))
+    view = CloudView("by scan")
+    nodes = drawn(facts, view)
+    np.testing.assert_allclose(points_of(nodes), CLOUD, atol=1e-3)
+    colors = nodes["/scans/merged/0"].arguments["colors"]
+    np.testing.assert_array_equal(colors, np.array([*SCANS[:2], WAITING])[numbers])
+    legend = legend_html(facts, look_at(facts, cloud=view))
+    assert "cleaned and merged" in legend
+    assert "weighs most" in legend
+    assert all(name in legend for name in ("s0", "s2"))
+    assert "s1" not in legend
+
+
+def test_details_have_the_colours_of_their_scans() -> None:
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-50, 50, (MAX_SCAN_POINTS + 400_000, 3))
+    facts = scene_facts(scans_scene(points, (points[:, 0] > 0).astype(float)))
+    place = cloud_place(facts, look_at(facts))
+    assert place is not None
+    eye, target = place.apply(np.array([[0.0, 0.0, 120.0], [0.0, 0.0, 40.0]]))
+    node = detail(facts, look_at(facts, cloud=CloudView("by scan")), Gaze(eye, target, 0.6))
+    assert node is not None
+    inside = node.arguments["points"][:, 0] * 1000 + node.arguments["position"][0] * 1000
+    sure = np.abs(inside) > 1e-3
+    np.testing.assert_array_equal(
+        node.arguments["colors"][sure], np.array(SCANS[:2], dtype=np.uint8)[(inside[sure] > 0).astype(int)]
+    )
+
+
+def test_a_cloud_of_another_merge_than_its_result_is_not_taken_for_its_scans() -> None:
+    scene = scans_scene(CLOUD, np.full(len(CLOUD), 7.0))
+    merged = scene_facts(scene).merged
+    assert merged is not None
+    assert len(merged.scan) == 0
+    np.testing.assert_allclose(merged.points_mm, CLOUD, atol=1e-4)
 
 
 def test_a_large_cloud_is_thinned_evenly_and_said_to_be() -> None:
