@@ -4,11 +4,12 @@ import logging
 from collections.abc import Iterator, Mapping
 from errno import ENOSPC
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import FileResponse, JSONResponse, Response
 from sqlalchemy.exc import DBAPIError, OperationalError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
@@ -155,6 +156,16 @@ async def refuse(error: CalibrationError, scope: Scope, receive: Receive, send: 
         await answer_to(error)(scope, receive, send)
 
 
+def _is_persons(request: Request) -> bool:
+    """Return whether somebody opened an address in a browser: the page then says that nothing is there."""
+    programs = ("/api/", "/web/", "/scenes/")
+    return (
+        request.method == "GET"
+        and "text/html" in request.headers.get("accept", "")
+        and not request.url.path.startswith(programs)
+    )
+
+
 def install(app: FastAPI) -> None:
     """Make an application answer every error with problem details."""
 
@@ -166,8 +177,11 @@ def install(app: FastAPI) -> None:
         assert isinstance(error, RequestValidationError)
         return problem_response(problem(input_error_from_details(error.errors(), error.body, "request")))
 
-    async def http(request: Request, error: Exception) -> JSONResponse:
+    async def http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
+        if error.status_code == 404 and _is_persons(request):
+            web: Path = request.app.state.settings.web
+            return FileResponse(web / "index.html", 404)
         got = {
             404: f"there is nothing at {request.url.path}",
             405: f"{request.url.path} does not take {request.method}",

@@ -111,9 +111,10 @@ class Scancell:
         """List captures in the order of their arrival, with what was measured."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
 
-    def captures_take_simulated(self, session_id: str, *, step: str | None = None) -> Any:
-        """Let the simulated cell take its next capture, one of `step` where some are left."""
-        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params={name: value for name, value in {"step": step}.items() if value is not None})
+    def captures_take_simulated(self, session_id: str, *, step: str | None = None, again: str | None = None) -> Any:
+        """Let the simulated cell take its next capture, one of `step` where some are left; or one of its
+        own `again`. What is taken again has a name of its own (`p05-again`); arm and scanner err anew."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params={name: value for name, value in {"step": step, "again": again}.items() if value is not None})
 
     def captures_get(self, session_id: str, capture_id: str) -> Any:
         """Return a capture with what was measured in it."""

@@ -9,8 +9,8 @@ from fastapi import APIRouter, File, Form, Response, UploadFile
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import CalibrationError, ConflictError, InputError, TooLargeError
-from calib_core.records import Capture, Session, Step, parse_capture
+from calib_core.errors import CalibrationError, ConflictError, DamagedError, InputError, TooLargeError
+from calib_core.records import Capture, Measured, Session, Step, parse_capture
 from server.deps import (
     Again,
     CaptureId,
@@ -187,11 +187,17 @@ def change(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         before = capture_row(db, session_id, capture_id)
-        record, revision = before.record, before.revision
+        record, revision, measured_before = before.record, before.revision, before.measured
     capture = _changed(record, changes)
     check_poses(stored.session, capture)
     frames = calibrated(stored) if needs_calibration(capture) else Calibrated(stored.session, ())
-    measured = frames.told(measuring.measure(frames.session, capture, stored.read))
+    try:
+        measured = frames.told(measuring.measure(frames.session, capture, stored.read))
+    except DamagedError:
+        if set(changes) != {"excluded"}:
+            raise
+        # What the disk has spoiled can still be left out: that is what makes the others count again.
+        measured = Measured.model_validate(measured_before)
     with store.write() as db:
         session = locked_session(db, session_id)
         _require_same_cell(session, stored.session)

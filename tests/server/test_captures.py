@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Iterator
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -256,3 +257,32 @@ def test_a_cell_that_changes_while_a_capture_is_measured_is_noticed(
     monkeypatch.setattr(Measuring, "measure", change_meanwhile)
     assert_problem(upload(client, session, record(), arc_csv()), 409, "again")
     assert upload(client, session, record(), arc_csv()).status_code == 201
+
+
+def test_the_simulated_cell_takes_a_capture_again(client: httpx.Client) -> None:
+    session = simulated_session(client, captures=2)
+    path = f"/sessions/{session}/sources/simulated/capture"
+    first = client.get(f"/sessions/{session}/captures/p02").json()
+    key = {"Idempotency-Key": f"again-{session}"}
+    once, repeated = (client.post(path, params={"again": "p02"}, headers=key).json() for _ in range(2))
+    assert once == repeated
+    assert (once["id"], once["pose"]) == ("p02-again", first["pose"])
+    assert once["measured"]["center_mm"] != first["measured"]["center_mm"]
+    # The arm's own repeatability, 0.05 mm and a lever, is all that differs.
+    assert np.allclose(once["measured"]["center_mm"], first["measured"]["center_mm"], atol=1.5)
+    assert client.post(path, params={"again": "p02-again"}).json()["id"] == "p02-again2"
+    assert client.post(path).json()["id"] == "p03"
+    assert_problem(client.post(path, params={"again": "elsewhere"}), 409, "simulated capture")
+
+
+def test_a_capture_whose_file_was_damaged_can_be_left_out(start: Any, tmp_path: Path) -> None:
+    with start() as client:
+        session = simulated_session(client, captures=1)
+        before = client.get(f"/sessions/{session}/captures/p01").json()
+        content = client.get(f"/sessions/{session}/captures/p01/files/p01.csv").content
+        digest = sha256(content).hexdigest()
+        (tmp_path / "data" / "blobs" / digest[:2] / digest).write_bytes(b"?" + content[1:])
+        path = f"/sessions/{session}/captures/p01"
+        assert_problem(client.patch(path, json={"side": 1}), 503, digest[:12])
+        assert client.patch(path, json={"excluded": True}).json() == {**before, "excluded": True}
+        assert client.patch(path, json={"excluded": None}).json()["measured"] == before["measured"]
