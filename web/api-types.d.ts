@@ -465,6 +465,7 @@ export interface Measured {
   pitch_px?: number | null;
   edge_width_px?: number | null;
   profiles?: number | null;
+  still?: Still | null;
 }
 
 export interface MergeResidual {
@@ -719,6 +720,14 @@ export interface StageReplay {
   difference_count?: number;
   differences?: ReplayDifference[];
   why?: string[];
+}
+
+export interface Still {
+  exposures: number;
+  movement_mm: number;
+  noise_mm: number;
+  chance: number;
+  stands_still: boolean;
 }
 
 export interface StoredCapture {

@@ -1,11 +1,15 @@
 // The one file that speaks HTTP. Types come from the server's OpenAPI document (api-types.d.ts).
 
+import { t } from "./texts.js";
+
 /** @import {CloudView} from "./components/merged.js" */
-/** @import {CloudDeviations, CloudSection, ReferenceMesh, Capture, CaptureOut, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolFrame} from "./model.js" */
+/** @import {AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolFrame} from "./model.js" */
 
 const ROOT = "/api/v1";
 const LOGIN = "/login";
 const PATIENCE_MS = [400, 1200, 3000];
+/** Who is asked to wait for longer than this is told so. */
+const LONGEST_WAIT_S = 5;
 
 /** A request that the server refused, or that never reached it; `message` says what to do. */
 export class Problem extends Error {
@@ -34,7 +38,7 @@ const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, mil
 async function problemOf(response) {
   const fallback = { type: "about:blank", title: response.statusText, status: response.status };
   if (!(response.headers.get("content-type") ?? "").includes("json")) {
-    return new Problem({ ...fallback, detail: `The server answered ${response.status}. Try again; if it stays, look into the server's log.` });
+    return new Problem({ ...fallback, detail: t("problem.unreadable", { status: response.status }) });
   }
   return new Problem({ ...fallback, ...(await response.json()) });
 }
@@ -42,7 +46,7 @@ async function problemOf(response) {
 /** The login is over, or there was none: the login page leads back to here. */
 export function toLogin() {
   const { pathname, search, hash } = window.location;
-  window.location.assign(`/login?next=${encodeURIComponent(pathname + search + hash)}`);
+  window.location.assign(`/login?ended=1&next=${encodeURIComponent(pathname + search + hash)}`);
 }
 
 /**
@@ -59,8 +63,9 @@ async function request(path, init = {}, root = ROOT) {
     try {
       const response = await fetch(root + path, { ...init, headers });
       if (response.ok) return response;
-      if (response.status === 429 && wait) {
-        await pause(1000 * Number(response.headers.get("Retry-After") ?? 1));
+      const rest_s = Number(response.headers.get("Retry-After") ?? 1);
+      if (response.status === 429 && path !== LOGIN && wait && rest_s <= LONGEST_WAIT_S) {
+        await pause(1000 * rest_s);
         continue;
       }
       if (response.status === 401 && path !== LOGIN) toLogin();
@@ -75,10 +80,7 @@ async function request(path, init = {}, root = ROOT) {
 }
 
 function unreachable() {
-  return new Problem({
-    type: "about:blank", title: "No connection", status: 0,
-    detail: "The server cannot be reached. Nothing is lost; start it again or check the network, then repeat the last step.",
-  });
+  return new Problem({ type: "about:blank", title: t("problem.unreachable_title"), status: 0, detail: t("problem.unreachable") });
 }
 
 /**
@@ -114,6 +116,11 @@ function sendFile(path, file, type, progress) {
 function json(method, body) {
   if (body === undefined) return { method };
   return { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+}
+
+/** @param {number | undefined} revision @param {RequestInit} init @returns {RequestInit} */
+function madeAgainst(revision, init) {
+  return revision === undefined ? init : { ...init, headers: { ...init.headers, "If-Match": `"${revision}"` } };
 }
 
 /**
@@ -181,8 +188,8 @@ export const api = {
   /** @param {string} id @returns {Promise<SessionOut>} */
   session: (id) => get(session(id)),
 
-  /** @param {string} id @param {Record<string, unknown>} change @returns {Promise<SessionOut>} */
-  changeSession: async (id, change) => (await request(session(id), json("PATCH", change))).json(),
+  /** Refused with 412 where a `revision` is given and the session is no longer that one. @param {string} id @param {Record<string, unknown>} change @param {number} [revision] @returns {Promise<SessionOut>} */
+  changeSession: async (id, change, revision) => (await request(session(id), madeAgainst(revision, json("PATCH", change)))).json(),
 
   /** @param {string} id */
   removeSession: async (id) => void (await request(session(id), json("DELETE"))),
@@ -224,6 +231,9 @@ export const api = {
     const response = await request(`${capture(id, captureId)}/files/${encodeURIComponent(short)}`);
     return new File([await response.blob()], short);
   },
+
+  /** The simulated cell goes to a capture's pose again. @param {string} id @param {string} captureId @returns {Promise<CaptureOut>} */
+  captureAgain: async (id, captureId) => (await request(`${session(id)}/sources/simulated/capture?again=${encodeURIComponent(captureId)}`, json("POST"))).json(),
 
   /** One of `step` where the simulated cell has some left. @param {string} id @param {string} [step] @returns {Promise<CaptureOut>} */
   captureSimulated: async (id, step) => (await request(`${session(id)}/sources/simulated/capture${step ? `?step=${encodeURIComponent(step)}` : ""}`, json("POST"))).json(),
@@ -281,6 +291,24 @@ export const api = {
 
   /** @param {string} jobId @returns {Promise<Recomputed>} */
   jobAnswer: (jobId) => get(`/jobs/${encodeURIComponent(jobId)}/answer`),
+
+  /** What came with the archive that a session was imported from. @param {string} id @returns {Promise<KeptFile[]>} */
+  kept: async (id) => (await get(`${session(id)}/kept`)).items,
+
+  /** @param {string} id @param {string} name */
+  keptAddress: (id, name) => `${ROOT}${session(id)}/kept/${name.split("/").map(encodeURIComponent).join("/")}`,
+
+  /** @returns {Promise<TokenRecord[]>} */
+  tokens: async () => (await get("/tokens")).items,
+
+  /** The answer alone holds the token itself. @param {NewToken} body @returns {Promise<MadeToken>} */
+  makeToken: async (body) => (await request("/tokens", json("POST", body))).json(),
+
+  /** @param {string} tokenId */
+  revokeToken: async (tokenId) => void (await request(`/tokens/${encodeURIComponent(tokenId)}`, json("DELETE"))),
+
+  /** Who did what, the newest first, from a place on. @param {string | null} cursor @returns {Promise<Page<AuditEntry>>} */
+  audit: (cursor) => get(cursor ? `/audit?limit=100&cursor=${encodeURIComponent(cursor)}` : "/audit?limit=100"),
 
   /** @param {string} id */
   reportAddress: (id) => `${ROOT}${session(id)}/report`,

@@ -89,6 +89,12 @@ export function integer(count) {
   return String(Math.round(count)).replace(/\B(?=(\d{3})+(?!\d))/g, THIN);
 }
 
+/** A file's size: `14 kB`. @param {number} count */
+export function bytes(count) {
+  if (count < 1000) return `${count}${THIN}B`;
+  return count < 1e6 ? `${fixed(count / 1000, 0)}${THIN}kB` : `${fixed(count / 1e6, 1)}${THIN}MB`;
+}
+
 /** @param {string | null | undefined} iso */
 export function when(iso) {
   if (!iso) return "";

@@ -13,6 +13,7 @@ function destination() {
   return own ? url.pathname + url.search + url.hash : "/";
 }
 
+const hasEnded = new URLSearchParams(window.location.search).has("ended");
 const problem = h("p", { class: "form-problem", role: "alert", id: "login-problem", hidden: true });
 const field = h("input", {
   id: "token", name: "token", type: "password", required: true, autocomplete: "current-password", spellcheck: "false",
@@ -58,7 +59,7 @@ else {
   document.body.append(
     h("header", { class: "top" }, h("span", { class: "name" }, "scancell")),
     h("main", { class: "login" },
-      h("h1", {}, t("login.title")), form(),
+      h("h1", {}, t("login.title")), hasEnded && h("p", { class: "form-problem", role: "status" }, t("problem.login_ended")), form(),
       h("details", {}, h("summary", {}, t("login.how")), h("p", { class: "soft small" }, t("login.how_words")),
         h("pre", { class: "mono small" }, "scancell token create --role capture --name NAME"))),
   );

@@ -1,12 +1,14 @@
 // The names that the page uses for what the API gives and takes.
 
 import type {
+  AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord,
   CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
   CameraResult as CameraRecord, Capture, Cell, ChainResult as ChainRecord, FolderState, Guide, GuideNow, GuideStep, Job, LaserPlaneResult as LaserPlaneRecord, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TableCircle, TcpResidual, TcpResult as TcpRecord, TurntableResidual, TurntableResult as TurntableRecord,
   AtWorkpiece, Change, Comparison, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "./api-types.js";
 
+export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
 export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TableCircle, TcpResidual, TurntableResidual };
 export type { AtWorkpiece, Change, Comparison, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
 export type Moment = MomentOfSession;

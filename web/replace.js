@@ -12,14 +12,26 @@ import { attempt, notify } from "./components/toasts.js";
 
 const KINDS = /** @type {readonly Kind[]} */ (["profile", "cloud", "frame"]);
 
-/** Captures of several files and centres without one are sent again as they were sent first. @param {CaptureOut} capture */
-export const isReplaceable = (capture) => KINDS.includes(capture.kind) && capture.files?.length === 1;
+/**
+ * Captures of several files and centres without one are sent again as they were sent first. The simulated cell takes those
+ * of the sphere again.
+ * @param {CaptureOut} capture
+ * @param {boolean} simulated
+ */
+export function isReplaceable({ kind, step, files }, simulated) {
+  if (simulated) return kind !== "frame" && kind !== "sweep" && (step === "tcp" || step === "turntable");
+  return KINDS.includes(kind) && files?.length === 1;
+}
 
 /**
  * @param {SessionState} state
  * @param {CaptureOut} capture
  */
 export function replaceCapture(state, capture) {
+  if (state.session?.simulated) {
+    void attempt(async () => settle(state, capture, await api.captureAgain(state.id, capture.id)));
+    return;
+  }
   const picker = h("input", { type: "file", class: "visually-hidden", "aria-label": t("captures.redo", { capture: capture.id }) });
   picker.addEventListener("change", () => {
     const file = picker.files?.[0];
@@ -36,13 +48,25 @@ export function replaceCapture(state, capture) {
  * @param {CaptureOut} capture
  * @param {File} file
  */
-async function replace({ id, captures, session }, capture, file) {
-  const { measured: _, excluded, ...record } = capture;
+async function replace(state, capture, file) {
+  const { id, captures, session } = state;
+  const { measured: _, excluded: _too, ...record } = capture;
   const name = nextId(capture.id, new Set(captures.map((one) => one.id)));
   const ending = file.name.slice(file.name.lastIndexOf(".")).toLowerCase();
   const kind = kindOf(file.name, session?.cell.scanner?.kind);
-  const taken = await api.addCapture(id, { ...record, id: name, kind, files: [`captures/${name}${ending}`] }, [file]);
+  await settle(state, capture, await api.addCapture(id, { ...record, id: name, kind, files: [`captures/${name}${ending}`] }, [file]));
+}
+
+/**
+ * Let the new capture take the old one's place, unless it is refused, too.
+ * @param {SessionState} state
+ * @param {CaptureOut} capture
+ * @param {CaptureOut} taken
+ */
+async function settle({ id }, capture, taken) {
+  const { id: name } = taken;
   const { verdict, reason, to_do } = taken.measured;
+  const { excluded } = capture;
   if (verdict === "fail") {
     did(t("captures.added", { captures: name }), () => api.removeCapture(id, name));
     notify(t("captures.redo_failed", { old: capture.id, new: name, reason: reason ?? to_do ?? "" }), { bad: true });

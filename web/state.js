@@ -109,9 +109,9 @@ export class SessionState extends EventTarget {
     this.tell("view");
   }
 
-  /** @param {Job} job */
+  /** A job that was started here; its events may have come before the answer that names it. @param {Job} job */
   follows(job) {
-    this.job = job;
+    if (this.job?.id !== job.id) this.job = job;
     this.tell("job");
   }
 

@@ -1,11 +1,12 @@
 // Sending captures one after another, so that their order stays and one bad file stops nothing but itself.
 
 import { api, Problem } from "./api.js";
+import { t } from "./texts.js";
 
 /** @import {Capture} from "./model.js" */
 /** @import {Folder} from "./files.js" */
 /** @typedef {{ record: Capture, files: File[], missing?: string[] }} Parcel */
-/** @typedef {{ sent: string[], problems: string[] }} Outcome `sent`: the ids of the captures */
+/** @typedef {{ sent: string[], files: File[], problems: string[] }} Outcome `sent`: the ids of the captures, `files` what they are made of */
 
 /**
  * @param {string} sessionId
@@ -18,15 +19,18 @@ export async function send(sessionId, parcels, progress) {
   const problems = [];
   /** @type {string[]} */
   const sent = [];
+  /** @type {File[]} */
+  const files = [];
   for (const [index, parcel] of parcels.entries()) {
     progress(index, parcels.length);
     if (parcel.missing?.length) {
-      problems.push(`${parcel.record.id}: the folder lacks ${parcel.missing.join(", ")}. Add the file, then drop it again.`);
+      problems.push(t("problem.lacking", { capture: parcel.record.id, files: parcel.missing.join(", ") }));
       continue;
     }
     try {
       await api.addCapture(sessionId, parcel.record, parcel.files);
       sent.push(parcel.record.id);
+      files.push(...parcel.files);
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       problems.push(`${parcel.record.id}: ${error.message}`);
@@ -34,7 +38,7 @@ export async function send(sessionId, parcels, progress) {
     }
   }
   progress(parcels.length, parcels.length);
-  return { sent, problems };
+  return { sent, files, problems };
 }
 
 /**

@@ -54,6 +54,8 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /sessions/{session_id}",
         "GET /sessions/{session_id}/review",
         "GET /compare",
+        # The page alone; what it shows to an admin is not answered to others.
+        "GET /access",
         "GET /docs",
         "GET /metrics",
         "GET /openapi.json",

@@ -13,6 +13,7 @@ router = APIRouter(include_in_schema=False)
 @router.get("/sessions/{session_id}")
 @router.get("/sessions/{session_id}/review")
 @router.get("/compare")
+@router.get("/access")
 def page(settings: SettingsDep) -> Response:
     """Return the page; which session it shows stands in its address."""
     return FileResponse(settings.web / "index.html", headers={"Cache-Control": "no-cache"})

@@ -107,6 +107,59 @@ def test_a_capture_taken_again_takes_the_place_of_the_old_one(
     assert watched.complaints == []
 
 
+def test_the_simulated_cell_takes_a_capture_again(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api, captures=3)
+    page, watched = open_page(f"/sessions/{session}")
+    page.get_by_role("button", name="Take p02 again from the same pose").click()
+    expect(rows(page)).to_have_count(4)
+    expect(page.get_by_role("checkbox", name="Use p02", exact=True)).not_to_be_checked()
+    now = stored(api, session)
+    assert now["p02-again"]["pose"] == now["p02"]["pose"]
+    assert now["p02-again"]["measured"]["center_mm"] != now["p02"]["measured"]["center_mm"]
+    page.get_by_role("button", name="Take back: p02 replaced").click()
+    expect(rows(page)).to_have_count(3)
+    expect(page.get_by_role("checkbox", name="Use p02", exact=True)).to_be_checked()
+    page.get_by_role("button", name="Capture the sphere").click()
+    expect(rows(page)).to_have_count(4)
+    assert "p04" in stored(api, session)
+    assert watched.complaints == []
+
+
+def test_standstill_is_told_of_several_exposures_and_of_one_that_it_cannot_be(
+    open_page: Callable[..., Any], api: httpx.Client
+) -> None:
+    made = simulate("tcp", 11)
+    capture = made.session.captures[0].to_json()
+    content = made.files[capture["files"][0]].decode()
+    session = make_session(api, cell=made.session.to_json()["cell"])
+    upload(api, session, capture, content.encode())
+    page, watched = open_page(f"/sessions/{session}")
+    quality = page.locator("sc-quality")
+    expect(quality).to_contain_text("one exposure: cannot be told")
+    head, *lines = content.splitlines()
+    for name, lift_mm in (("still", 0.0), ("shaken", 0.4)):
+        files = []
+        for place in range(6):
+            # The same profile, and where it shakes every other one a little nearer.
+            up_mm = lift_mm * (place % 2)
+            moved = [f"{x},{float(z) - up_mm:.4f}" if z else f"{x}," for x, z in (row.split(",") for row in lines)]
+            files.append("\n".join([head, *moved]).encode())
+        names = [f"captures/{name}-{place}.csv" for place in range(6)]
+        record = {"id": name, "step": "tcp", "kind": "sweep", "files": names, "poses": [capture["pose"]] * 6}
+        assert upload(api, session, record, *files).status_code == 201
+        expect(quality.locator("h2")).to_contain_text(name)
+        if not lift_mm:
+            expect(quality).to_contain_text("stands still")
+            continue
+        expect(quality.locator(".figures")).to_contain_text("moved")
+        # Every other one by 0.4 mm is 0.2 √(6/5) mm root mean square about the mean of six.
+        moved_mm = stored(api, session)[name]["measured"]["still"]["movement_mm"]
+        assert moved_mm == pytest.approx(0.2 * np.sqrt(6 / 5), abs=0.005)
+        expect(quality.locator(".figures")).to_contain_text(f"{1000 * moved_mm:.0f}\u202fµm beyond noise")
+        expect(quality.locator(".reason")).to_contain_text("Let the arm settle before the capture")
+    assert watched.complaints == []
+
+
 def test_two_captures_side_by_side_with_the_motion_between_them(
     open_page: Callable[..., Any], api: httpx.Client
 ) -> None:

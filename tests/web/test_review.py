@@ -165,3 +165,29 @@ def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) ->
     page.goto(f"/compare?stage=tcp&{sides}")
     expect(page.locator(".comparison section")).to_have_count(4)
     assert violations(page, axe) == []
+
+
+def test_what_came_with_an_archive_is_shown_and_given_back(
+    open_page: Callable[..., Any], api: httpx.Client, session: str
+) -> None:
+    archive = api.get(f"/sessions/{session}/archive").content
+    answer = api.post("/archives", content=archive, headers={"Content-Type": "application/zip"})
+    assert answer.status_code == 201, answer.text
+    imported = answer.json()["id"]
+    page, watched = open_page(f"/sessions/{imported}/review")
+    kept = page.get_by_role("region", name="Came with the archive")
+    listed = api.get(f"/sessions/{imported}/kept").json()["items"]
+    expect(kept.get_by_role("listitem")).to_have_count(len(listed))
+    assert {"report.html", "scene.html"} <= {item["name"] for item in listed}
+    with page.expect_download() as download:
+        kept.get_by_role("link", name="report.html", exact=True).click()
+    content = download.value.path().read_bytes()
+    assert len(content) == next(item["bytes"] for item in listed if item["name"] == "report.html")
+    with page.context.expect_page() as opened:
+        kept.get_by_role("link", name="Open report.html in a window of its own").click()
+    expect(opened.value.locator("h1").first).to_be_visible()
+    # A session that came with nothing shows no empty section.
+    page.goto(page.url.replace(imported, session))
+    expect(page.locator("sc-review-captures tbody tr").first).to_be_visible()
+    expect(page.get_by_role("region", name="Came with the archive")).to_have_count(0)
+    assert watched.complaints == []

@@ -3,7 +3,7 @@
 import { api } from "../api.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../me.js";
-import { t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { did } from "../undo.js";
 import { StateElement } from "./base.js";
 import { attempt, notify, say } from "./toasts.js";
@@ -14,8 +14,10 @@ import { attempt, notify, say } from "./toasts.js";
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
   /** @type {FolderWatchElement | null} */ watch = null;
-  #capture = h("button", { type: "button", class: "capture", needs: "capture", onclick: () => void this.capture() }, t("actions.capture"), h("kbd", { "aria-hidden": "true" }, t("key.space")));
-  #solve = h("button", { type: "button", class: "solve", needs: "capture", onclick: () => void this.solve() }, t("actions.solve"), h("kbd", { "aria-hidden": "true" }, "S"));
+  #captureWords = h("span", {}, t("actions.capture"));
+  #solveWords = h("span", {}, t("actions.solve"));
+  #capture = h("button", { type: "button", class: "capture", needs: "capture", onclick: () => void this.capture() }, this.#captureWords, h("kbd", { "aria-hidden": "true" }, t("key.space")));
+  #solve = h("button", { type: "button", class: "solve", needs: "capture", onclick: () => void this.solve() }, this.#solveWords, h("kbd", { "aria-hidden": "true" }, "S"));
   #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
   #progress = h("div", { class: "job", hidden: true });
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
@@ -43,6 +45,8 @@ export class ActionsElement extends StateElement {
     const { session, guide, job, captures } = this.state;
     const simulated = session?.simulated === true;
     const ready = guide?.current.action === "solve";
+    this.#captureWords.textContent = maybe(`actions.capture_${captureStep(guide?.current.step) ?? ""}`, t("actions.capture"));
+    this.#solveWords.textContent = maybe(`actions.solve_${guide?.current.stage ?? ""}`, t("actions.solve"));
     this.#capture.hidden = !simulated;
     this.#watch.hidden = simulated;
     const solved = guide?.current.action === "review";
@@ -61,9 +65,10 @@ export class ActionsElement extends StateElement {
     this.#progress.hidden = !working;
     if (!job || !working) return;
     const cancel = () => attempt(() => api.cancelJob(job.id));
+    const words = maybe(`actions.solving_${job.stage}`, t("actions.solving"));
     this.#progress.replaceChildren(
-      h("progress", { max: 1, value: job.progress, "aria-label": t("actions.solving") }),
-      h("span", { class: "small" }, job.message || t("actions.solving")),
+      h("progress", { max: 1, value: job.progress, "aria-label": words }),
+      h("span", { class: "small" }, job.message || words),
       h("button", { type: "button", needs: "capture", onclick: cancel }, t("actions.cancel")),
     );
   }
@@ -75,7 +80,7 @@ export class ActionsElement extends StateElement {
     this.#followed = "";
     if (job.status === "done") {
       this.state.show("result");
-      say(t("actions.solved"));
+      say(maybe(`actions.solved_${job.stage}`, t("actions.solved")));
     } else if (job.status === "failed") notify(job.error?.detail ?? t("actions.failed"), { bad: true });
     else notify(t("actions.cancelled"));
   }

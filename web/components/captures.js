@@ -53,7 +53,7 @@ export class CapturesElement extends StateElement {
     this.#undo.hidden = last === null;
     this.hidden = this.state.captures.length === 0 && last === null;
     this.#table.hidden = this.state.captures.length === 0;
-    this.#table.classList.toggle("with-redo", this.state.session?.simulated === false);
+    this.#table.classList.toggle("with-redo", this.state.captures.some((capture) => isReplaceable(capture, this.state.session?.simulated === true)));
     const words = t("undo.what", { what: last ?? "" });
     this.#undo.setAttribute("aria-label", words);
     this.#undo.title = `${words} (Ctrl+Z)`;
@@ -143,10 +143,11 @@ export class CapturesElement extends StateElement {
     ];
   }
 
-  /** The way to take it again from the same pose; the simulated cell never takes the same one twice. @param {CaptureOut} capture */
+  /** The way to take it again from the same pose. @param {CaptureOut} capture */
   #redo(capture) {
-    if (this.state.session?.simulated || !isReplaceable(capture)) return null;
-    const words = t("captures.redo", { capture: capture.id });
+    const simulated = this.state.session?.simulated === true;
+    if (!isReplaceable(capture, simulated)) return null;
+    const words = t(simulated ? "captures.again" : "captures.redo", { capture: capture.id });
     return h("button", { type: "button", class: "plain icon redo", needs: "capture", "aria-label": words, title: words, onclick: () => replaceCapture(this.state, capture) }, icon("redo"));
   }
 

@@ -176,9 +176,10 @@ export function cellDialog(session) {
     h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go"))),
   );
   const dialog = h("dialog", { "aria-labelledby": "new-title" }, form);
+  const base = { session };
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    void submit(form, alarm, dialog, session);
+    void submit(form, alarm, dialog, base);
   });
   if (session) fill(form, session);
   dialog.addEventListener("close", () => dialog.remove());
@@ -187,12 +188,38 @@ export function cellDialog(session) {
 }
 
 /**
+ * Change a session as it was when the dialog opened. Captures may come meanwhile; where somebody else has changed name or
+ * cell, that is told, and the next time this change takes its place.
+ * @param {{ session?: SessionOut }} base
+ * @param {SessionOut} before
+ * @param {Record<string, unknown>} change
+ * @returns {Promise<SessionOut>}
+ */
+async function changed(base, before, change) {
+  try {
+    return await api.changeSession(before.id, change, before.revision);
+  } catch (error) {
+    if (!(error instanceof Problem) || error.status !== 412) throw error;
+    const now = await api.session(before.id);
+    base.session = now;
+    const theirs = namesOfChanges({ name: before.name, ...before.cell }, { name: now.name, ...now.cell });
+    if (!theirs.length) return changed(base, now, change);
+    throw new Problem({ ...error.body, detail: t("problem.outdated", { what: theirs.join(", ") }) });
+  }
+}
+
+/** @param {Record<string, unknown>} before @param {Record<string, unknown>} after */
+function namesOfChanges(before, after) {
+  return [...new Set([...Object.keys(before), ...Object.keys(after)])].filter((name) => JSON.stringify(before[name] ?? null) !== JSON.stringify(after[name] ?? null));
+}
+
+/**
  * @param {HTMLFormElement} form
  * @param {HTMLElement} alarm
  * @param {HTMLDialogElement} dialog
- * @param {SessionOut} [session]
+ * @param {{ session?: SessionOut }} base the session as the fields were filled from it; without one a new one is made
  */
-async function submit(form, alarm, dialog, session) {
+async function submit(form, alarm, dialog, base) {
   const data = new FormData(form);
   const found = faults(data);
   mark(form, found);
@@ -201,10 +228,11 @@ async function submit(form, alarm, dialog, session) {
   if (!alarm.hidden) return;
   try {
     const body = bodyOf(data);
-    const stored = session ? await api.changeSession(session.id, asChange(body)) : await api.createSession(body);
+    const stored = base.session ? await changed(base, base.session, asChange(body)) : await api.createSession(body);
+    const { session } = base;
     dialog.close();
     if (session) did(t("cell.changed"), () => api.changeSession(session.id, { name: session.name, cell: patchBack(session.cell, stored.cell) }));
-    if (!session) go(`/sessions/${stored.id}`);
+    else go(`/sessions/${stored.id}`);
   } catch (error) {
     if (!(error instanceof Problem)) throw error;
     alarm.textContent = error.message;

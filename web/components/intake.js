@@ -24,6 +24,7 @@ const OF_BOARD = ["camera", "laser-plane"];
 
 export class IntakeElement extends StateElement {
   /** @type {Found[]} */ #files = [];
+  /** Stored already while others were refused: never sent twice. @type {Set<File>} */ #stored = new Set();
   /** @type {ParsedPose[]} */ #poses = [];
   #timer = 0;
   #reading = 0;
@@ -115,6 +116,7 @@ export class IntakeElement extends StateElement {
 
   close() {
     this.#files = [];
+    this.#stored.clear();
     this.#poses = [];
     this.#text.value = this.#angles.value = "";
     this.#keep();
@@ -192,7 +194,7 @@ export class IntakeElement extends StateElement {
     const step = /** @type {"camera" | "laser-plane"} */ (this.#step.value);
     const count = step === "laser-plane" && this.#pairs.checked ? 2 : 1;
     const groups = Array.from({ length: Math.floor(this.#files.length / count) }, (_, index) => this.#files.slice(index * count, (index + 1) * count));
-    return groups.map((group) => {
+    return groups.filter((group) => !group.some(({ file }) => this.#stored.has(file))).map((group) => {
       const id = freeId(taken, stemOf(group[0]?.path ?? ""));
       taken.add(id);
       const files = group.map(({ path }, index) => `captures/${id}${index ? "-stripe" : ""}${path.slice(path.lastIndexOf(".")).toLowerCase()}`);
@@ -211,7 +213,7 @@ export class IntakeElement extends StateElement {
       const pose = line === null ? undefined : this.#poses[line];
       const angle = (pose && this.#columns.angle(pose.line)) ?? (file === null ? undefined : angles[file]);
       const turns = step === "turntable" || (step === "scan" && angle !== undefined);
-      if (!found || !pose?.matrix || (turns && !Number.isFinite(angle))) return [];
+      if (!found || this.#stored.has(found.file) || !pose?.matrix || (turns && !Number.isFinite(angle))) return [];
       const id = freeId(taken, stemOf(found.path));
       taken.add(id);
       const kind = kindOf(found.path, this.state.session?.cell.scanner?.kind);
@@ -238,7 +240,13 @@ export class IntakeElement extends StateElement {
     const heads = boards ? /** @type {const} */ (["file"]) : /** @type {const} */ (["file", "line", "flange", "look"]);
     this.#table.replaceChildren(h("table", {},
       h("thead", {}, h("tr", {}, ...heads.map((head) => h("th", { scope: "col" }, t(`match.${head}`))))),
-      h("tbody", {}, ...rows.map(({ file, line }) => boards ? h("tr", {}, h("td", {}, this.#files[file ?? 0]?.path ?? "")) : matchRow(file === null ? undefined : this.#files[file], line === null ? undefined : this.#poses[line])))));
+      h("tbody", {}, ...rows.map(({ file, line }) => this.#row(file === null ? undefined : this.#files[file], line === null ? undefined : this.#poses[line], boards)))));
+  }
+
+  /** @param {Found | undefined} found @param {ParsedPose | undefined} pose @param {boolean} board a frame of it needs no pose */
+  #row(found, pose, board) {
+    const stored = found && this.#stored.has(found.file) ? mark("pass", t("match.stored")) : null;
+    return board ? h("tr", {}, h("td", {}, found?.path ?? "", " ", stored)) : matchRow(found, pose, stored);
   }
 
   /** @param {number} sent @param {number} all */
@@ -251,6 +259,7 @@ export class IntakeElement extends StateElement {
     if (!parcels.length) return;
     if (!await attempt(() => this.#adoptConvention())) return;
     const outcome = await send(this.state.id, parcels, this.#progress);
+    for (const file of outcome.files) this.#stored.add(file);
     this.#tell(outcome);
     if (outcome.problems.length) this.#draw();
     else this.close();
@@ -279,12 +288,13 @@ export class IntakeElement extends StateElement {
 /**
  * @param {Found | undefined} found
  * @param {ParsedPose | undefined} pose
+ * @param {HTMLElement | null} stored
  */
-function matchRow(found, pose) {
+function matchRow(found, pose, stored) {
   const matrix = pose?.matrix;
   return h(
     "tr", {},
-    h("td", {}, found ? found.path : mark("warn", t("match.no_file"))),
+    h("td", {}, found ? found.path : mark("warn", t("match.no_file")), " ", stored),
     h("td", { class: "mono" }, pose ? pose.text : mark("warn", t("match.no_line"))),
     h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", pose.problem ?? "")),
     h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),

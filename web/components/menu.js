@@ -3,7 +3,7 @@
 import { api } from "../api.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
-import { me } from "../me.js";
+import { may, me } from "../me.js";
 import { t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
@@ -23,7 +23,7 @@ function who() {
 /** The button and what it opens. */
 export function menu() {
   const panel = h("div", { id: "menu", class: "menu", popover: "auto", role: "group", "aria-label": t("menu.title") },
-    ...who(), h("a", { href: "/docs" }, t("menu.docs")));
+    ...who(), may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
   const button = h("button", { type: "button", class: "plain icon", popovertarget: "menu", "aria-label": t("menu.open"), title: t("menu.open") }, icon("more"));
   return [button, panel];
 }

@@ -1,6 +1,7 @@
 // A session as it was: its time line on top, and below it what was known at the place that is chosen. Read-only.
 
 import { api } from "../api.js";
+import { KeptElement } from "../components/kept.js";
 import { RailElement } from "../components/rail.js";
 import { RecomputeElement } from "../components/recompute.js";
 import { ResultElement } from "../components/result.js";
@@ -37,7 +38,7 @@ export class ReviewPage extends HTMLElement {
       h("div", { class: "review" },
         make(RailElement, { state }),
         h("div", { class: "review-work" },
-          make(ResultElement, { state }), make(ReviewCapturesElement, { state }), make(RecomputeElement, { sessionId: this.sessionId }), make(ReviewLogElement, { state })),
+          make(ResultElement, { state }), make(ReviewCapturesElement, { state }), make(RecomputeElement, { sessionId: this.sessionId }), make(KeptElement, { sessionId: this.sessionId }), make(ReviewLogElement, { state })),
         make(SceneElement, { state })));
     state.watch(["session", "problem"], () => this.#update(state));
     void attempt(() => state.start());

@@ -34,11 +34,6 @@ export const common = {
   "menu.docs": "API",
   "menu.log_out": "Log out",
 
-  "may.capture": "You are logged in to look. Capturing, changing and solving take a token with the role capture.",
-  "may.admin": "Removing a session takes a token with the role admin.",
-
-  "lost.title": "There is nothing at this address",
-  "lost.words": "The link may be old, or the session was removed.",
   "lost.back": "Back to all sessions",
 
   "step.camera": "Camera",

@@ -9,7 +9,6 @@ export const intake = {
   "watch.end": "End watching",
   "watch.watching": "Watching {folder}",
   "watch.waiting": "Still being written: {files}",
-  "watch.unavailable": "This server watches no folders. Who runs it allows that by SCANCELL_WATCH_ROOT, the folder below which sessions may watch.",
 
   "intake.step": "These are captures for",
   "intake.angles": "Table angles in degrees, one a capture, in the files' order",
@@ -26,9 +25,6 @@ export const intake = {
   "intake.sending": "Sending {sent} of {all}",
   "intake.sent_one": "{count} capture added",
   "intake.sent_many": "{count} captures added",
-  "intake.more_problems": "{count} more captures could not be added.",
-  "intake.unknown": "Not measurements: {names}. Profiles are CSV or NPY; clouds PLY, PCD, XYZ or NPY; frames PNG, TIFF, BMP or JPEG.",
-  "intake.bad_json": "The session.json cannot be read as JSON. Mend it in an editor, then drop the folder again.",
   "intake.drop": "Drop to add",
 
   "columns.convention": "Read as",
@@ -44,6 +40,7 @@ export const intake = {
   "match.flange": "Flange in the robot's base",
   "match.look": "Flange z axis",
   "match.no_file": "no file yet",
+  "match.stored": "added already",
   "match.no_line": "no pose yet",
   "match.up": "up",
   "match.down": "down",

@@ -9,6 +9,11 @@ export const review = {
   "review.print": "Print",
   "review.log": "Log",
 
+  "kept.title": "Came with the archive",
+  "kept.what": "What the imported archive held beside session and results, byte for byte as it came. It was not made by this server.",
+  "kept.open": "Open",
+  "kept.open_what": "Open {name} in a window of its own",
+
   "timeline.label": "Time line of captures and solves",
   "timeline.words": "{at} of {all} · {what} · {when}",
   "timeline.capture": "Capture {capture}, {verdict}",

@@ -20,8 +20,6 @@ export const start = {
   "start.remove_words": "This removes the session with {captures} and all results, for good.",
   "start.remove_go": "Remove for good",
   "start.removed": "Session {name} removed",
-  "start.files_first": "These are measurements without a session.json. Make a new session first, then drop them into it.",
-  "start.no_session": "No session.json is among these files. Drop the whole session folder, or an archive (zip).",
 
   "filter.all": "all sessions",
   "filter.pass": "accepted",
