@@ -1,0 +1,97 @@
+"""Walks that provoke problems: which ones they meet, what the page must say, and the picture that each leaves.
+
+`SCANCELL_PICTURE=1 python -m pytest tests/web -k problem` writes `docs/images/problems/*.png`.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import httpx
+from PIL import Image
+from playwright.sync_api import Browser, Locator, Page, Response, expect
+
+from tests.web.browsing import leave_out_the_scene
+
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images" / "problems"
+TAKE_PICTURES = "SCANCELL_PICTURE" in os.environ
+COLORS = 64
+
+PROVOKED: set[str] = set()
+"""Types of the server's catalogue, and keys of the page's texts/en/problems.js, that some walk meets."""
+
+
+def provokes(*names: str) -> Callable[[Any], Any]:
+    """Note which entries of the catalogues a walk meets."""
+    PROVOKED.update(names)
+    return lambda walk: walk
+
+
+class Visitor:
+    """A page, and the problems that the server answered it."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self._answers: list[Response] = []
+        page.on("response", self._heard)
+
+    def _heard(self, answer: Response) -> None:
+        if "problem+json" in answer.headers.get("content-type", ""):
+            self._answers.append(answer)
+
+    @property
+    def toast(self) -> Locator:
+        return self.page.locator(".toast.bad").last
+
+    @property
+    def rows(self) -> Locator:
+        return self.page.locator("table.captures tbody tr")
+
+    def told(self, kind: str, where: Locator | None = None) -> dict[str, Any]:
+        """Return the last problem of a type, once the page says what was needed, what was there, what to do."""
+        where = where or self.toast
+        expect(where).to_be_visible()
+        found = [body for body in (answer.json() for answer in self._answers) if body["type"].endswith(f":{kind}")]
+        assert found, f"no {kind} among {[answer.status for answer in self._answers]}"
+        require_said(found[-1], where)
+        return found[-1]
+
+    def picture(self, name: str) -> None:
+        """Leave a picture of what is seen, where pictures were asked for."""
+        if not TAKE_PICTURES:
+            return
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        self.page.wait_for_timeout(300)
+        image = Image.open(BytesIO(self.page.screenshot())).convert("RGB")
+        image.quantize(COLORS).save(FOLDER / f"{name}.png", optimize=True)
+
+
+def require_said(problem: dict[str, Any], where: Locator) -> None:
+    """Require that the page says all of a problem; an HTTP status alone has no need of its own."""
+    parts = [problem["got"], problem["to_do"]]
+    if not problem["type"].rsplit(":", 1)[1].startswith("http-"):
+        parts.append(problem["need"])
+    for part in parts:
+        assert part
+        expect(where).to_contain_text(part)
+
+
+def site_of(client: httpx.Client) -> str:
+    return str(client.base_url).removesuffix("/api/v1/")
+
+
+@contextmanager
+def visiting(browser: Browser, client: httpx.Client, path: str, site: str = "") -> Iterator[Visitor]:
+    """Open a page of a server, at its own address or at another way to it, in a profile of its own."""
+    context = browser.new_context(
+        base_url=site or site_of(client), viewport={"width": 1100, "height": 720}, reduced_motion="reduce"
+    )
+    context.set_default_timeout(30_000)
+    leave_out_the_scene(context)
+    visitor = Visitor(context.new_page())
+    visitor.page.goto(path)
+    yield visitor
+    context.close()
