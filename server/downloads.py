@@ -1,6 +1,6 @@
 """Files on their way out."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import IO
 
 from fastapi.responses import StreamingResponse
@@ -10,11 +10,20 @@ from server.store.blobs import chunks_to_end
 
 
 class Download(StreamingResponse):
-    """An open file as an answer, from its beginning; it is closed once it has gone out or was broken off."""
+    """An open file as an answer, from its beginning, or what is made of it while it goes out.
 
-    def __init__(self, file: IO[bytes], media_type: str, headers: Mapping[str, str]) -> None:
+    The file is closed once the answer has gone out or was broken off.
+    """
+
+    def __init__(
+        self,
+        file: IO[bytes],
+        media_type: str,
+        headers: Mapping[str, str],
+        pieces: Iterator[bytes | memoryview] | None = None,
+    ) -> None:
         self._file = file
-        super().__init__(chunks_to_end(file), media_type=media_type, headers=headers)
+        super().__init__(pieces or chunks_to_end(file), media_type=media_type, headers=headers)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer; a broken-off download leaves its pieces half given, so they cannot be what closes the file."""

@@ -2,7 +2,8 @@
 
 import struct
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,8 @@ _PAGE, _PAYLOAD = 1024, 1020
 _HEADER_BYTES = 48
 _SECTION_BYTES = 32
 _RECORDS = 5400  # a data packet: three streams of float32 in less than 64 KiB
+_PACKET_BYTES, _RECORD_BYTES = 12, 12
+_PAGES_AT_ONCE = 1024
 _ENTRIES = 2048  # the most that an index packet may have
 
 _XML = """<?xml version="1.0" encoding="UTF-8"?>
@@ -50,19 +53,43 @@ def e57_pieces(points_mm: ArrayLike) -> Iterator[bytes | memoryview]:
     InputError
         If there are no points.
     """
-    points = np.asarray(points_mm, dtype=np.float64)
+    points = np.asarray(points_mm)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InputError("at least one point to write", f"an array of shape {points.shape}", "Merge scans first.")
-    metres = (points / 1000).astype("<f4")
-    section, offset = _section(metres)
-    guids = [uuid.uuid5(uuid.NAMESPACE_OID, metres[:1000].tobytes().hex() + name) for name in ("file", "scan")]
-    xml = _XML.format(file=guids[0], scan=guids[1], offset=offset, count=len(metres)).encode()
-    body = section + xml
-    xml_at = _HEADER_BYTES + len(section)
-    pages = -(-(_HEADER_BYTES + len(body)) // _PAYLOAD)
+    yield from e57_pieces_of([points], len(points))
+
+
+def e57_pieces_of(blocks_mm: Iterable[NDArray[np.floating]], count: int) -> Iterator[bytes | memoryview]:
+    """Give the same file of points that come in blocks (N, 3), `count` in all, never in memory together."""
+    layout = _layout(count)
+    records = _records(blocks_mm)
+    first = next(records)
+    guids = [uuid.uuid5(uuid.NAMESPACE_OID, first[:1000].tobytes().hex() + name) for name in ("file", "scan")]
+    offset = _physical(_HEADER_BYTES)
+    xml = _XML.format(file=guids[0], scan=guids[1], offset=offset, count=count).encode()
+    xml_at = _HEADER_BYTES + layout.size
+    pages = -(-(xml_at + len(xml)) // _PAYLOAD)
     sizes = (pages * _PAGE, _physical(xml_at), len(xml), _PAGE)
-    header = struct.pack("<8sIIQQQQ", b"ASTM-E57", 1, 0, *sizes)
-    yield _paged(header + body)
+    data_at = _physical(_HEADER_BYTES + _SECTION_BYTES)
+
+    def logical() -> Iterator[bytes]:
+        yield struct.pack("<8sIIQQQQ", b"ASTM-E57", 1, 0, *sizes)
+        yield struct.pack("<B7xQQQ", 1, layout.size, data_at, layout.root)
+        yield _data_packet(first)
+        yield from map(_data_packet, records)
+        yield from layout.index
+        yield xml
+
+    yield from _paged(logical())
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What follows from the number of points: the section's size, its index, and where the index's root stands."""
+
+    size: int
+    index: list[bytes]
+    root: int
 
 
 def _physical(logical: int) -> int:
@@ -70,32 +97,38 @@ def _physical(logical: int) -> int:
     return logical // _PAYLOAD * _PAGE + logical % _PAYLOAD
 
 
-def _section(metres: NDArray[np.float32]) -> tuple[bytes, int]:
-    """Return the binary section of the points, which begins right behind the header, and its place in the file."""
+def _layout(count: int) -> _Layout:
+    """Return the layout of the binary section of so many points, which begins right behind the header."""
     at = _HEADER_BYTES + _SECTION_BYTES
-    packets: list[bytes] = []
     entries: list[tuple[int, int]] = []
-    for start in range(0, len(metres), _RECORDS):
-        block = metres[start : start + _RECORDS]
-        packet = _data_packet(block)
+    for start in range(0, count, _RECORDS):
         entries.append((start, _physical(at)))
-        packets.append(packet)
-        at += len(packet)
+        at += _PACKET_BYTES + _RECORD_BYTES * min(_RECORDS, count - start)
+    index: list[bytes] = []
     level = 0
     while True:
         above: list[tuple[int, int]] = []
         for first in range(0, len(entries), _ENTRIES):
             group = entries[first : first + _ENTRIES]
             above.append((group[0][0], _physical(at)))
-            packets.append(_index_packet(group, level))
-            at += len(packets[-1])
+            index.append(_index_packet(group, level))
+            at += len(index[-1])
         entries, level = above, level + 1
         if len(entries) == 1:
-            break
-    body = b"".join(packets)
-    data_at = _physical(_HEADER_BYTES + _SECTION_BYTES)
-    head = struct.pack("<B7xQQQ", 1, _SECTION_BYTES + len(body), data_at, entries[0][1])
-    return head + body, _physical(_HEADER_BYTES)
+            return _Layout(at - _HEADER_BYTES, index, entries[0][1])
+
+
+def _records(blocks_mm: Iterable[NDArray[np.floating]]) -> Iterator[NDArray[np.float32]]:
+    """Give the points in metres, as many at a time as a packet holds; the last ones may be fewer."""
+    left = np.zeros((0, 3), dtype="<f4")
+    for block in blocks_mm:
+        metres = np.concatenate([left, (block.astype(np.float64) / 1000).astype("<f4")])
+        whole = len(metres) // _RECORDS * _RECORDS
+        for start in range(0, whole, _RECORDS):
+            yield metres[start : start + _RECORDS]
+        left = metres[whole:]
+    if len(left):
+        yield left
 
 
 def _data_packet(block: NDArray[np.float32]) -> bytes:
@@ -110,8 +143,20 @@ def _index_packet(entries: list[tuple[int, int]], level: int) -> bytes:
     return head + b"".join(struct.pack("<QQ", *entry) for entry in entries)
 
 
-def _paged(data: bytes) -> bytes:
-    """Return the bytes in pages, each followed by its checksum, the last filled up with zeros."""
+def _paged(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """Give the bytes in pages, each followed by its checksum, the last filled up with zeros."""
+    waiting = bytearray()
+    for piece in pieces:
+        waiting += piece
+        if len(waiting) >= _PAGES_AT_ONCE * _PAYLOAD:
+            whole = len(waiting) // _PAYLOAD * _PAYLOAD
+            yield _pages(bytes(waiting[:whole]))
+            del waiting[:whole]
+    if waiting:
+        yield _pages(bytes(waiting))
+
+
+def _pages(data: bytes) -> bytes:
     from calib_core.kernels.checksum import crc32c_rows
 
     payload = np.zeros((-(-len(data) // _PAYLOAD), _PAYLOAD), dtype=np.uint8)

@@ -83,16 +83,22 @@ def _ply_header(names: tuple[str, ...], points: int, triangles: int | None) -> b
 def pcd_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ) -> Pieces:
     """Give a binary PCD file of points (N, K), as `ply_pieces`; normals are renamed to what PCD calls them."""
     table = _table(values, names)
+    yield from pcd_pieces_of([table], len(table), names)
+
+
+def pcd_pieces_of(tables: Iterable[ArrayLike], count: int, names: tuple[str, ...] = _XYZ) -> Pieces:
+    """Give the same file of points that are never in memory together; parameters as in `ply_pieces_of`."""
     renamed = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
     fields = [renamed.get(name, name) for name in names]
     ones = " ".join(["1"] * len(fields))
     header = [
         "# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7", f"FIELDS {' '.join(fields)}",
         f"SIZE {' '.join(['4'] * len(fields))}", f"TYPE {' '.join(['F'] * len(fields))}", f"COUNT {ones}",
-        f"WIDTH {len(table)}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {len(table)}", "DATA binary",
+        f"WIDTH {count}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {count}", "DATA binary",
     ]  # fmt: skip
     yield ("\n".join(header) + "\n").encode("ascii")
-    yield table.data.cast("B")
+    for values in tables:
+        yield _table(values, names).data.cast("B")
 
 
 def xyz_pieces(values: ArrayLike, names: tuple[str, ...] = _XYZ) -> Pieces:
@@ -113,14 +119,25 @@ def stl_pieces(points_mm: ArrayLike, triangles: ArrayLike) -> Pieces:
         If there are no triangles, or one names a point that is not there.
     """
     points = _table(points_mm, _XYZ)
-    corners = points[_faces(triangles, len(points))]
+    faces = _faces(triangles, len(points))
+    yield from stl_pieces_of(points, (faces[at : at + _BLOCK] for at in range(0, len(faces), _BLOCK)), len(faces))
+
+
+def stl_pieces_of(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], count: int) -> Pieces:
+    """Give the same file of triangles that come in blocks (M, 3), `count` in all; raises as `stl_pieces`."""
+    yield b"scancell mesh, mm".ljust(80) + count.to_bytes(4, "little")
+    for triangles in blocks:
+        yield _stl_records(points_mm[_faces(triangles, len(points_mm))])
+
+
+def _stl_records(corners: NDArray[np.float32]) -> bytes:
+    """Return the records of triangles (M, 3, 3)."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     records = np.zeros(len(corners), dtype=[("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
     records["normal"] = normals / np.where(lengths > 0, lengths, 1)
     records["corners"] = corners
-    yield b"scancell mesh, mm".ljust(80) + len(corners).to_bytes(4, "little")
-    yield records.tobytes()
+    return records.tobytes()
 
 
 CLOUD_WRITERS: dict[str, Callable[[ArrayLike], Iterator[bytes | memoryview]]] = {

@@ -1,15 +1,16 @@
 """Stored clouds and meshes: read back as they were written, given in the formats of other programs."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
-from calib_core.session.e57_writer import e57_pieces
-from calib_core.session.point_writers import Pieces, pcd_pieces, ply_pieces, stl_pieces, xyz_pieces
+from calib_core.session.e57_writer import e57_pieces_of
+from calib_core.session.point_writers import Pieces, pcd_pieces_of, stl_pieces_of, xyz_pieces
 
 CLOUD_FOLDER: Final = "clouds"
 CLOUD_FILE: Final = f"{CLOUD_FOLDER}/merged.ply"
@@ -33,6 +34,7 @@ OF_CLOUDS: Final = ("ply", "pcd", "xyz", "e57")
 OF_MESHES: Final = ("ply", "stl")
 
 _MAX_HEADER_BYTES = 4000
+_BLOCK_BYTES = 1 << 20
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 
 
@@ -101,8 +103,36 @@ def read_stored_ply(data: bytes, where: str) -> StoredCloud:
     InputError
         If it is cut off, or was written by another program.
     """
-    end = data.find(b"end_header\n", 0, _MAX_HEADER_BYTES)
-    lines = data[: max(end, 0)].decode("ascii", "replace").splitlines()
+    layout = _layout(data[:_MAX_HEADER_BYTES], len(data), where)
+    values = np.frombuffer(data, "<f4", layout.points * layout.width, layout.start)
+    values = values.reshape(layout.points, layout.width)
+    if layout.faces is None:
+        return StoredCloud(values, layout.names, None)
+    return StoredCloud(values, layout.names, np.frombuffer(data, _FACE, layout.faces, layout.faces_at)["corners"])
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where what stands in a file: points with their columns, then faces, None in a cloud."""
+
+    names: tuple[str, ...]
+    points: int
+    faces: int | None
+    start: int
+
+    @property
+    def width(self) -> int:
+        return len(self.names)
+
+    @property
+    def faces_at(self) -> int:
+        return self.start + 4 * self.points * self.width
+
+
+def _layout(head: bytes, size: int, where: str) -> _Layout:
+    """Return the layout that a file's first bytes announce; raises InputError where its size is another."""
+    end = head.find(b"end_header\n")
+    lines = head[: max(end, 0)].decode("ascii", "replace").splitlines()
     if end < 0 or lines[:2] != ["ply", "format binary_little_endian 1.0"]:
         raise _not_ours(where, "another file")
     vertices, names, faces = 0, list[str](), -1
@@ -118,43 +148,93 @@ def read_stored_ply(data: bytes, where: str) -> StoredCloud:
                 continue
             case _:
                 raise _not_ours(where, f"a line {line[:60]!r} in its header")
-    start = end + len(b"end_header\n")
-    size = 4 * vertices * len(names)
-    expected = start + size + max(faces, 0) * _FACE.itemsize
-    if len(data) != expected or names[:3] != ["x", "y", "z"]:
-        raise _not_ours(where, f"{len(data)} bytes where its header announces {expected}")
-    values = np.frombuffer(data, "<f4", vertices * len(names), start).reshape(vertices, len(names))
-    if faces < 0:
-        return StoredCloud(values, tuple(names), None)
-    records = np.frombuffer(data, _FACE, faces, start + size)
-    return StoredCloud(values, tuple(names), records["corners"])
+    layout = _Layout(tuple(names), vertices, None if faces < 0 else faces, end + len(b"end_header\n"))
+    expected = layout.faces_at + max(faces, 0) * _FACE.itemsize
+    if size != expected or names[:3] != ["x", "y", "z"]:
+        raise _not_ours(where, f"{size} bytes where its header announces {expected}")
+    return layout
 
 
-def in_format(stored: StoredCloud, wanted: str, where: str) -> Pieces:
-    """Give a cloud or a mesh in a format; normals and sigmas go where the format has a place for them.
+class StoredFile:
+    """A cloud or a mesh in a file of this program that is read in blocks, never as a whole.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, and kept open as long as it is read from.
+    where : str
+        Its name, for errors.
+
+    Raises
+    ------
+    InputError
+        If it is cut off, or was written by another program.
+    """
+
+    def __init__(self, file: IO[bytes], where: str) -> None:
+        self._file, self._where = file, where
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        self._layout = _layout(file.read(_MAX_HEADER_BYTES), size, where)
+        self.names, self.points, self.faces = self._layout.names, self._layout.points, self._layout.faces
+
+    def bytes(self) -> Iterator[bytes]:
+        """Give the file as it is."""
+        self._file.seek(0)
+        while piece := self._file.read(_BLOCK_BYTES):
+            yield piece
+
+    def tables(self) -> Iterator[NDArray[np.float32]]:
+        """Give the points, a row each with all columns."""
+        layout = self._layout
+        return self._records(np.dtype(("<f4", (layout.width,))), layout.start, layout.points)
+
+    def triangles(self) -> Iterator[NDArray[np.int32]]:
+        """Give the triangles of a mesh, (M, 3)."""
+        for rows in self._records(_FACE, self._layout.faces_at, self._layout.faces or 0):
+            yield rows["corners"]
+
+    def corners(self) -> NDArray[np.float32]:
+        """Return the corners (N, 3) of a mesh, which stay in the file until they are asked for."""
+        layout = self._layout
+        shape = (layout.points, layout.width)
+        return np.memmap(self._file, "<f4", "r", layout.start, shape)[:, :3]
+
+    def _records(self, kind: np.dtype[Any], start: int, count: int) -> Iterator[NDArray[Any]]:
+        block = max(_BLOCK_BYTES // kind.itemsize, 1)
+        for first in range(0, count, block):
+            many = min(block, count - first)
+            self._file.seek(start + first * kind.itemsize)
+            data = self._file.read(many * kind.itemsize)
+            if len(data) != many * kind.itemsize:
+                raise _not_ours(self._where, "a file that became shorter while it was read")
+            yield np.frombuffer(data, kind, many)
+
+
+def in_format(stored: StoredFile, wanted: str, where: str) -> Pieces:
+    """Give a cloud or a mesh in a format, in bounded memory; normals and sigmas go where the format has a place.
 
     Raises
     ------
     InputError
         If the format is for meshes and this is a cloud, or the other way round.
     """
-    fitting = OF_CLOUDS if stored.triangles is None else OF_MESHES
+    fitting = OF_CLOUDS if stored.faces is None else OF_MESHES
     if wanted not in fitting:
-        what, other = ("a cloud", "the mesh") if stored.triangles is None else ("a mesh", "the cloud")
+        what, other = ("a cloud", "the mesh") if stored.faces is None else ("a mesh", "the cloud")
         need = f"{what} as " + ", ".join(fitting)
         raise InputError(need, f"'{wanted}'", f"Name one of these, or take {other}.", where)
     match wanted:
         case "pcd":
-            return pcd_pieces(stored.values, stored.names)
+            return pcd_pieces_of(stored.tables(), stored.points, stored.names)
         case "xyz":
-            return xyz_pieces(stored.points_mm)
+            return (piece for table in stored.tables() for piece in xyz_pieces(table[:, :3]))
         case "e57":
-            return e57_pieces(stored.points_mm)
+            return e57_pieces_of((table[:, :3] for table in stored.tables()), stored.points)
         case "stl":
-            assert stored.triangles is not None
-            return stl_pieces(stored.points_mm, stored.triangles)
+            return stl_pieces_of(stored.corners(), stored.triangles(), stored.faces or 0)
         case _:
-            return ply_pieces(stored.values, stored.names, stored.triangles)
+            return stored.bytes()
 
 
 def _not_ours(where: str, got: str) -> InputError:

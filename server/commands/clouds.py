@@ -12,7 +12,7 @@ from calib_core.session.folder import load_results, load_session
 from calib_core.session.measure import ReadFile
 from calib_core.session.pipeline import inputs_sha256, solve_stage
 from calib_core.session.point_writers import write_pieces
-from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE, in_format, read_stored_ply
+from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, in_format
 from server.commands.progress import progress_bar
 
 
@@ -29,13 +29,14 @@ def export_cloud(path: Path, wanted: str, out: Path | None) -> int:
         if not file.is_file():
             to_do = "Set cell.merge.mesh to poisson or grid, and look at the merge's warnings."
             raise InputError("a mesh of the merged cloud", "none", to_do, str(path))
-        pieces = in_format(read_stored_ply(file.read_bytes(), str(file)), wanted, str(file))
-        if out is None:
-            for piece in pieces:
-                sys.stdout.buffer.write(piece)
-        else:
-            write_pieces(out, pieces)
-            print(out)
+        with file.open("rb") as content:
+            pieces = in_format(StoredFile(content, str(file)), wanted, str(file))
+            if out is None:
+                for piece in pieces:
+                    sys.stdout.buffer.write(piece)
+            else:
+                write_pieces(out, pieces)
+                print(out)
     return 0
 
 

@@ -53,7 +53,7 @@ def get_cloud(
     session_id: SessionId, name: CloudName, store: StoreDep, wanted: CloudFormat = None
 ) -> StreamingResponse:
     """Return the merged cloud or its mesh; as PLY it is what the merge stored, byte for byte."""
-    from calib_core.session.stored_clouds import MEDIA_TYPES, in_format, read_stored_ply, requested
+    from calib_core.session.stored_clouds import MEDIA_TYPES, StoredFile, in_format, requested
 
     file, chosen = requested(name, wanted)
     with store.read() as db:
@@ -69,9 +69,12 @@ def get_cloud(
     if chosen == "ply":
         headers["Content-Length"] = str(output.size)
         return Download(content, MEDIA_TYPES[chosen], headers)
-    with content:
-        cloud = read_stored_ply(content.read(), file)
-    return StreamingResponse(in_format(cloud, chosen, file), media_type=MEDIA_TYPES[chosen], headers=headers)
+    try:
+        pieces = in_format(StoredFile(content, file), chosen, file)
+    except BaseException:
+        content.close()
+        raise
+    return Download(content, MEDIA_TYPES[chosen], headers, pieces)
 
 
 def _missing(stored: StoredSession, name: str) -> NotFoundError:

@@ -1,6 +1,7 @@
 """Merged clouds read back and exported: the same points in every format, and no fault in what others wrote."""
 
 import io
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib_core.errors import InputError, NotFoundError
+from calib_core.session.e57_writer import e57_pieces
 from calib_core.session.files import parse_cloud
 from calib_core.session.folder import save_session
-from calib_core.session.point_writers import ply_pieces
-from calib_core.session.stored_clouds import MEDIA_TYPES, in_format, read_stored_ply, requested
+from calib_core.session.point_writers import pcd_pieces, ply_pieces, stl_pieces, write_pieces, xyz_pieces
+from calib_core.session.stored_clouds import MEDIA_TYPES, StoredFile, in_format, read_stored_ply, requested
 from server.cli import main
 from tests.core.test_session_merge import session
 
@@ -24,6 +26,10 @@ CLOUD = b"".join(ply_pieces(POINTS, NAMES))
 MESH = b"".join(ply_pieces(POINTS[:, :3], triangles=TRIANGLES))
 
 
+def converted(data: bytes, wanted: str) -> bytes:
+    return b"".join(in_format(StoredFile(io.BytesIO(data), "clouds/a.ply"), wanted, "clouds/a.ply"))
+
+
 def test_what_was_written_is_read_back():
     cloud, mesh = read_stored_ply(CLOUD, "cloud"), read_stored_ply(MESH, "mesh")
     assert cloud.names == NAMES
@@ -31,8 +37,8 @@ def test_what_was_written_is_read_back():
     np.testing.assert_array_equal(cloud.values, POINTS)
     np.testing.assert_array_equal(mesh.values, POINTS[:, :3])
     np.testing.assert_array_equal(mesh.triangles, TRIANGLES)
-    assert b"".join(in_format(cloud, "ply", "")) == CLOUD
-    assert b"".join(in_format(mesh, "ply", "")) == MESH
+    assert converted(CLOUD, "ply") == CLOUD
+    assert converted(MESH, "ply") == MESH
 
 
 @given(st.binary(max_size=300), st.integers(0, len(MESH)), st.booleans())
@@ -59,7 +65,45 @@ def test_requests_name_a_file_and_a_format():
 def test_a_cloud_has_no_triangles_and_a_mesh_is_no_cloud():
     for data, wanted, said in ((CLOUD, "stl", "the mesh"), (MESH, "e57", "the cloud")):
         with pytest.raises(InputError, match=said):
-            in_format(read_stored_ply(data, ""), wanted, "")
+            in_format(StoredFile(io.BytesIO(data), ""), wanted, "")
+
+
+def test_a_file_read_in_blocks_gives_the_same_as_one_in_memory(tmp_path: Path):
+    rng = np.random.default_rng(4)
+    points = rng.normal(0, 100, (100_001, 4)).astype(np.float32)
+    triangles = rng.integers(0, 100_001, (150_001, 3))
+    cloud = b"".join(ply_pieces(points, ("x", "y", "z", "scan")))
+    assert converted(cloud, "pcd") == b"".join(pcd_pieces(points, ("x", "y", "z", "scan")))
+    assert converted(cloud, "xyz") == b"".join(xyz_pieces(points[:, :3]))
+    assert converted(cloud, "e57") == b"".join(e57_pieces(points[:, :3]))
+    mesh = tmp_path / "mesh.ply"
+    write_pieces(mesh, ply_pieces(points[:, :3], triangles=triangles))
+    with mesh.open("rb") as file:
+        stl = b"".join(in_format(StoredFile(file, "mesh"), "stl", "mesh"))
+    assert stl == b"".join(stl_pieces(points[:, :3], triangles))
+
+
+@pytest.mark.parametrize("wanted", ["ply", "pcd", "xyz", "e57", "stl"])
+def test_a_format_is_made_in_bounded_memory(tmp_path: Path, wanted: str):
+    """The largest part are the lines of XYZ, a block of which are Python's own numbers for a while."""
+    rng = np.random.default_rng(5)
+    file = tmp_path / "a.ply"
+    if wanted == "stl":
+        points = rng.normal(0, 100, (200_000, 3)).astype(np.float32)
+        write_pieces(file, ply_pieces(points, triangles=rng.integers(0, 200_000, (2_000_000, 3))))
+    else:
+        write_pieces(file, ply_pieces(rng.normal(0, 100, (1_000_000, 7)).astype(np.float32), NAMES))
+    size = file.stat().st_size
+    with file.open("rb") as content:
+        pieces = in_format(StoredFile(content, "a"), wanted, "a")
+        next(pieces)  # imports and compiled functions
+        tracemalloc.start()
+        total = sum(len(piece) for piece in pieces)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert size >= 28_000_000
+    assert total > 10_000_000
+    assert peak < 18_000_000
 
 
 def test_export_writes_every_format_and_merges_first_where_needed(tmp_path: Path, capsys):
