@@ -10,12 +10,14 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import BaseContext
 from typing import Any
 
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
+from server.child_processes import deaf_to_interrupts
 from server.measuring import measure, unmeasured, warm_up
 
 log = logging.getLogger("scancell")
@@ -122,7 +124,8 @@ class _Process:
     def __init__(self, context: Any) -> None:
         self._connection, other = context.Pipe()
         self._process = context.Process(target=_serve, args=(other,), daemon=True)
-        self._process.start()
+        with deaf_to_interrupts():
+            self._process.start()
         other.close()
         self.usable = self._started()
 
@@ -168,13 +171,11 @@ def _serve(connection: "Connection[Any, Any]") -> None:
         warm_up()
     except Exception:  # the capture itself will meet the fault again and say so
         log.exception("a measuring process could not be warmed up")
-    connection.send(_READY)
-    while True:
-        try:
+    with suppress(EOFError, OSError):  # the service has hung up, maybe before this process was ready
+        connection.send(_READY)
+        while True:
             work: tuple[dict[str, Any], dict[str, Any], Mapping[str, bytes]] = connection.recv()
-        except EOFError:
-            return
-        connection.send(_answer(*work))
+            connection.send(_answer(*work))
 
 
 def _answer(cell: dict[str, Any], record: dict[str, Any], contents: Mapping[str, bytes]) -> object:

@@ -1,7 +1,6 @@
 """Where jobs are done: an executor of the standard library's kind, what its workers tell, and how one is ended."""
 
 import logging
-import multiprocessing
 import os
 import signal
 import threading
@@ -13,6 +12,7 @@ from multiprocessing.queues import Queue
 
 from calib_core.errors import InputError
 from server import worker
+from server.child_processes import WorkerContext
 from server.settings import Settings
 
 log = logging.getLogger("scancell")
@@ -63,11 +63,12 @@ class ProcessPool(Pool):
     """Worker processes of this server; one that ends takes the pool along."""
 
     def __init__(self, settings: Settings, listen: Listen) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._queue: Queue[worker.Message | None] = context.Queue()
+        self._context = WorkerContext()
+        self._initialized: set[worker.Place] = set()
+        self._queue: Queue[worker.Message | None] = self._context.Queue()
         self.executor = ProcessPoolExecutor(
             settings.workers,
-            mp_context=context,
+            mp_context=self._context,
             initializer=worker.initialize,
             initargs=(self._queue, settings),
         )
@@ -99,13 +100,22 @@ class ProcessPool(Pool):
         return isinstance(error, BrokenProcessPool)
 
     def close(self) -> None:
-        """Let go of the workers; those at work must be ended by `end_worker`."""
+        """Let go of the workers; those at work must be ended by `end_worker`.
+
+        Those that still get ready have nothing to let go of, and would look for what is not there any more.
+        """
         self.executor.shutdown(wait=False, cancel_futures=True)
+        for process in self._context.started:
+            if process.pid is not None and process.pid not in self._initialized:
+                process.kill()
         self._queue.put(None)
 
     def _pass_on(self, listen: Listen) -> None:
         while (message := self._queue.get()) is not None:
-            listen(message)
+            if message.kind == "initialized":
+                self._initialized.add(message.value)
+            else:
+                listen(message)
         self._queue.close()
 
 

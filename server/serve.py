@@ -60,6 +60,12 @@ class WorkbenchServer(uvicorn.Server):
             self._slow_heads.close_old(self.server_state.connections)
         return await super().on_tick(counter)
 
+    async def shutdown(self, sockets: list[socket] | None = None) -> None:
+        """End what is under way, and let go of all resources, also where it was told to wait for nothing."""
+        await super().shutdown(sockets)
+        if self.force_exit:
+            await self.lifespan.shutdown()
+
     def stop(self) -> None:
         """End the streams, then everything else; may be called from any thread."""
         self._hub.close()

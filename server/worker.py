@@ -24,7 +24,10 @@ Place = int | str
 
 
 class Message(NamedTuple):
-    """What a worker tells of a job: that it is "started", at its place; or "progress", (fraction, message)."""
+    """What a worker tells of a job: that it is "started", at its place; or "progress", (fraction, message).
+
+    That it is "initialized", at its place, it tells before there is any job.
+    """
 
     job: str
     kind: str
@@ -58,6 +61,7 @@ def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
             warm_up()
         except Exception:  # the solve itself will meet the fault again and say so
             log.exception("a worker could not be warmed up")
+    queue.put(Message("", "initialized", os.getpid()))
 
 
 def begin(settings: "Settings", place: Place, tell: Callable[[Message], None]) -> None:

@@ -1,9 +1,11 @@
 """`scancell serve`: the workbench in a browser."""
 
+import signal
 import socket
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from calib_core.errors import InputError
@@ -25,8 +27,13 @@ def serve(host: str, port: int, data: Path) -> int:
     set_up(settings.log)
     sys.setswitchinterval(_SWITCH_S)
     server = WorkbenchServer(settings)
+    for ending in (signal.SIGINT, signal.SIGTERM):  # uvicorn hears them between its very start and end alone
+        signal.signal(ending, server.handle_exit)
     threading.Thread(target=_announce, args=(server,), daemon=True).start()
     server.run()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C comes too late to hurry anything
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    print("The workbench has stopped.", flush=True)
     return 0
 
 
@@ -38,7 +45,8 @@ def _announce(server: object) -> None:
         if server.should_exit:
             return
         time.sleep(0.05)
-    print(f"The workbench is at {server.address} (Ctrl-C ends it)", flush=True)
+    with suppress(IndexError):  # it may be stopped just as it has started
+        print(f"The workbench is at {server.address} (Ctrl-C ends it)", flush=True)
     if server.is_in_the_clear:
         print(
             "Tokens and measurements travel unencrypted. Serve so on a network that you trust alone, or set "

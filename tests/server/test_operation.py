@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 
 from tests.server.live_server import make_session, upload
 from tests.server.test_captures import arc_csv, record
@@ -61,11 +62,18 @@ def test_metrics_count_requests_by_route_and_what_is_stored(start: Callable[...,
     assert not any(session in name for name in found for session in sessions)
 
 
-def serve(data: Path) -> tuple["subprocess.Popen[str]", str]:
+def serve(data: Path, **settings: str) -> tuple["subprocess.Popen[str]", str]:
     command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--data", str(data)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "SCANCELL_WARM_UP": "false", "SCANCELL_LOG": "json"}
+    environment |= settings
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, env=environment
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        env=environment,
+        start_new_session=True,
     )
     assert process.stdout is not None
     address = next(word for word in process.stdout.readline().split() if word.startswith("http"))
@@ -129,3 +137,23 @@ def test_a_server_told_to_stop_finishes_what_it_has_begun(tmp_path: Path) -> Non
     assert mine["user"]
     assert [line["status"] for line in requests.values()] == [201, 200, 200, 200, 201]
     assert not [line for line in lines if line["level"] == "error"], said
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a terminal's Ctrl-C is another thing there")
+@pytest.mark.parametrize("after_s", [0.0, 0.4, 1.0, 2.0])
+@pytest.mark.parametrize("times", [1, 2])
+def test_ctrl_c_while_processes_get_ready_ends_all_with_one_sentence(
+    tmp_path: Path, after_s: float, times: int
+) -> None:
+    process, _ = serve(tmp_path / "data", SCANCELL_WARM_UP="true")
+    try:
+        time.sleep(after_s)
+        for _ in range(times):
+            os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it: to every process of the command
+            time.sleep(0.2)
+        printed, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, said
+    assert printed.splitlines() == ["The workbench has stopped."]
+    assert not [line for line in said.splitlines() if '"level": "info"' not in line], said
