@@ -63,6 +63,7 @@ export interface Board {
   marker_mm?: number | null;
   dictionary?: string | null;
   flat?: boolean;
+  fixed?: boolean;
 }
 
 export interface CameraCandidate {
@@ -135,6 +136,7 @@ export interface Capture {
   pose_track?: TimedPose[] | null;
   excluded?: boolean;
   side?: 1 | -1 | null;
+  board_of?: string | null;
 }
 
 export interface CaptureChanges {
@@ -744,6 +746,7 @@ export interface StoredCapture {
   pose_track?: TimedPose[] | null;
   excluded?: boolean;
   side?: 1 | -1 | null;
+  board_of?: string | null;
   measured: Measured;
 }
 

@@ -15,6 +15,7 @@ from calib_core.optics.adjust import (
     Adjustment,
     Corners,
     LaserLines,
+    PosePriors,
     State,
     fit_poses,
     plane_start,
@@ -22,6 +23,7 @@ from calib_core.optics.adjust import (
 )
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.hand_eye import PredictedPose
 from calib_core.optics.stripe import StripeCenters
 
 FloatArray = NDArray[np.float64]
@@ -83,6 +85,7 @@ def refine_together(
     start: State,
     inverse_plane: FloatArray,
     uncertainty: CameraUncertainty | None,
+    known: Sequence[PredictedPose | None] = (),
 ) -> Joint:
     """Return camera, plane and boards that fit corners and stripes best, with their covariance.
 
@@ -99,6 +102,8 @@ def refine_together(
         Where to begin.
     uncertainty : CameraUncertainty, optional
         Left out, the camera counts as exact.
+    known : sequence of PredictedPose or None
+        Of the boards with the stripe: the pose where the robot tells it and no corner does.
     """
     bands, near, far = camera.bands
     first = plane_start(len(bands))
@@ -106,16 +111,57 @@ def refine_together(
     with_camera = uncertainty is not None and uncertainty.boards is not None
     free = np.concatenate([uncertainty.free, plane]) if uncertainty is not None and with_camera else plane
     lines = _lines(stripes, corners.views)
-    problem = Adjustment(_without_outliers(corners, start, (near, far)), near, far, free, HUBER, lines)
+    fine = _without_outliers(corners, start, (near, far))
+    problem = Adjustment(fine, near, far, free, HUBER, lines)
     state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane))
+    problem = replace(problem, priors=_priors(known, state, problem))
     problem, adjusted, factor = _with_stripe_noise(problem, state)
     shared = adjusted.state.shared
     covariance = adjusted.covariance * max(_tension(problem, adjusted, start), _correlation(problem, adjusted))
+    if problem.priors is not None:
+        covariance = covariance + _by_common_errors(problem, adjusted, known)
     if uncertainty is not None and not with_camera:
         covariance = _carried_through(problem, adjusted, uncertainty, covariance)
     return Joint(
         _camera_with(camera, shared) if with_camera else camera, shared[plane], covariance, adjusted.state, factor
     )
+
+
+def _priors(known: Sequence[PredictedPose | None], state: State, problem: Adjustment) -> PosePriors | None:
+    if not any(known):
+        return None
+    information = np.zeros((len(state.rotations), 6, 6))
+    for view, pose in enumerate(known):
+        if pose is not None:
+            information[view] = np.linalg.inv(pose.covariance)
+    nothing = np.zeros((0, 0, 0))
+    priors = PosePriors(state.rotations, state.translations, information, nothing, np.zeros(0))
+    return _following_the_camera(priors, state, problem)
+
+
+def _following_the_camera(priors: PosePriors, state: State, problem: Adjustment) -> PosePriors:
+    """Return priors that move with the free parameters as the pose of a board does whose corners are seen.
+
+    They stand for frames of the lit board, so that another camera would have told other ones.
+    """
+    seen = problem.corners.weighted(np.ones(len(problem.corners.weights)))
+    alone = replace(problem, corners=seen, lines=None, priors=None)
+    follows = alone.equations(state).poses_by_shared
+    return replace(priors, follows=follows, shared=state.shared[problem.free])
+
+
+def _by_common_errors(
+    problem: Adjustment, adjusted: Adjusted, known: Sequence[PredictedPose | None]
+) -> FloatArray:
+    """Return what the errors that all poses told by the robot share add to the covariance."""
+    assert problem.priors is not None
+    by_shared = problem.equations(adjusted.state).poses_by_shared - problem.priors.follows
+    follows = np.zeros((len(problem.free), 12))
+    for view, pose in enumerate(known):
+        if pose is not None:
+            follows += by_shared[view].T @ problem.priors.information[view] @ pose.common
+    follows = adjusted.covariance @ follows
+    return follows @ follows.T
 
 
 def _lines(stripes: Sequence[StripeCenters], views: int) -> LaserLines:
@@ -181,7 +227,9 @@ def _carried_through(
 ) -> FloatArray:
     """Return the covariance of camera and plane where the camera stays: the plane follows its errors."""
     size = len(uncertainty.free)
-    both_free = replace(problem, free=np.concatenate([uncertainty.free, problem.free]))
+    both_free = replace(problem, free=np.concatenate([uncertainty.free, problem.free]), priors=None)
+    if problem.priors is not None:
+        both_free = replace(both_free, priors=_following_the_camera(problem.priors, adjusted.state, both_free))
     both = both_free.equations(adjusted.state).hessian
     follows = -np.linalg.solve(both[size:, size:], both[size:, :size])
     cross = uncertainty.covariance @ follows.T
@@ -225,7 +273,8 @@ def _correlation(problem: Adjustment, adjusted: Adjusted) -> float:
         first, last = lines.ends[view], lines.ends[view + 1]
         there = slice(first, last)
         own = LaserLines(lines.pixels[there], lines.axes[there], np.array([0, last - first]), lines.weights[there])
-        alone = replace(problem, corners=problem.corners.take([view]), lines=own)
+        priors = None if problem.priors is None else problem.priors.take([view])
+        alone = replace(problem, corners=problem.corners.take([view]), lines=own, priors=priors)
         equations = alone.equations(adjusted.state.take([view]))
         share = adjusted.covariance @ equations.hessian
         found += float(equations.gradient @ adjusted.covariance @ equations.gradient)

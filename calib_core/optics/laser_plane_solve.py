@@ -21,6 +21,7 @@ from calib_core.optics.adjust import (
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
+from calib_core.optics.hand_eye import PredictedPose
 from calib_core.optics.laser_plane import (
     BoardLine,
     PlaneFit,
@@ -42,15 +43,32 @@ _LEAST_POINTS = 30
 _INSIDE_SHARE = 0.25
 _EDGE_WIDTHS = 2.5
 _SPOILED_RMS_RATIO = 6.0
+_SPOILED_SIGMAS = 4.0
+_WEIGHT_OF_UNSEEN = 1e-5  # corners that only stand for a pose say next to nothing of their own
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneView:
-    """One board with the stripe on it."""
+    """One board with the stripe on it.
+
+    Where the board is dark and the robot's pose tells where it stands, `known` does so, and `board` holds where
+    its corners would be seen (`view_of_known_board`).
+    """
 
     name: str
     board: BoardView
     stripe: StripeCenters
+    known: PredictedPose | None = None
+
+
+def view_of_known_board(
+    name: str, camera: CameraModel, known: PredictedPose, points_in_board_mm: FloatArray, stripe: StripeCenters
+) -> PlaneView:
+    """Return the view of a dark board, the robot's pose telling where it stands."""
+    in_camera = known.camera_from_board.apply(points_in_board_mm)
+    pixels, ids = camera.project(in_camera), np.arange(len(points_in_board_mm))
+    board = BoardView(pixels, points_in_board_mm, ids, camera.image_size, float("nan"))
+    return PlaneView(name, board, stripe, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,17 +162,26 @@ def solve_plane(
     kept = [view.stripe.selected(mask) for view, mask in zip(views, on_line, strict=True)]
     lines = [_line(camera, v.name, s, p) for v, s, p in zip(views, kept, poses, strict=True)]
     fit = fit_plane(lines)
-    reasons = _reasons(lines, fit)
+    reasons = _reasons(views, lines, fit)
     used = [i for i, reason in enumerate(reasons) if reason is None]
     if len(used) < len(lines):
         fit = fit_plane([lines[i] for i in used])
-    inliers = [kept[i].selected(mask) for i, mask in zip(used, fit.inliers, strict=True)]
+    # A board that the robot placed lies off the plane as a whole: what is straight on it counts all the same.
+    masks = [m if views[i].known is None else np.ones_like(m) for i, m in zip(used, fit.inliers, strict=True)]
+    inliers = [kept[i].selected(mask) for i, mask in zip(used, masks, strict=True)]
     progress(0.7, "refining plane and boards together")
     weights = 1.0 / corner_sigma
+    weights[[k for k, view in enumerate(views) if view.known is not None]] = _WEIGHT_OF_UNSEEN
     adjusted = [*used, *range(len(views), corners.views)]
     weighted = corners.weighted(weights[corners.view_of_each]).take(adjusted)
     joint = refine_together(
-        camera, weighted, inliers, posed.take(adjusted), fit.normal / fit.distance_mm, camera_uncertainty
+        camera,
+        weighted,
+        inliers,
+        posed.take(adjusted),
+        fit.normal / fit.distance_mm,
+        camera_uncertainty,
+        [views[i].known for i in used],
     )
     q, camera = joint.inverse_plane, joint.camera
     length = float(np.linalg.norm(q))
@@ -259,21 +286,27 @@ def _line(camera: CameraModel, name: str, stripe: StripeCenters, pose: RigidTran
     return BoardLine(name, points, np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px)
 
 
-def _reasons(lines: Sequence[BoardLine], fit: PlaneFit) -> list[str | None]:
+def _reasons(views: Sequence[PlaneView], lines: Sequence[BoardLine], fit: PlaneFit) -> list[str | None]:
     """Return why a view is left out, or None."""
     enough = [len(line.points_in_camera_mm) >= _LEAST_POINTS for line in lines]
     usual = float(np.median([rms for rms, fine in zip(fit.line_rms_mm, enough, strict=True) if fine] or [np.inf]))
     reasons: list[str | None] = []
-    for line, rms, inlier in zip(lines, fit.line_rms_mm, fit.inliers, strict=True):
+    for view, line, rms, inlier in zip(views, lines, fit.line_rms_mm, fit.inliers, strict=True):
         reason = None
+        limit = max(_SPOILED_RMS_RATIO * max(usual, fit.rms_mm), _SPOILED_SIGMAS * _pose_sigma_mm(view))
         if len(line.points_in_camera_mm) < _LEAST_POINTS:
             reason = (
                 f"only {len(line.points_in_camera_mm)} points of the stripe lie on the board in a straight line"
             )
-        elif rms > _SPOILED_RMS_RATIO * max(usual, fit.rms_mm) or inlier.mean() < 0.3:
+        elif rms > limit or (view.known is None and inlier.mean() < 0.3):
             reason = f"its line lies {rms:.2f} mm off the plane of the others: the board or the camera was moved"
         reasons.append(reason)
     return reasons
+
+
+def _pose_sigma_mm(view: PlaneView) -> float:
+    """Return how far a board may lie off where the robot says; nothing where its corners tell."""
+    return 0.0 if view.known is None else float(np.sqrt(np.linalg.eigvalsh(view.known.covariance[3:, 3:])[-1]))
 
 
 def _figures(
@@ -296,7 +329,7 @@ def _figures(
                 float(np.sqrt(np.mean(off**2))) if len(off) else float("nan"),
                 float(np.median(off)) if len(off) else float("nan"),
                 float(np.median(view.stripe.sigma_px)),
-                float(rms),
+                float(rms) if view.known is None else float("nan"),
                 float(pose.translation_mm[2]),
             )
         )

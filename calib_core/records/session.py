@@ -53,7 +53,11 @@ class Turntable(Record):
 
 
 class Board(Record):
-    """The calibration board of the camera stages; one that is not `flat` has its shape refined with the camera."""
+    """The calibration board of the camera stages; one that is not `flat` has its shape refined with the camera.
+
+    A `fixed` one stands still in the robot's base while the scanner moves: then the robot's pose tells where it is
+    in frames that show the stripe alone.
+    """
 
     kind: Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
     columns: Annotated[int, Field(ge=2, le=200)]
@@ -62,6 +66,7 @@ class Board(Record):
     marker_mm: Positive | None = None
     dictionary: str | None = None
     flat: bool = True
+    fixed: bool = False
 
 
 class CameraSegment(Record):
@@ -128,7 +133,10 @@ class TimedPose(Record):
 
 
 class Capture(Record):
-    """One measurement: its files and where robot and table stood, the numbers as they came."""
+    """One measurement: its files and where robot and table stood, the numbers as they came.
+
+    `board_of` is the capture whose frame shows the board as it stands in this one, which shows the stripe alone.
+    """
 
     id: Identifier
     step: Step
@@ -143,6 +151,7 @@ class Capture(Record):
     pose_track: list[TimedPose] | None = None
     excluded: bool = False
     side: Literal[1, -1] | None = None
+    board_of: Identifier | None = None
 
     @field_validator("files")
     @classmethod

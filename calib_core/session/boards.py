@@ -31,6 +31,12 @@ def board_of(cell: Cell) -> Board:
     return cell.board
 
 
+def shows_stripe_alone(cell: Cell, capture: Capture) -> bool:
+    """Return whether a capture may show the stripe on a dark board: then the camera's stage does not miss it."""
+    told = capture.board_of is not None or capture.pose is not None
+    return capture.step == "laser-plane" and len(capture.files) == 1 and told and cell.board is not None
+
+
 def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:
     """Return one of a capture's frames; raises InputError or TooLargeError where its file is of no use."""
     name = capture.files[place]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.frames import FloatArray
-from calib_core.records import GuideNow, Measured, Session
+from calib_core.records import Board, GuideNow, Measured, Session
 from calib_core.session.guide_tcp import review
 
 WANTED_VIEWS, WANTED_STRIPES = 10, 8
@@ -51,18 +51,27 @@ def laser_plane_now(session: Session, measured: Sequence[Measured], result: Mapp
     needed = max(WANTED_STRIPES - len(stripes), 0)
     if not needed:
         return _solve("laser-plane", "Solve the laser plane.", "Stripes near and far determine the plane.", result)
-    first = "Lay the stripe on the board; take the lit board and the stripe without moving it."
-    place = ("near the scanner", "far from it", "tilted to the left", "tilted to the right")[len(stripes) % 4]
+    first, again = _stripe_words(session.cell.board, len(stripes))
     return _now(
         "laser-plane",
         action="capture",
-        instruction=first if not stripes else f"Take the board and its stripe again, with the board {place}.",
+        instruction=again if stripes else first,
         why="Each stripe is one line of the plane: lines at different distances and tilts fix it.",
         exit=f"{WANTED_STRIPES} boards with the stripe, over all distances in use, tilted differently.",
         drawing="board-stripe",
         progress=f"{len(stripes)} of {WANTED_STRIPES} stripes",
         still_needed=needed,
     )
+
+
+def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:
+    """Return what to do for the first board with the stripe, and for the next one."""
+    place = ("near the scanner", "far from it", "tilted to the left", "tilted to the right")[stripes % 4]
+    if not board.fixed:
+        first = "Lay the stripe on the board; take the lit board and the stripe without moving it."
+        return first, f"Take the board and its stripe again, with the board {place}."
+    first = "Lay the stripe on the fixed board and take it with the robot's pose; the board may be dark."
+    return first, f"Move the robot so that the fixed board is {place}, and take the stripe on it; it may be dark."
 
 
 def _usable(session: Session, measured: Sequence[Measured], step: str) -> list[Measured]:

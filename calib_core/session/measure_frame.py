@@ -8,8 +8,8 @@ from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
 from calib_core.optics.stripe import find_stripe
-from calib_core.records import Capture, Measured, Session
-from calib_core.session.boards import board_in, board_of, read_frame
+from calib_core.records import Capture, Measured, Session, Verdict
+from calib_core.session.boards import Image, board_in, board_of, read_frame, shows_stripe_alone
 from calib_core.session.frames import stripe_of
 from calib_core.session.measure import SPHERE_STEPS, ReadFile, pose_of
 from calib_core.session.sweep import sweep_poses
@@ -36,6 +36,8 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         if capture.step == "laser-plane":
             pixels = stripe_of(capture, read).pixels
     except MeasurementError as error:
+        if view is None and shows_stripe_alone(session.cell, capture):
+            return _measured_alone(session, capture, read)
         return Measured(
             capture=capture.id,
             kind=capture.kind,
@@ -59,6 +61,18 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
     )
 
 
+def _measured_alone(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    """Return what is seen in a frame of the stripe on a dark board."""
+    board = board_of(session.cell)
+    if capture.board_of is not None:
+        reason = f"The stripe alone: the board is taken from {capture.board_of}."
+    elif board.fixed:
+        reason = "The stripe alone: the board stands where lit frames and the robot's pose tell."
+    else:
+        reason = "The stripe alone: it counts with a frame of the lit board at the same robot pose."
+    return _seen_stripe(capture, read_frame(capture, read), "pass", reason, None)
+
+
 def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measured:
     """Return the stripe, in pixels, of a frame that cannot become points yet; of a sweep, in its middle frame.
 
@@ -78,21 +92,26 @@ def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measur
         if place != shown:
             read_frame(capture, read, place)  # refuses what is no image
     middle = read_frame(capture, read, shown)
-    height, width = middle.shape[:2]
+    return _seen_stripe(
+        capture,
+        middle,
+        "warn",
+        "The stripe is seen, but camera and plane of light are not known yet: it cannot become points.",
+        "Solve the laser plane; this capture is then measured by itself.",
+    )
+
+
+def _seen_stripe(capture: Capture, frame: Image, verdict: Verdict, reason: str, to_do: str | None) -> Measured:
+    """Return the stripe in pixels with what is to be said of it; where there is none, why."""
+    height, width = frame.shape[:2]
     about: dict[str, Any] = {"capture": capture.id, "kind": capture.kind, "image_size": (width, height)}
     try:
-        pixels = find_stripe(middle).pixels
+        pixels = find_stripe(frame).pixels
     except MeasurementError as error:
         reason = f"Need {error.need}, got {error.got}."
         return Measured(verdict="fail", reason=reason, to_do=error.to_do, **about)
-    return Measured(
-        verdict="warn",
-        reason="The stripe is seen, but camera and plane of light are not known yet: it cannot become points.",
-        to_do="Solve the laser plane; this capture is then measured by itself.",
-        points=len(pixels),
-        preview=_thinned(pixels),
-        **about,
-    )
+    preview = _thinned(pixels)
+    return Measured(verdict=verdict, reason=reason, to_do=to_do, points=len(pixels), preview=preview, **about)
 
 
 def _thinned(pixels: FloatArray) -> list[list[float]]:

@@ -21,7 +21,7 @@ from calib_core.records import (
     RefinedCamera,
     Verdict,
 )
-from calib_core.session.boards import board_in, board_of
+from calib_core.session.boards import board_in, board_of, shows_stripe_alone
 from calib_core.session.frames import remembered
 from calib_core.session.stage_tcp import SOFTWARE
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _FAIL_RMS_PX = 3.0
 _FINDING_SHARE = 0.7
+_STRIPE_ALONE = "the stripe alone"
 
 
 def solve_camera_stage(given: "StageInput") -> CameraResult:
@@ -136,7 +137,7 @@ def _result(
     not_used = [
         f"{row.capture} is not used: {(row.reason or '').removesuffix('.')}."
         for row in rows
-        if not row.used and row.reason and not row.reason.startswith("excluded")
+        if not row.used and row.reason and not row.reason.startswith(("excluded", _STRIPE_ALONE))
     ]
     seen = solution.coverage
     return CameraResult(
@@ -144,7 +145,7 @@ def _result(
         "model by held-out error",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), len(rows)),
+        verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), _expected_views(rows)),
         warnings=[*remarks_of(solution), *problems, *not_used, *_taken_on_trust(given, views)],
         model=camera.model,
         image_size=image_size,
@@ -198,6 +199,11 @@ def _verdict(solution: CameraSolution, problems: bool, used: int, captures: int)
     return "warn" if problems or used < 0.5 * captures else "pass"
 
 
+def _expected_views(rows: list[CameraResidual]) -> int:
+    """Return how many captures should show the board."""
+    return sum(not (row.reason or "").startswith(_STRIPE_ALONE) for row in rows)
+
+
 def _rows(
     given: "StageInput",
     solution: CameraSolution,
@@ -211,6 +217,8 @@ def _rows(
             reason = f"a capture of kind '{capture.kind}', not a frame"
         elif capture.excluded:
             reason = "excluded by the user"
+        elif capture.id in failed and shows_stripe_alone(given.session.cell, capture):
+            reason = f"{_STRIPE_ALONE}: it serves the plane of light, the board is not seen"
         elif capture.id in failed:
             error = failed[capture.id]
             reason = f"need {error.need}, got {error.got}. {error.to_do}"

@@ -19,7 +19,6 @@ from calib_core.optics.laser_plane_solve import (
 )
 from calib_core.records import (
     CameraResult,
-    Capture,
     LaserPlaneResidual,
     LaserPlaneResult,
     PlaneInCamera,
@@ -27,7 +26,8 @@ from calib_core.records import (
     Verdict,
 )
 from calib_core.session.boards import board_in, board_of
-from calib_core.session.frames import camera_of, remembered, stripe_of
+from calib_core.session.dark_boards import PlaneViews
+from calib_core.session.frames import camera_of, remembered
 from calib_core.session.stage_tcp import SOFTWARE, StageInput
 
 _FINDING_SHARE = 0.6
@@ -54,7 +54,8 @@ def solve_laser_plane(
     given: StageInput, camera: CameraModel, camera_result: CameraResult | None = None
 ) -> LaserPlaneResult:
     """Return the plane of light for a camera; with the camera's result its uncertainty counts too."""
-    views, failed = _find_all(given, camera)
+    boards = PlaneViews(given.session, camera, given.read)
+    views, failed = _find_all(given, boards)
     if not views:
         first_name, first = next(iter(failed.items()), ("captures", None))
         if first is None:
@@ -68,7 +69,7 @@ def solve_laser_plane(
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
     try:
-        solution = solve_plane(camera, views, _uncertainty(given, camera_result), tell)
+        solution = solve_plane(camera, views, _uncertainty(given, camera_result, boards.lent), tell)
     except MotionError as error:
         if not failed:
             raise
@@ -77,34 +78,24 @@ def solve_laser_plane(
     return _result(given, solution, failed, camera_result)
 
 
-def _find_all(given: StageInput, camera: CameraModel) -> tuple[list[PlaneView], dict[str, MeasurementError]]:
-    board = board_of(given.session.cell)
+def _find_all(given: StageInput, boards: PlaneViews) -> tuple[list[PlaneView], dict[str, MeasurementError]]:
     captures = [c for c in given.captures if c.kind == "frame" and not c.excluded]
     views: list[PlaneView] = []
     failed: dict[str, MeasurementError] = {}
     for number, capture in enumerate(captures):
         given.progress(_FINDING_SHARE * number / len(captures), f"Finding board and stripe in {capture.id}")
         try:
-            view = board_in(capture, board, given.read)
-            _require_size(camera, view.image_size, capture)
-            views.append(PlaneView(capture.id, view, stripe_of(capture, given.read)))
+            views.append(boards.of(capture))
         except MeasurementError as error:
             failed[capture.id] = error
     return views, failed
 
 
-def _require_size(camera: CameraModel, size: tuple[int, int], capture: Capture) -> None:
-    if camera.image_size[0] and camera.image_size != size:
-        raise InputError(
-            f"frames of {camera.image_size[0]}×{camera.image_size[1]} pixels, as the camera was calibrated with",
-            f"{size[0]}×{size[1]} pixels",
-            "Take all frames with one camera and one setting, or remove this capture.",
-            capture.id,
-        )
+def _uncertainty(given: StageInput, result: CameraResult | None, lent: set[str]) -> CameraUncertainty | None:
+    """Return how well the camera is known, with the boards that it was found from besides the plane's.
 
-
-def _uncertainty(given: StageInput, result: CameraResult | None) -> CameraUncertainty | None:
-    """Return how well the camera is known, with the boards that it was found from besides the plane's."""
+    Those that are `lent` to a stripe count with it already.
+    """
     if result is None:
         return None
     from calib_core.optics.camera import parameter_places
@@ -114,7 +105,7 @@ def _uncertainty(given: StageInput, result: CameraResult | None) -> CameraUncert
     board = board_of(given.session.cell)
     if not board.flat:  # the refinement takes boards to be flat
         return CameraUncertainty(parameter_places(result.parameters), covariance)
-    used = {row.capture for row in result.residuals if row.used}
+    used = {row.capture for row in result.residuals if row.used} - lent
     others = [c for c in given.session.captures if c.step == "camera" and c.id in used]
     boards = tuple(board_in(capture, board, given.read) for capture in others)
     return CameraUncertainty(parameter_places(result.parameters), covariance, boards)
@@ -197,6 +188,6 @@ def _row(view: ViewFigures) -> LaserPlaneResidual:
         line_rms_mm=view.line_rms_mm if measured else None,
         line_mean_mm=view.line_mean_mm if measured else None,
         stripe_sigma_px=view.stripe_sigma_px,
-        board_sigma_px=view.board_sigma_px,
+        board_sigma_px=view.board_sigma_px if np.isfinite(view.board_sigma_px) else None,
         board_distance_mm=view.board_distance_mm,
     )

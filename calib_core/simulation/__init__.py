@@ -8,6 +8,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.simulation.bound import tcp_bound
 from calib_core.simulation.chain_bound import ChainBound, chain_bound
+from calib_core.simulation.fixed_board_cell import FIXED_BOARD_SCENARIOS, simulate_fixed_board
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
@@ -20,6 +21,7 @@ from calib_core.simulation.whole_cell import WHOLE_SCENARIOS, WholeScenario, wit
 from calib_core.simulation.writing import session_files, session_record
 
 __all__ = [
+    "FIXED_BOARD_SCENARIOS",
     "FRAME_SCENARIOS",
     "PART_SCENARIOS",
     "SCENARIOS",
@@ -54,6 +56,10 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     if scenario in FRAME_SCENARIOS:
         _require_seed(seed)
         return SimulatedSession(*simulate_frames(FRAME_SCENARIOS[scenario], scenario, seed), None)
+    if scenario in FIXED_BOARD_SCENARIOS:
+        _require_seed(seed)
+        fixed = FIXED_BOARD_SCENARIOS[scenario]
+        return SimulatedSession(*simulate_fixed_board(fixed, scenario, seed), None)
     if scenario in PART_SCENARIOS:
         _require_seed(seed)
         return SimulatedSession(*simulate_part(PART_SCENARIOS[scenario], scenario, seed), None)
@@ -67,7 +73,7 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
         return with_scans(simulate_table(seed, whole.table, scenario), whole, seed)
     if scenario not in SCENARIOS:
         known = (SCENARIOS, SWEEP_SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, PART_SCENARIOS, FRAME_SCENARIOS)
-        names = ", ".join(name for scenarios in known for name in scenarios)
+        names = ", ".join(name for scenarios in (*known, FIXED_BOARD_SCENARIOS) for name in scenarios)
         raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
 

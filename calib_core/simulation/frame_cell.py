@@ -17,7 +17,7 @@ from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
 _SPHERE_RADIUS_MM = 30.0
 _PITCH_MM = 9.0
 _SPHERE_IN_BASE_MM = np.array([900.0, 150.0, 400.0])
-_TOOL0_FROM_CAMERA = pose(turn([0.35, -0.2, 1.1]), [42.0, -75.0, 60.0])
+TOOL0_FROM_CAMERA = pose(turn([0.35, -0.2, 1.1]), [42.0, -75.0, 60.0])
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class FrameCell:
     @property
     def tool0_from_laser(self) -> FloatArray:
         """The frame L on the flange."""
-        return _TOOL0_FROM_CAMERA @ self.camera_from_laser
+        return TOOL0_FROM_CAMERA @ self.camera_from_laser
 
     def truth(self) -> dict[str, Any]:
         """Return the truth as JSON data."""
@@ -170,13 +170,14 @@ def simulate_frames(
     data = {
         "format": "scancell-session/1",
         "name": f"simulated {name}, seed {seed}",
-        "cell": _cell_record(cell, options),
+        "cell": cell_record(cell, options),
         "captures": captures,
     }
     return Session.model_validate(data), files, truth
 
 
-def _cell_record(cell: FrameCell, options: FrameScenario) -> dict[str, Any]:
+def cell_record(cell: FrameCell, options: FrameScenario) -> dict[str, Any]:
+    """Return the cell's record, with what the scenario says is brought along."""
     record: dict[str, Any] = {
         "pose_convention": "abb",
         "scanner": {"kind": "frame"},
@@ -194,7 +195,8 @@ def _cell_record(cell: FrameCell, options: FrameScenario) -> dict[str, Any]:
     return record
 
 
-def _exposure(options: FrameScenario, cell: FrameCell, ambient: float) -> Exposure:
+def exposure_for(options: FrameScenario, cell: FrameCell, ambient: float) -> Exposure:
+    """Return how a frame is exposed under some room light; a tilted sensor has the plane of light in focus."""
     even = Exposure(ambient=ambient, hot_pixels=options.hot_pixels)
     if not any(options.tilt_rad):
         return even
@@ -208,7 +210,7 @@ def _camera_captures(
     captures: list[dict[str, Any]] = []
     for index, board in enumerate(board_views(options.camera_views, rng)):
         name = f"captures/c{index + 1:02d}.png"
-        files[name] = _png(render(cell.camera, [board], None, _exposure(options, cell, 190.0), rng))
+        files[name] = as_png(render(cell.camera, [board], None, exposure_for(options, cell, 190.0), rng))
         captures.append({"id": f"c{index + 1:02d}", "step": "camera", "kind": "frame", "files": [name]})
     return captures
 
@@ -226,7 +228,7 @@ def _plane_captures(
                 f"captures/{label}-stripe.png": (4.0, cell.sheet),
             }
         for name, (ambient, sheet) in frames.items():
-            files[name] = _png(render(cell.camera, [board], sheet, _exposure(options, cell, ambient), rng))
+            files[name] = as_png(render(cell.camera, [board], sheet, exposure_for(options, cell, ambient), rng))
         captures.append({"id": label, "step": "laser-plane", "kind": "frame", "files": list(frames)})
     return captures
 
@@ -253,18 +255,19 @@ def _sphere_captures(
             reported[:3, :3] @ turn(rng.normal(0, options.orientation_sigma_rad, 3)),
             reported[:3, 3] + rng.normal(0, options.position_sigma_mm, 3),
         )
-        camera_from_base = back(actual @ _TOOL0_FROM_CAMERA)
+        camera_from_base = back(actual @ TOOL0_FROM_CAMERA)
         center = camera_from_base[:3, :3] @ _SPHERE_IN_BASE_MM + camera_from_base[:3, 3]
         sphere = SphereSurface(center, _SPHERE_RADIUS_MM)
         name = f"captures/{label}.png"
-        files[name] = _png(render(cell.camera, [sphere], cell.sheet, _exposure(options, cell, 8.0), rng))
+        files[name] = as_png(render(cell.camera, [sphere], cell.sheet, exposure_for(options, cell, 8.0), rng))
         truth["base_from_tool0"][label] = actual.tolist()
         numbers = pose_numbers(reported)
         captures.append({"id": label, "step": "tcp", "kind": "frame", "files": [name], "pose": numbers})
     return captures
 
 
-def _png(image: ImageArray) -> bytes:
+def as_png(image: ImageArray) -> bytes:
+    """Return a frame as the bytes of a PNG file."""
     import cv2
 
     return bytes(cv2.imencode(".png", image)[1].tobytes())
