@@ -26,7 +26,8 @@ _FALSE_ALARM_ESTIMATED = 0.01
 # tenth of a per cent of the radius is millimetres of y.
 _LINEARITY = 1e-3
 _MEDIAN_CHI2_3 = 2.366
-_CLEAR_EXCESS = 2.0  # a median over a dozen captures strays that far by chance
+_CLEAR_EXCESS = 2.0  # the median over a dozen captures' distances² strays that far by chance,
+_CLEAR_EXCESS_FREEDOM = 18.0  # and farther over few: all of them then move with few degrees of freedom
 _ROUNDS = 12
 
 
@@ -135,9 +136,10 @@ def judge_these(
     chosen = data.chosen(used)
     fit = fit_with_sigmas(chosen, replace(state, centers_in_laser=state.centers_in_laser[used]), *sigmas)
     squared = _squared_distances(observations, sphere, data, used, fit)
-    threshold = _threshold(data.count, 3 * int(used.sum()) - data.free_unknowns, None in sigmas)
+    freedom = 3 * int(used.sum()) - data.free_unknowns
+    threshold = _threshold(data.count, freedom, None in sigmas)
     ratio = float(np.median(squared)) / _MEDIAN_CHI2_3
-    excess = ratio if ratio > _CLEAR_EXCESS else 1.0
+    excess = ratio if ratio > max(_CLEAR_EXCESS, 1 + _CLEAR_EXCESS_FREEDOM / max(freedom, 1)) else 1.0
     return Judged(fit, chosen, used, squared, threshold * excess, excess)
 
 

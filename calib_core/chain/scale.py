@@ -24,14 +24,24 @@ class ScaleError:
     sigma: float
 
 
-def scale_errors(judged: Judged) -> list[ScaleError]:
+def scale_errors(judged: Judged, measured_point_sigma_mm: float | None) -> list[ScaleError]:
     """Return the axes (x, z) of profiles whose scale differs significantly from one.
 
     The likelihood is maximised again with the points stretched a little either way; its parabola gives the most
     likely scale and that one's standard deviation.  Neither the arcs alone nor the poses alone decide: both do.
+
+    Parameters
+    ----------
+    judged : Judged
+    measured_point_sigma_mm : float or None
+        The noise that the profiles themselves show.  It decides here, not a given one: the two parts of `_cost`
+        pull opposite ways and balance only at the true noise; half as much again would be told as a wrong scale.
     """
     if len(judged.data.points) == 0:
         return []
+    if measured_point_sigma_mm:
+        weights = np.full(judged.data.count, 1 / measured_point_sigma_mm**2)
+        judged = replace(judged, data=replace(judged.data, weights=weights))
     middle = _cost(judged, np.ones(3))
     found: list[ScaleError] = []
     for axis, name in ((0, "x"), (2, "z")):

@@ -3,8 +3,9 @@
 A profile tells x and z of the sphere's centre in L and |y|, but not the side.  Leaving y out first removes the
 2ᴷ choices: x and z alone fix the rotation, the sphere's centre and two components of the translation.  The
 third is one number on which all captures must agree, so their |y| vote for it, and the sides follow.  Rotations
-are searched from everywhere (all at once, in arrays), with a robust loss, so neither pure translations nor clean
-captures are needed.  What comes out is a start, good to about the scatter of the centres.
+are searched from everywhere (all at once, in arrays), with a robust loss, by all captures and by random few of
+them: neither pure translations nor clean captures are needed.  What comes out is a start, good to about the
+scatter of the centres.
 """
 
 from collections.abc import Sequence
@@ -13,11 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.frames import FloatArray, skew
+from calib_core.chain.start_search import Sought, random_few, random_rotations
+from calib_core.frames import FloatArray
 
 _STARTS = 240
-_KEPT = 16
+_KEPT = 60
 _SEARCH_CAPTURES = 40  # more do not make the search safer, only slower
+# Two wrong captures of eight hide the answer from a search by all.  Among so many searches by so few captures
+# some are by good ones alone.
+_STARTS_BY_FEW = 480
+_FEW = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +57,10 @@ class Centers:
             self.open_side[which],
             self.height_weight[which],
         )
+
+    def sought(self, weight: FloatArray) -> Sought:
+        """Return the same for a search, with a weight (K, 3) of each centre's components."""
+        return Sought(self.rotations[None], self.translations[None], self.measured[None], weight[None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,20 +136,13 @@ def _is_rival(start: Start, best: Start) -> bool:
     return bool(differ.any()) and float(np.median(start.misfit_mm[differ])) < 3 * start.scatter_mm
 
 
-def _random_rotations(count: int) -> FloatArray:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.random(count, rng=np.random.default_rng(2010)).as_matrix()
-
-
 def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Return guesses (rotation, translation, center), the more likely ones first."""
     weight = np.ones_like(centers.measured)
     weight[:, 1] = np.where(centers.open_side, 0.0, centers.height_weight)
-    rotations = _random_rotations(_STARTS)
-    linear = _linear_unknowns(centers, rotations, weight)
-    rotations, linear, misfit = _refined(centers, rotations, linear, weight, 25)
-    scatter = np.median(np.sqrt(np.sum(weight * misfit**2, axis=2)), axis=1)
+    sought = centers.sought(weight)
+    rotations, linear, misfit = _searched(sought)
+    scatter = np.median(sought.distances(misfit), axis=1)
     guesses: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     seen: list[FloatArray] = []
     for index in np.argsort(scatter):
@@ -155,6 +158,20 @@ def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArr
         if len(seen) >= _KEPT:
             break
     return guesses
+
+
+def _searched(sought: Sought) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return rotations, linear unknowns and residuals of guesses from everywhere, by all captures and by few."""
+    count = sought.measured.shape[1]
+    rotations = random_rotations(_STARTS if count > _FEW else _STARTS + _STARTS_BY_FEW)
+    found = [sought.refined(rotations, sought.linear_unknowns(rotations), 25)[:2]]
+    if count > _FEW:
+        some = sought.chosen(random_few(_STARTS_BY_FEW, count, _FEW))
+        rotations = random_rotations(_STARTS_BY_FEW)
+        rotations, linear, _ = some.refined(rotations, some.linear_unknowns(rotations), 25)
+        found.append(sought.refined(rotations, linear, 6)[:2])
+    rotations, linear = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return rotations, linear, sought.misfit(rotations, linear)
 
 
 def _heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: float) -> list[float]:
@@ -178,75 +195,23 @@ def _heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: 
     return chosen
 
 
-def _linear_unknowns(centers: Centers, rotations: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the centre and R_sᵀT_s (N, 6) by least squares for each of N rotations: linear once R_s is given."""
-    axes = _axes(centers, rotations)
-    right = centers.measured + np.einsum("nkci,ki->nkc", axes, centers.translations)
-    rows = np.concatenate([axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3).reshape(len(axes), -1, 6)
-    weighted = np.swapaxes(rows * weight.reshape(1, -1, 1), 1, 2)
-    normal = weighted @ rows
-    vector = (weighted @ right.reshape(len(axes), -1, 1))[..., 0]
-    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-    return np.linalg.solve(normal + 1e-9 * scale * np.eye(6), vector[..., None])[..., 0]
-
-
-def _refined(
-    centers: Centers, rotations: FloatArray, linear: FloatArray, weight: FloatArray, iterations: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Improve N guesses at once by damped Gauss–Newton with Cauchy's loss; returns them and their residuals."""
-    from scipy.spatial.transform import Rotation
-
-    misfit = _misfit(centers, rotations, linear)
-    for _ in range(iterations):
-        axes = _axes(centers, rotations)
-        arms_in_laser = centers.measured + misfit + linear[:, None, 3:]
-        rows = np.concatenate([skew(arms_in_laser), axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3)
-        squared = np.sum(weight * misfit**2, axis=2)
-        scale = np.maximum(np.median(squared, axis=1), 1e-4)
-        robust = weight / (1 + squared / (6 * scale[:, None]))[:, :, None]
-        flat = rows.reshape(len(rows), -1, 9)
-        weighted = np.swapaxes(flat * robust.reshape(len(rows), -1, 1), 1, 2)
-        normal = weighted @ flat
-        vector = (weighted @ misfit.reshape(len(rows), -1, 1))[..., 0]
-        diagonal = np.einsum("npp->np", normal)
-        normal = normal + (1e-5 * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True))[:, :, None] * np.eye(9)
-        step = -np.linalg.solve(normal, vector[..., None])[..., 0]
-        turn = step[:, :3]
-        step *= np.minimum(1, 0.5 / np.maximum(np.linalg.norm(turn, axis=1), 1e-12))[:, None]
-        rotations = rotations @ Rotation.from_rotvec(step[:, :3]).as_matrix()
-        linear = linear + step[:, 3:]
-        misfit = _misfit(centers, rotations, linear)
-    return rotations, linear, misfit
-
-
-def _axes(centers: Centers, rotations: FloatArray) -> FloatArray:
-    """Return the axes of L in base for N guesses and K captures, (N, K, 3 axes, 3)."""
-    return np.swapaxes(centers.rotations[None] @ rotations[:, None], 2, 3)
-
-
-def _misfit(centers: Centers, rotations: FloatArray, linear: FloatArray) -> FloatArray:
-    """Return predicted minus measured centres in L, (N, K, 3)."""
-    arms = np.einsum("kji,nkj->nki", centers.rotations, linear[:, None, :3] - centers.translations)
-    return arms @ rotations - linear[:, None, 3:] - centers.measured
-
-
 def _settled(centers: Centers, guesses: list[tuple[FloatArray, FloatArray, FloatArray]]) -> list[Start]:
     """Return guesses refined on all three components, the sides taken from where each guess puts the sphere."""
     height = np.broadcast_to(centers.height_weight[:, None] * [0.0, 1.0, 0.0], centers.measured.shape)
-    weight = np.broadcast_to([1.0, 0.0, 1.0], height.shape) + height
+    sought = centers.sought(np.broadcast_to([1.0, 0.0, 1.0], height.shape) + height)
     rotations = np.array([rotation for rotation, _, _ in guesses])
     linear = np.array([np.concatenate([c, r.T @ t]) for r, t, c in guesses])
     signed = np.broadcast_to(centers.measured, (len(guesses), *centers.measured.shape)).copy()
-    misfit = _misfit(centers, rotations, linear)
+    misfit = sought.misfit(rotations, linear)
     for _ in range(6):
         expected = (misfit + signed)[..., 1]
         other = np.where(centers.open_side, np.copysign(signed[..., 1], expected), signed[..., 1])
         changed = not np.array_equal(other, signed[..., 1])
         signed[..., 1] = other
-        rotations, linear, misfit = _refined(replace(centers, measured=signed), rotations, linear, weight, 6)
+        rotations, linear, misfit = replace(sought, measured=signed).refined(rotations, linear, 6)
         if not changed:
             break
-    distance = np.sqrt(np.sum(weight * misfit**2, axis=2))
+    distance = sought.distances(misfit)
     sides = np.where(centers.open_side, np.where(signed[..., 1] < 0, -1, 1), 0)
     return [
         Start(r, r @ u[3:], u[:3], s, d, float(np.median(d)), None)

@@ -196,7 +196,7 @@ def solve_tcp(
         two_step_answer=paper_answer,
         rival_scatter_mm=start.rival_scatter_mm,
         start_scatter_mm=start.scatter_mm,
-        scale_errors=scale_errors(judged),
+        scale_errors=scale_errors(judged, measured_sigma),
         moved=moved_since(observations, judged.used, center_distance),
         options=options,
     )

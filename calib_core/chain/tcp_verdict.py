@@ -13,7 +13,7 @@ _LARGE_SIGMA_MM = 1.0
 _MOST_REJECTED = 1 / 3
 _CHI2_6_RARE = 22.5  # 99.9 %
 _RIVAL_NEAR = 1.5
-_FEW_SPARE = 6
+_FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may be small by chance alone
 
 
 def tcp_verdict(solution: TcpSolution) -> tuple[Verdict, list[str]]:
