@@ -10,6 +10,7 @@ from calib_core.session.scans import Placement, ScanGroup
 
 _SUSPICIOUS = 1.5  # overlap over what is expected: something beyond the calibration moves the scans
 _MORE_PAIRS = 2.0
+_FAR_OFF = 3.0  # a scan's own RMS over what is expected of it: chance alone hardly does that
 _LEAST_SIZES = 2.0  # of a patch: nobody scans so little of an object with voxels as large
 _LARGE_PATCH_MM = 10.0
 _MOST_NAMED = 8
@@ -52,7 +53,24 @@ def merge_doubts(groups: Sequence[ScanGroup], placement: Placement, solution: Me
             f"{solution.used[worst]} the farthest ({apart.per_scan[worst, 2]:.3f} mm): "
             "check its pose and table angle, and that the object did not move."
         )
+    off = _far_off(solution)
+    if off and len(off) <= len(solution.used) / 2:
+        names = ", ".join(off[:_MOST_NAMED]) + (" and more" if len(off) > _MOST_NAMED else "")
+        doubts.append(
+            f"Far off where they overlap the others: {names}. Check their poses and table angles, which may be "
+            "those of another scan, and that the object did not move."
+        )
     return doubts
+
+
+def _far_off(solution: MergeSolution) -> list[str]:
+    """Return the scans that lie much farther off the others than is expected, with how far."""
+    _, _, rms, expected = solution.overlap.per_scan.T
+    return [
+        f"{name} ({rms[number]:.3f} mm, {expected[number]:.3f} mm is expected)"
+        for number, name in enumerate(solution.used)
+        if rms[number] > _FAR_OFF * expected[number]
+    ]
 
 
 def _about_size(solution: MergeSolution) -> list[str]:
@@ -81,6 +99,8 @@ def _about_angles(groups: Sequence[ScanGroup], placement: Placement, solution: M
     degrees = [by_name[name] for name in solution.used]
     if placement.base_from_turntable is None or None in degrees:
         return []
+    if len(set(degrees)) == 1:
+        return [f"All scans have the table angle {degrees[0]:g}°: give each the angle at which it was taken."]
     turned = placement.direction * placement.scale * np.deg2rad(np.array(degrees, dtype=float))
     mistakes = {
         "the table turned the other way round: check turntable.direction, or the angles' sign": 2 * turned,

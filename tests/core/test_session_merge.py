@@ -17,6 +17,7 @@ from calib_core.session.point_writers import write_pieces
 from calib_core.session.scans import Placement, read_scan, scan_groups
 from calib_core.session.stage_merge import CLOUD_FILE, MESH_FILE, _Calibration, _moves
 from calib_core.session.stored_clouds import read_stored_ply
+from calib_core.simulation import simulate
 
 sphere_scans = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("sphere_scans.py"))))
 
@@ -265,7 +266,7 @@ def test_a_mesh_that_memory_does_not_allow_is_left_out_with_the_reason():
             lambda data: [c.update(table_deg=float(np.deg2rad(c["table_deg"]))) for c in data["captures"]],
             "in radians",
         ),
-        (lambda data: [c.update(table_deg=30.0) for c in data["captures"]], "table angle"),
+        (lambda data: [c.update(table_deg=30.0) for c in data["captures"]], "All scans have the table angle 30°"),
     ],
 )
 def test_wrong_table_angles_of_scans_are_named(mistake, words: str):
@@ -320,3 +321,20 @@ def test_the_cloud_says_which_scan_weighs_most_at_each_point(tmp_path: Path):
     cosines = outward[known] @ views.T
     own = cosines[np.arange(len(cosines)), stored.scans[known]]
     assert (own > cosines.max(axis=1) - 0.2).mean() > 0.95
+
+
+def test_scans_with_each_others_table_angles_are_named():
+    """Most of their points are then so far from the others' that they count as other surfaces."""
+    simulated = simulate("part", 1)
+    data = simulated.session.to_json()
+    data["cell"]["merge"] = {"mesh": "none"}
+    good = solve((Session.model_validate(data), dict(simulated.files)))
+    assert (good.verdict, good.warnings) == ("pass", [])
+    second, fifth = data["captures"][1], data["captures"][4]
+    second["table_deg"], fifth["table_deg"] = fifth["table_deg"], second["table_deg"]
+    wrong = solve((Session.model_validate(data), dict(simulated.files)))
+    assert wrong.verdict == "warn"
+    far_off = next(warning for warning in wrong.warnings if warning.startswith("Far off"))
+    assert "v02" in far_off
+    assert "v05" in far_off
+    assert "v03" not in far_off
