@@ -11,11 +11,14 @@ const PATIENCE_MS = [400, 1200, 3000];
 /** Who is asked to wait for longer than this is told so. */
 const LONGEST_WAIT_S = 5;
 
+/** As a sentence begins; the server's may stand behind a name. @param {string} text */
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 /** A request that the server refused, or that never reached it; `message` says what to do. */
 export class Problem extends Error {
   /** @param {ProblemBody} body */
   constructor(body) {
-    super(body.detail ?? body.title);
+    super(sentence(body.detail ?? body.title ?? ""));
     this.name = "Problem";
     this.body = body;
   }
@@ -79,7 +82,8 @@ async function request(path, init = {}, root = ROOT) {
   throw unreachable();
 }
 
-function unreachable() {
+/** What is thrown where the server does not answer. */
+export function unreachable() {
   return new Problem({ type: "about:blank", title: t("problem.unreachable_title"), status: 0, detail: t("problem.unreachable") });
 }
 

@@ -2,6 +2,7 @@
 
 import { api, Problem } from "./api.js";
 import { SessionState } from "./state.js";
+import { loadSteps } from "./steps/index.js";
 
 /** @import {Moment, Results, ToolFrame, TimelineItem} from "./model.js" */
 
@@ -59,6 +60,7 @@ export class ReviewState extends SessionState {
     const known = this.#known.get(place);
     if (known) return known;
     const moment = await api.moment(this.id, place);
+    await loadSteps(Object.keys(moment.results));
     this.#known.set(place, moment);
     const oldest = this.#known.keys().next();
     if (this.#known.size > MOST_KEPT && !oldest.done) this.#known.delete(oldest.value);

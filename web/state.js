@@ -2,6 +2,7 @@
 
 import { api, Problem } from "./api.js";
 import { follow } from "./events.js";
+import { loadSteps } from "./steps/index.js";
 
 /** @import {CaptureOut, Guide, Job, Results, SessionOut, ToolFrame} from "./model.js" */
 /** @import {Liveness} from "./events.js" */
@@ -187,6 +188,7 @@ export class SessionState extends EventTarget {
         parts.has("guide") ? api.guide(this.id) : this.guide,
         parts.has("results") ? api.results(this.id) : this.results,
       ]);
+      await loadSteps(Object.keys(results));
       const tool = results["tcp"] ? await this.#tool(results, parts) : null;
       Object.assign(this, { session, captures: list.filter(({ id }) => !this.#gone.has(id)), guide, results, tool, problem: null });
       this.tell(...parts, "captures", "problem");

@@ -33,7 +33,7 @@ export async function send(sessionId, parcels, progress) {
       files.push(...parcel.files);
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
-      problems.push(`${parcel.record.id}: ${error.message}`);
+      problems.push(`${parcel.record.id}: ${error.body.detail ?? error.message}`);
       if (error.status === 0) break;
     }
   }

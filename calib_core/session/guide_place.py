@@ -129,5 +129,7 @@ def _solved(rotation: FloatArray, seen: Sequence[SeenCenter]) -> tuple[ProbableP
     matrix, wanted = np.vstack(rows), np.concatenate(right)
     found = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
     covariance = np.linalg.pinv(matrix.T @ matrix)[3:, 3:]
-    place = ProbablePlace(found[:3], float(np.sqrt(np.linalg.eigvalsh(covariance)[-1])))
+    place = ProbablePlace(
+        np.array(found[:3], dtype=np.float64), float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    )
     return place, float(np.sum((matrix @ found - wanted) ** 2))

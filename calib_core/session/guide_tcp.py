@@ -96,7 +96,7 @@ def _sphere(
     return (
         place.center_in_base_mm,
         "The flange turns about the place where the captures so far put the sphere, "
-        f"about ±{2 * place.scanner_sigma_mm:.0f} mm.",
+        f"about ±{2 * place.scanner_sigma_mm:.0f}\u00a0mm.",
     )
 
 

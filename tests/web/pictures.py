@@ -102,6 +102,22 @@ def result(page: Page, client: httpx.Client) -> None:
     expect(page.locator(".banner")).to_be_visible()
 
 
+def reviewed(page: Page, client: httpx.Client) -> None:
+    session = simulated_session(client, captures=14, scenario="tcp-moved-sphere")
+    wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=300)
+    page.goto(f"/sessions/{session}/review")
+    expect(page.locator("sc-review-captures tbody tr")).to_have_count(14)
+
+
+def access(page: Page, client: httpx.Client) -> None:
+    for name, role in (("Ada", "admin"), ("robot cell 4", "capture"), ("screen in the hall", "read")):
+        client.post("/tokens", json={"name": name, "role": role})
+    page.goto("/access")
+    page.get_by_label("For whom").fill("Grace")
+    page.get_by_role("button", name="Make the token").click()
+    expect(page.locator(".made-token")).to_be_visible()
+
+
 PICTURES = {
     "start": Picture(start),
     "start-dark": Picture(start, theme="dark"),
@@ -114,6 +130,9 @@ PICTURES = {
     "nothing-there": Picture(nothing_there, 1024, 480),
     "tour": Picture(toured),
     "result": Picture(result, height=1200),
+    "result-dark": Picture(result, 1024, 1000, theme="dark", touch=True),
+    "review": Picture(reviewed, height=1000),
+    "access": Picture(access),
 }
 
 

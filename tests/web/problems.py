@@ -76,7 +76,7 @@ def require_said(problem: dict[str, Any], where: Locator) -> None:
         parts.append(problem["need"])
     for part in parts:
         assert part
-        expect(where).to_contain_text(part)
+        expect(where).to_contain_text(part, ignore_case=True)
 
 
 def site_of(client: httpx.Client) -> str:

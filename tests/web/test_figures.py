@@ -166,7 +166,8 @@ def test_without_a_server_nothing_is_lost(open_page: Callable[..., Any], api: ht
     expect(page.locator(".match tbody tr")).to_contain_text("600.0 mm")
 
 
-def test_a_restart_in_the_middle_of_a_solve(browser: Browser, tmp_path: Path) -> None:
+def test_a_restart_in_the_middle_of_a_solve(browser: Browser, tmp_path: Path, watch: Watch) -> None:
+    watch.allow("ERR_CONNECTION_REFUSED")
     settings: dict[str, Any] = {"data": tmp_path / "data", "warm_up": False}
     context = browser.new_context()
     leave_out_the_scene(context)

@@ -47,6 +47,7 @@ def test_every_problem_is_provoked() -> None:
 @provokes("problem.unreachable", "problem.unreachable_title")
 def test_the_server_cannot_be_reached(browser: Browser, api: httpx.Client, watch: Watch) -> None:
     watch.announce("ERR_INTERNET_DISCONNECTED")
+    watch.allow("status of 404")  # the session x, once the server is there again
     session = simulated_session(api, captures=2)
     with visiting(browser, api, f"/sessions/{session}") as visitor:
         page = visitor.page

@@ -14,7 +14,7 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, FilePayload, expect
+from playwright.sync_api import Browser, FilePayload, Route, expect
 
 import server.worker
 from server.settings import Settings
@@ -149,17 +149,20 @@ def test_an_address_of_nothing(browser: Browser, api: httpx.Client, watch: Watch
         expect(visitor.page.get_by_role("heading", name="Calibrate a scanning cell")).to_be_visible()
 
 
-@provokes("outdated", "problem.outdated")
-def test_two_change_the_cell_at_once(browser: Browser, api: httpx.Client, watch: Watch) -> None:
-    watch.announce("status of 412")
+def edit_diameter(visitor: Visitor, diameter: str) -> None:
+    visitor.page.get_by_role("button", name="Edit cell").click()
+    visitor.page.get_by_label("Sphere diameter in mm").fill(diameter)
+
+
+@provokes("problem.outdated")
+def test_two_change_the_cell_at_once(browser: Browser, api: httpx.Client) -> None:
     session = make_session(api)
     with (
         visiting(browser, api, f"/sessions/{session}") as one,
         visiting(browser, api, f"/sessions/{session}") as other,
     ):
-        for visitor, diameter in ((one, "50"), (other, "60")):
-            visitor.page.get_by_role("button", name="Edit cell").click()
-            visitor.page.get_by_label("Sphere diameter in mm").fill(diameter)
+        edit_diameter(one, "50")
+        edit_diameter(other, "60")
         one.page.get_by_role("button", name="Save").click()
         expect(one.page.locator("header")).to_contain_text("sphere 50 mm")
         other.page.get_by_role("button", name="Save").click()
@@ -173,14 +176,35 @@ def test_two_change_the_cell_at_once(browser: Browser, api: httpx.Client, watch:
         expect(other.page.locator("header")).to_contain_text("sphere 60 mm")
 
 
-def test_a_capture_that_comes_meanwhile_is_no_lost_update(
-    browser: Browser, api: httpx.Client, watch: Watch
-) -> None:
+@provokes("outdated")
+def test_somebody_is_faster_by_a_moment(browser: Browser, api: httpx.Client, watch: Watch) -> None:
+    """The change of another comes between this one's look and its change: refused, looked at again, told."""
     watch.announce("status of 412")
     session = make_session(api)
     with visiting(browser, api, f"/sessions/{session}") as visitor:
-        visitor.page.get_by_role("button", name="Edit cell").click()
-        visitor.page.get_by_label("Sphere diameter in mm").fill("50")
+        edit_diameter(visitor, "60")
+
+        done: list[str] = []
+
+        def be_faster(route: Route) -> None:
+            if route.request.method == "PATCH" and not done:
+                done.append(route.request.url)
+                api.patch(f"/sessions/{session}", json={"cell": {"sphere_diameter_mm": 50}})
+            route.continue_()
+
+        visitor.page.route(f"**/api/v1/sessions/{session}", be_faster)
+        visitor.page.get_by_role("button", name="Save").click()
+        alarm = visitor.page.locator("dialog .form-problem")
+        expect(alarm).to_contain_text("Somebody else has changed this meanwhile: sphere_diameter_mm.")
+        assert api.get(f"/sessions/{session}").json()["cell"]["sphere_diameter_mm"] == 50
+        visitor.page.get_by_role("button", name="Save").click()
+        expect(visitor.page.locator("header")).to_contain_text("sphere 60 mm")
+
+
+def test_a_capture_that_comes_meanwhile_is_no_conflict(browser: Browser, api: httpx.Client) -> None:
+    session = make_session(api)
+    with visiting(browser, api, f"/sessions/{session}") as visitor:
+        edit_diameter(visitor, "50")
         record = json.dumps({"id": "w", "step": "tcp", "kind": "profile", "pose": [0, 0, 500, 0, 0, 0]})
         api.post(f"/sessions/{session}/captures", data={"record": record}, files={"files": ("w.csv", WALL)})
         expect(visitor.rows).to_have_count(1)

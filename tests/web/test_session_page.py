@@ -249,7 +249,8 @@ def test_search_and_removal_of_sessions(open_page: Callable[..., Any], api: http
     assert watched.complaints == []
 
 
-def test_it_survives_a_restart_of_the_server(browser: Browser, tmp_path: Path) -> None:
+def test_it_survives_a_restart_of_the_server(browser: Browser, tmp_path: Path, watch: Watch) -> None:
+    watch.allow("ERR_CONNECTION_REFUSED")
     settings: dict[str, Any] = {"data": tmp_path / "data", "warm_up": False}
     context = browser.new_context()
     leave_out_the_scene(context)

@@ -42,7 +42,7 @@ def start_the_merge_and_cancel_it(page: Page) -> None:
     expect(page.locator("sc-actions .job")).to_contain_text(merging)
     page.get_by_role("button", name="Cancel").click()
     assert any(re.search(r"Cleaning and merging v\d\d", words) for words in page.evaluate("window.told"))
-    expect(page.locator("sc-toasts")).to_contain_text("The solve was cancelled.")
+    expect(page.locator("sc-toasts")).to_contain_text("The merge was cancelled.")
     expect(page.locator("sc-guide h1")).to_have_text("Merge the 12 scans.")
 
 

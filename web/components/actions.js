@@ -1,6 +1,6 @@
 // The two things one does here, again and again: capture and solve. The primary button says what will happen.
 
-import { api } from "../api.js";
+import { api, Problem } from "../api.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../me.js";
 import { maybe, t } from "../texts.js";
@@ -16,8 +16,8 @@ export class ActionsElement extends StateElement {
   /** @type {FolderWatchElement | null} */ watch = null;
   #captureWords = h("span", {}, t("actions.capture"));
   #solveWords = h("span", {}, t("actions.solve"));
-  #capture = h("button", { type: "button", class: "capture", needs: "capture", onclick: () => void this.capture() }, this.#captureWords, h("kbd", { "aria-hidden": "true" }, t("key.space")));
-  #solve = h("button", { type: "button", class: "solve", needs: "capture", onclick: () => void this.solve() }, this.#solveWords, h("kbd", { "aria-hidden": "true" }, "S"));
+  #capture = h("button", { type: "button", class: "capture", needs: "capture", "aria-keyshortcuts": "Space", onclick: () => void this.capture() }, this.#captureWords, h("kbd", { "aria-hidden": "true" }, t("key.space")));
+  #solve = h("button", { type: "button", class: "solve", needs: "capture", "aria-keyshortcuts": "S", onclick: () => void this.solve() }, this.#solveWords, h("kbd", { "aria-hidden": "true" }, "S"));
   #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
   #progress = h("div", { class: "job", hidden: true });
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
@@ -81,8 +81,8 @@ export class ActionsElement extends StateElement {
     if (job.status === "done") {
       this.state.show("result");
       say(maybe(`actions.solved_${job.stage}`, t("actions.solved")));
-    } else if (job.status === "failed") notify(job.error?.detail ?? t("actions.failed"), { bad: true });
-    else notify(t("actions.cancelled"));
+    } else if (job.status === "failed") notify(job.error ? new Problem(job.error).message : t("actions.failed"), { bad: true });
+    else notify(maybe(`actions.cancelled_${job.stage}`, t("actions.cancelled")));
   }
 
   /** Let the simulated cell take its next capture. */

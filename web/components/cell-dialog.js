@@ -10,6 +10,8 @@ import { did, patchBack } from "../undo.js";
 /** @import {Cell} from "../api-types.js" */
 /** @import {Kind, PoseConvention, SessionBody, SessionOut} from "../model.js" */
 
+/** Captures that come every moment change the session as well. */
+const MOST_TURNS = 8;
 /** @type {readonly (readonly [string, PoseConvention])[]} */
 const BRANDS = [
   ["ABB", "abb"], ["FANUC", "fanuc"], ["Kawasaki", "kawasaki"], ["KUKA", "kuka"], ["Mitsubishi", "mitsubishi"], ["Nachi", "nachi"],
@@ -172,8 +174,8 @@ export function cellDialog(session) {
       field("new-orientation-sigma", t("new.orientation_sigma"), number("orientation_sigma")),
       field("new-z", t("new.z_axis"), h("select", { name: "z_axis" }, h("option", { value: "" }, t("new.z_data")), h("option", { value: "away" }, t("new.z_away")), h("option", { value: "toward" }, t("new.z_toward")))),
       h("p", { class: "hint soft small" }, t("new.sigma_hint")))),
-    alarm,
-    h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go"))),
+    h("div", { class: "foot" }, alarm,
+      h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go")))),
   );
   const dialog = h("dialog", { "aria-labelledby": "new-title" }, form);
   const base = { session };
@@ -196,15 +198,19 @@ export function cellDialog(session) {
  * @returns {Promise<SessionOut>}
  */
 async function changed(base, before, change) {
-  try {
-    return await api.changeSession(before.id, change, before.revision);
-  } catch (error) {
-    if (!(error instanceof Problem) || error.status !== 412) throw error;
+  for (let turn = 1; ; turn++) {
     const now = await api.session(before.id);
-    base.session = now;
     const theirs = namesOfChanges({ name: before.name, ...before.cell }, { name: now.name, ...now.cell });
-    if (!theirs.length) return changed(base, now, change);
-    throw new Problem({ ...error.body, detail: t("problem.outdated", { what: theirs.join(", ") }) });
+    if (theirs.length) {
+      base.session = now;
+      throw new Problem({ type: "about:blank", title: "", status: 412, detail: t("problem.outdated", { what: theirs.join(", ") }) });
+    }
+    try {
+      return await api.changeSession(before.id, change, now.revision);
+    } catch (error) {
+      // Between the look and the change somebody was faster: look again.
+      if (!(error instanceof Problem) || error.status !== 412 || turn === MOST_TURNS) throw error;
+    }
   }
 }
 

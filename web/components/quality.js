@@ -104,15 +104,17 @@ function figures({ measured }) {
     (points ?? 0) > 0 && figure(t("quality.points"), on_sphere ? t("quality.points_of", { on: integer(on_sphere), all: integer(points ?? 0) }) : integer(points ?? 0)),
     point_sigma_mm !== null && point_sigma_mm !== undefined && figure(t("quality.noise"), `±${small(point_sigma_mm)}`),
     extent_deg !== null && extent_deg !== undefined && figure(t("quality.extent"), `${fixed(extent_deg, 0)}°`),
-    (points ?? 0) > 0 && figure(t("quality.still"), ...standstill(measured)),
+    (on_sphere ?? 0) > 0 && figure(t("quality.still"), ...standstill(measured)),
   );
 }
 
-/** How far the sphere moved between exposures at one pose, and what to think of it. @param {CaptureOut["measured"]} measured @returns {[string, Node?]} */
+/** How far the sphere moved between exposures at one pose, and what to think of it. @param {CaptureOut["measured"]} measured @returns {[string, Node]} */
 function standstill({ still }) {
-  if (!still) return [t("quality.still_unknown")];
+  const said = (/** @type {string} */ text) => h("span", { class: "small soft" }, text);
+  if (!still) return ["", said(t("quality.still_unknown"))];
   const words = t(still.stands_still ? "quality.still_yes" : "quality.still_no");
-  return [t("quality.still_moved", { movement: small(still.movement_mm), noise: small(still.noise_mm), exposures: still.exposures }), mark(still.stands_still ? "pass" : "warn", words)];
+  const moved = t("quality.still_moved", { movement: small(still.movement_mm), noise: small(still.noise_mm), exposures: still.exposures });
+  return ["", h("span", {}, mark(still.stands_still ? "pass" : "warn", words), h("br"), said(moved))];
 }
 
 /**

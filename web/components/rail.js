@@ -31,7 +31,7 @@ export class RailElement extends StateElement {
     const current = this.state.guide?.current?.step;
     this.#list.replaceChildren(...(this.state.guide?.steps ?? []).map((step) => item(step, step.step === current)));
     const summaries = Object.entries(this.state.results).flatMap(([stage, result]) => steps[stage]?.summary(result, this.state) ?? []);
-    this.#answer.replaceChildren(...(summaries.length ? summaries : [h("p", { class: "soft small" }, t("rail.nothing"))]));
+    this.#answer.replaceChildren(...(summaries.length ? summaries : [h("p", { class: "soft small answer-none" }, t("rail.nothing"))]));
   }
 }
 

@@ -1,7 +1,7 @@
 // The answer: the frame, what it is worth, how we know.
 
 import { h } from "../dom.js";
-import { steps } from "../steps/index.js";
+import { steps, STEPS } from "../steps/index.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { historySection, resultLinks } from "./history.js";
@@ -37,7 +37,7 @@ export class ResultElement extends StateElement {
     this.#due = false;
     const drawing = ++this.#drawing;
     const { results } = this.state;
-    const solved = Object.keys(steps).filter((stage) => results[stage]);
+    const solved = STEPS.filter((stage) => steps[stage] && results[stage]);
     const stage = solved.find((one) => one === this.#picked) ?? solved.at(-1);
     const result = stage && results[stage];
     if (!stage || !result) {

@@ -98,6 +98,10 @@ export class SessionPage extends HTMLElement {
     const { session, problem } = state;
     this.#problem.hidden = !problem || session !== null;
     this.#loading.hidden = session !== null || problem !== null;
+    if (problem?.status === 404 && !session) {
+      state.stop(); // there is nothing to follow any more
+      this.top?.replaceChildren();
+    }
     if (problem && !session) {
       this.#problem.replaceChildren(h("h1", {}, problem.body.title ?? ""), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back")));
     }

@@ -16,7 +16,7 @@ export const merge = {
   "merge.size": "Size, x × y × z",
   "merge.mesh": "Mesh",
   "merge.triangles": "Triangles of the mesh",
-  "merge.files": "Save",
+  "merge.files": "Download",
   "merge.no_cloud": "This result came without its cloud. Merge again to have it.",
   "merge.in_table": "In the table's frame T.",
   "merge.in_base": "In the robot's base.",

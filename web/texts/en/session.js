@@ -95,6 +95,7 @@ export const session = {
   "actions.solved_merge": "Merged. The result is shown.",
   "actions.failed": "The solve failed. Run it again; if it stays, look into the server's log.",
   "actions.cancelled": "The solve was cancelled.",
+  "actions.cancelled_merge": "The merge was cancelled.",
   "actions.captured_pass": "Capture {capture} is good.",
   "actions.captured_warn": "Capture {capture} is usable: {reason}",
   "actions.captured_fail": "Capture {capture} was refused: {reason}",
