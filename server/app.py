@@ -48,8 +48,10 @@ from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene
 from server.scenes.trials import trials_router
 from server.settings import Settings
+from server.sources.intake import Intake
 from server.sources.watching import session_watcher
 from server.store.database import Store
+from server.store.together import Together
 from server.uploads import Room
 from server.watch import Watch
 
@@ -80,11 +82,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.past_scenes = past_scenes
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         housekeeping = Housekeeping(store)
+        together = Together(store)
         app.state.measuring, app.state.backlog = measuring, backlog
+        app.state.intake = Intake(store, measuring, together)
         app.state.logins = Logins(settings.data, store)
         watcher = app.state.watcher = session_watcher(settings, store, measuring)
         try:
             await run_in_threadpool(_start, store, jobs)
+            together.start()
             backlog.start()
             watcher.start()
             housekeeping.start()
@@ -98,6 +103,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(watcher.stop)
             await run_in_threadpool(backlog.stop)
             await run_in_threadpool(housekeeping.stop)
+            await run_in_threadpool(together.stop)
             await run_in_threadpool(measuring.stop)
             store.close()
 

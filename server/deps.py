@@ -1,24 +1,18 @@
 """What the routes are given: the store, the jobs, paging and Idempotency-Key."""
 
-import json
-from collections.abc import Callable
-from hashlib import sha256
-from typing import Annotated, Any
+from typing import Annotated
 
-from fastapi import Depends, Header, Path, Query, Request, Response
-from fastapi.responses import JSONResponse
-from pydantic_core import to_json
-from sqlalchemy.orm import Session as Transaction
+from fastapi import Depends, Header, Path, Query, Request
 
 from server.backlog import Backlog
 from server.events import Hub
 from server.jobs import Jobs
 from server.measuring_processes import Measuring
 from server.metrics import Metrics
+from server.once import Once
 from server.settings import Settings
-from server.store.answers import remember_answer, stored_answer
+from server.sources.intake import Intake
 from server.store.database import Store
-from server.store.models import AnswerRow, Data
 from server.uploads import Room
 
 # These are coroutines because FastAPI hands every plain function to another thread first.
@@ -56,6 +50,10 @@ async def _backlog(request: Request) -> Backlog:
     return request.app.state.backlog
 
 
+async def _intake(request: Request) -> Intake:
+    return request.app.state.intake
+
+
 SettingsDep = Annotated[Settings, Depends(_settings)]
 StoreDep = Annotated[Store, Depends(_store)]
 HubDep = Annotated[Hub, Depends(_hub)]
@@ -64,6 +62,7 @@ MeasuringDep = Annotated[Measuring, Depends(_measuring)]
 MetricsDep = Annotated[Metrics, Depends(_metrics)]
 RoomDep = Annotated[Room, Depends(_room)]
 BacklogDep = Annotated[Backlog, Depends(_backlog)]
+IntakeDep = Annotated[Intake, Depends(_intake)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]
 CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64)]
@@ -78,54 +77,6 @@ LastEventId = Annotated[
 Cursor = Annotated[str | None, Query(max_length=500, description="The `next` of the page before.")]
 Again = Annotated[str | None, Query(max_length=64, description="The `id` of a capture to be taken again.")]
 Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
-
-
-class Once:
-    """The request's Idempotency-Key: the same key with the same content is answered once and then repeated."""
-
-    def __init__(self, scope: str, key: str | None) -> None:
-        self._scope = scope
-        self._key = key
-
-    def answered(self, store: Store, content: Any) -> JSONResponse | None:
-        """Return the answer that was given to this key and content, if there is one; raises ConflictError."""
-        if self._key is None:
-            return None
-        with store.read() as db:
-            return self._answered(db, _fingerprint(content))
-
-    def known(self, store: Store) -> bool:
-        """Return whether this key was answered before, whatever the content."""
-        if self._key is None:
-            return False
-        with store.read() as db:
-            return db.get(AnswerRow, (self._scope, self._key)) is not None
-
-    def run(
-        self, store: Store, content: Any, status: int, act: Callable[[Transaction], Data]
-    ) -> tuple[Response, bool]:
-        """Act within one transaction and return the answer, and whether this was the first time.
-
-        Raises
-        ------
-        ConflictError
-            If the key came with other content before.
-        """
-        fingerprint = _fingerprint(content) if self._key is not None else ""
-        with store.write() as db:
-            stored = self._answered(db, fingerprint)
-            if stored is not None:
-                return stored, False
-            body = act(db)
-            if self._key is not None:
-                remember_answer(db, self._scope, self._key, fingerprint, status, body)
-        return Response(to_json(body), status, media_type="application/json"), True
-
-    def _answered(self, db: Transaction, fingerprint: str) -> JSONResponse | None:
-        if self._key is None:
-            return None
-        row = stored_answer(db, self._scope, self._key, fingerprint)
-        return None if row is None else JSONResponse(row.body, row.status, {"Idempotency-Replayed": "true"})
 
 
 async def _once(
@@ -143,7 +94,3 @@ async def _once(
 
 
 OnceDep = Annotated[Once, Depends(_once)]
-
-
-def _fingerprint(content: Any) -> str:
-    return sha256(json.dumps(content, sort_keys=True, ensure_ascii=False).encode()).hexdigest()

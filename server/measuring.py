@@ -41,12 +41,18 @@ def measure(session: Session, capture: Capture, read: Callable[[str], bytes]) ->
     InputError, TooLargeError
         If the record or a file is of no use at all.
     """
+    return measured_with_text(session, capture, read)[0]
+
+
+def measured_with_text(session: Session, capture: Capture, read: Callable[[str], bytes]) -> tuple[Measured, str]:
+    """Return what `measure` does, also as JSON text."""
     from calib_core.session.measure import measure_capture
 
     try:
         measured = measure_capture(session, capture, read)
-        if is_finite(measured.to_json()):
-            return measured
+        text = finite_text(measured)
+        if text is not None:
+            return measured, text
         reason = "What is measured in it has no finite size."
         to_do = "Check the numbers in its file: some are far too large."
     except MeasurementError as error:
@@ -57,16 +63,23 @@ def measure(session: Session, capture: Capture, read: Callable[[str], bytes]) ->
         log.exception("measuring capture %s failed unexpectedly", capture.id)
         reason = f"measuring it failed by an error of the program itself ({type(error).__name__})"
         to_do = "The capture is kept; report this with its file."
-    return unmeasured(capture, reason, to_do)
+    nothing = unmeasured(capture, reason, to_do)
+    return nothing, nothing.model_dump_json(exclude_unset=True)
 
 
-def is_finite(data: object) -> bool:
-    """Return whether JSON data holds neither NaN nor infinities."""
+def finite_text(measured: Measured) -> str | None:
+    """Return what was measured as JSON text, None where it holds NaN or infinities.
+
+    Those become null in the text: where it has no more of them than fields that are empty, all numbers are finite.
+    """
+    text = measured.model_dump_json(exclude_unset=True)
+    empty = sum(getattr(measured, name) is None for name in measured.model_fields_set)
+    if text.count("null") == empty:
+        return text
     try:
-        json.dumps(data, allow_nan=False)
+        return json.dumps(measured.to_json(), allow_nan=False)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def unmeasured(capture: Capture, reason: str, to_do: str) -> Measured:

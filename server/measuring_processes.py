@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import BaseContext
@@ -18,7 +19,8 @@ from typing import Any
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from server.child_processes import deaf_to_interrupts
-from server.measuring import measure, unmeasured, warm_up
+from server.json_text import JsonText
+from server.measuring import check_poses, measured_with_text, unmeasured, warm_up
 
 log = logging.getLogger("scancell")
 
@@ -46,6 +48,7 @@ class Measuring:
         self._all: set[_Process] = set()
         self._lock = threading.Lock()
         self._closed = False
+        self._threads = ThreadPoolExecutor(processes, "measuring")
 
     def measure(self, session: Session, capture: Capture, read: Callable[[str], bytes]) -> Measured:
         """Return what was measured; where nothing could be, the verdict `fail` and why: the capture is kept.
@@ -56,14 +59,33 @@ class Measuring:
             If the record or a file is of no use at all.
         """
         cell = session.model_copy(update={"captures": []}).to_json()
-        work = (cell, capture.to_json(), {name: read(name) for name in capture.files})
+        contents = {name: read(name) for name in capture.files}
+        return Measured.model_validate_json(self.measured_text(cell, capture, contents))
+
+    def submit(self, cell: dict[str, Any], capture: Capture, contents: Mapping[str, bytes]) -> Future[JsonText]:
+        """Return what `measure` will have returned, as JSON text.
+
+        Parameters
+        ----------
+        cell : dict
+            The session's record without captures.
+        capture : Capture
+        contents : mapping of str to bytes
+            Its files, by name.
+        """
+        return self._threads.submit(self.measured_text, cell, capture, contents)
+
+    def measured_text(self, cell: dict[str, Any], capture: Capture, contents: Mapping[str, bytes]) -> JsonText:
+        """Return what `submit` promises, in this thread."""
+        work = (cell, capture.to_json(), contents)
         for _ in range(_ATTEMPTS):
             process = self._take()
             try:
                 answer = process.ask(work, self._timeout_s)
             except TimeoutError:
                 got = f"measuring it took longer than {self._timeout_s:g} s"
-                return unmeasured(capture, got, "The capture is kept; send less at once: thin or crop it.")
+                to_do = "The capture is kept; send less at once: thin or crop it."
+                return _text_of(unmeasured(capture, got, to_do))
             except (EOFError, OSError):
                 log.warning("the process that measured capture %s ended", capture.id)
                 continue
@@ -71,9 +93,9 @@ class Measuring:
                 self._give_back(process)
             if isinstance(answer, CalibrationError):
                 raise answer
-            return Measured.model_validate(answer)
+            return JsonText(answer)
         got = "the process that measured it ended (a library failed, or memory ran out)"
-        return unmeasured(capture, got, "The capture is kept; report this with its file.")
+        return _text_of(unmeasured(capture, got, "The capture is kept; report this with its file."))
 
     def warm_up(self) -> None:
         """Have one process ready."""
@@ -83,6 +105,7 @@ class Measuring:
         """End all processes."""
         with self._lock:
             self._closed = True
+            self._threads.shutdown(wait=False, cancel_futures=True)
             processes, self._all = self._all, set()
             self._idle.clear()
         for process in processes:
@@ -155,6 +178,10 @@ class _Process:
         self._connection.close()
 
 
+def _text_of(measured: Measured) -> JsonText:
+    return JsonText(measured.model_dump_json(exclude_unset=True))
+
+
 def _context() -> BaseContext:
     """Return how processes are started: from one that has imported what they need, where the system can."""
     if sys.platform == "win32":
@@ -181,6 +208,8 @@ def _serve(connection: "Connection[Any, Any]") -> None:
 def _answer(cell: dict[str, Any], record: dict[str, Any], contents: Mapping[str, bytes]) -> object:
     try:
         session = parse_session(cell, "session")
-        return measure(session, parse_capture(record, "record"), contents.__getitem__).to_json()
+        capture = parse_capture(record, "record")
+        check_poses(session, capture)
+        return measured_with_text(session, capture, contents.__getitem__)[1]
     except CalibrationError as error:
         return error

@@ -1,7 +1,6 @@
 """Time-outs: a request's body must keep coming, and its answer must begin in time."""
 
 import asyncio
-from contextlib import suppress
 
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -29,22 +28,28 @@ class Patience:
             await self._app(scope, receive, send)
             return
         answer = _Answer(send)
-        serving = asyncio.ensure_future(self._app(scope, receive, answer.send))
-        began = asyncio.create_task(answer.began.wait())
-        try:
-            await asyncio.wait({serving, began}, timeout=self._answer_s, return_when=asyncio.FIRST_COMPLETED)
-            if serving.done() or answer.began.is_set():
-                await serving
-                return
-            answer.close()
+        late: asyncio.Task[None] | None = None
+
+        async def say_so() -> None:
             got = f"no answer within {self._answer_s:g} s"
             to_do = "It may still end well: send it again with the same Idempotency-Key, or look at its session."
             await problem_response(problem_of_status(504, got, to_do))(scope, receive, send)
-            with suppress(Exception):  # nobody waits for it any more; the thread it runs in cannot be stopped
-                await serving
+
+        def give_up() -> None:
+            nonlocal late
+            if answer.close():
+                late = asyncio.create_task(say_so())
+
+        timer = asyncio.get_running_loop().call_later(self._answer_s, give_up)
+        try:
+            await self._app(scope, receive, answer.send)
+        except Exception:
+            if late is None:
+                raise  # else nobody waits for it any more
         finally:
-            began.cancel()
-            serving.cancel()
+            timer.cancel()
+            if late is not None:
+                await late
 
     def _hurried(self, receive: Receive) -> Receive:
         whole = False
@@ -54,7 +59,8 @@ class Patience:
             if whole:  # from here on it tells of a disconnection, which has its time
                 return await receive()
             try:
-                message = await asyncio.wait_for(receive(), self._body_s)
+                async with asyncio.timeout(self._body_s):
+                    message = await receive()
             except TimeoutError:
                 whole = True
                 # An HTTPException is the one error that passes through the body parsers unchanged.
@@ -70,14 +76,15 @@ class _Answer:
 
     def __init__(self, send: Send) -> None:
         self._send = send
-        self._closed = False
-        self.began = asyncio.Event()
+        self._closed = self._began = False
 
     async def send(self, message: Message) -> None:
         if self._closed:
             return
-        self.began.set()
+        self._began = True
         await self._send(message)
 
-    def close(self) -> None:
-        self._closed = True
+    def close(self) -> bool:
+        """Let nothing more out; returns whether nothing had begun to go out, else it stays open."""
+        self._closed = not self._began
+        return self._closed

@@ -1,6 +1,7 @@
 """Serving over HTTP and WebSockets with uvicorn."""
 
 import math
+import sys
 from signal import SIGINT
 from socket import socket
 from types import FrameType
@@ -11,10 +12,14 @@ from server.app import create_app
 from server.auth.logins import require_admin
 from server.auth.slow_heads import SlowHeads
 from server.events import Hub
+from server.http_protocol import LimitedHttp
 from server.settings import Settings, is_loopback
 from server.store.claim import claimed
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
+
+
+_SWITCH_S = 0.001  # what answers has little to do and waits for what works, five times as long by default
 
 
 class WorkbenchServer(uvicorn.Server):
@@ -32,7 +37,7 @@ class WorkbenchServer(uvicorn.Server):
             app,
             host=settings.host,
             port=settings.port,
-            http="h11",  # it limits what a head may hold; httptools gathers it without end
+            http=LimitedHttp,
             log_level="warning",
             server_header=False,
             ws_max_size=_MAX_MESSAGE_BYTES,
@@ -49,6 +54,7 @@ class WorkbenchServer(uvicorn.Server):
 
     def run(self, sockets: list[socket] | None = None) -> None:
         """Serve; raises InputError or ConflictError if the store cannot be used, or nobody could log in."""
+        sys.setswitchinterval(_SWITCH_S)
         with claimed(self._settings):
             if self._settings.login_required:
                 require_admin(self._settings)

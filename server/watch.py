@@ -4,6 +4,7 @@ import logging
 import re
 import time
 from contextvars import ContextVar
+from itertools import count
 from secrets import token_hex
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -18,6 +19,7 @@ request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
 
 _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}\Z")
 _HEADER = "X-Request-ID"
+_START, _NUMBERS = token_hex(4), count()  # differs from one start of the server to the next
 
 
 class Watch:
@@ -72,7 +74,7 @@ class Watch:
 def _id_of(scope: Scope) -> str:
     """Return the id that the request brings, where it looks like one, else a new one."""
     given = Headers(scope=scope).get(_HEADER, "")
-    return given if _GIVEN_ID.match(given) else token_hex(8)
+    return given if _GIVEN_ID.match(given) else f"{_START}{next(_NUMBERS):08x}"
 
 
 def _route(scope: Scope) -> str:

@@ -8,6 +8,7 @@ from urllib.parse import quote
 from fastapi import APIRouter, File, Form, Response, UploadFile
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
+from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError, ConflictError, DamagedError, InputError, TooLargeError
 from calib_core.records import Capture, Measured, Session, Step, parse_capture
@@ -16,9 +17,9 @@ from server.deps import (
     CaptureId,
     Cursor,
     IfMatch,
+    IntakeDep,
     Limit,
     MeasuringDep,
-    Once,
     OnceDep,
     RoomDep,
     SessionId,
@@ -26,9 +27,12 @@ from server.deps import (
     StoreDep,
 )
 from server.downloads import Download
+from server.json_text import JsonText
 from server.measuring import check_poses
 from server.measuring_processes import Measuring
+from server.once import Once
 from server.schemas import CaptureChanges, CapturePage, StoredCapture
+from server.sources.intake import MOST_BYTES, is_simple
 from server.sources.receiving import receive
 from server.sources.simulated import capture_again, next_capture
 from server.store.arrivals import add_captures
@@ -66,7 +70,7 @@ _RECORD_EXAMPLE = (
 
 
 @router.post("/captures", status_code=201, response_model=StoredCapture)
-def add(
+async def add(
     session_id: SessionId,
     record: Annotated[
         str,
@@ -77,6 +81,7 @@ def add(
     measuring: MeasuringDep,
     room: RoomDep,
     settings: SettingsDep,
+    intake: IntakeDep,
     files: Annotated[
         list[UploadFile], File(description="The record's `files`, by name or in their order; none for centres.")
     ] = [],  # noqa: B006 — FastAPI copies defaults
@@ -94,9 +99,22 @@ def add(
             f"at most {settings.max_files_per_capture} files", f"{len(files)}", "Split the capture.", "files"
         )
     data.pop("measured", None)  # of a record that came from here
-    with room.taken(sum(file.size or 0 for file in files)):
+    size_bytes = sum(file.size or 0 for file in files)
+
+    def contents_of_upload() -> tuple[Capture, dict[str, bytes]]:
         contents = named_files(data, [(file.filename or "", file.file.read()) for file in files])
-        return _store(store, measuring, once, session_id, parse_capture(data, "record"), contents)
+        return parse_capture(data, "record"), contents
+
+    def store_large() -> Response:
+        with room.taken(size_bytes):
+            return _store(store, measuring, once, session_id, *contents_of_upload())
+
+    if size_bytes > MOST_BYTES:
+        return await run_in_threadpool(store_large)
+    capture, contents = contents_of_upload()
+    if is_simple(capture):
+        return await intake.take(once, session_id, capture, contents)
+    return await run_in_threadpool(_store, store, measuring, once, session_id, capture, contents)
 
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
@@ -146,7 +164,7 @@ def _store(
         return answered
     arrival, record = receive(store, measuring, session_id, capture, contents)
 
-    def act(db: Transaction) -> Data:
+    def act(db: Transaction) -> JsonText:
         (stored,) = add_captures(db, session_id, [arrival], record)
         if isinstance(stored, CalibrationError):
             raise stored

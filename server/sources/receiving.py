@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 from calib_core.records import Capture
-from server.measuring import check_poses
 from server.measuring_processes import Measuring
 from server.store.arrivals import Arrival, require_free, session_record
 from server.store.calibrations import calibrated_session, needs_calibration
@@ -30,7 +29,6 @@ def receive(
         record = session_record(db, session_id)
         require_free(db, session_id, capture, digests)
     session = empty_session(record, session_id)
-    check_poses(session, capture)
     sizes = {name: len(part) for name, part in contents.items()}
     if needs_calibration(capture):
         with store.read() as db:

@@ -2,13 +2,15 @@
 
 from datetime import UTC, datetime, timedelta
 
-from sqlalchemy import delete
+from sqlalchemy import delete, insert
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
+from server.json_text import JsonText
 from server.store.models import AnswerRow, Data, now
 
 _KEPT = timedelta(days=7)
+_ADD = insert(AnswerRow)
 
 
 def stored_answer(db: Transaction, scope: str, key: str, fingerprint: str) -> AnswerRow | None:
@@ -30,9 +32,12 @@ def stored_answer(db: Transaction, scope: str, key: str, fingerprint: str) -> An
     return row
 
 
-def remember_answer(db: Transaction, scope: str, key: str, fingerprint: str, status: int, body: Data) -> None:
+def remember_answer(
+    db: Transaction, scope: str, key: str, fingerprint: str, status: int, body: Data | JsonText
+) -> None:
     """Store an answer in the transaction that makes it true."""
-    db.add(AnswerRow(scope=scope, key=key, fingerprint=fingerprint, status=status, body=body, created=now()))
+    row = {"scope": scope, "key": key, "fingerprint": fingerprint, "status": status, "body": body}
+    db.connection().execute(_ADD, {**row, "created": now()})
 
 
 def forget_old_answers(db: Transaction) -> None:

@@ -4,6 +4,7 @@ The busiest path of all: its statements are made once and run as they are, witho
 cost several times as much.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError
 from calib_core.records import Capture, Measured
+from server.json_text import JsonText
 from server.store.calibrations import board_results
 from server.store.database import publish_later
 from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, WaitingRow, now
@@ -53,7 +55,7 @@ class Arrival:
     """
 
     capture: Capture
-    measured: Measured
+    measured: Measured | JsonText
     digests: Mapping[str, str]
     sizes: Mapping[str, int]
     waits: bool = False
@@ -122,8 +124,8 @@ def _refusal(
 
 def add_captures(
     db: Transaction, session_id: str, arriving: Sequence[Arrival], measured_for: Data
-) -> list[Data | CalibrationError]:
-    """Store captures in their order and return each with what was measured in it, or why it is refused.
+) -> list[JsonText | CalibrationError]:
+    """Store captures in their order; return each with what was measured in it, as JSON, or why it is refused.
 
     Parameters
     ----------
@@ -148,7 +150,7 @@ def add_captures(
     if record["cell"] != measured_for["cell"]:
         raise ConflictError("a cell that rests", "one that was just changed", "Send the request again.", "cell")
     reasons = _refusals(db, session_id, [(a.capture, a.digests) for a in arriving])
-    answers: list[Data | CalibrationError] = []
+    answers: list[JsonText | CalibrationError] = []
     captures: list[Data] = []
     files: list[Data] = []
     waiting: list[Data] = []
@@ -156,7 +158,7 @@ def add_captures(
         if reason is not None:
             answers.append(reason)
             continue
-        data, seen = a.capture.to_json(), a.measured.to_json()
+        data, seen = _text(a.capture), _text(a.measured)
         keys = {"session_id": session_id, "capture_id": a.capture.id}
         place = position + len(captures) + 1
         captures.append(
@@ -170,7 +172,7 @@ def add_captures(
             }
         )
         files += [{**keys, "name": name, "sha256": d, "size": a.sizes[name]} for name, d in a.digests.items()]
-        answers.append({**data, "measured": seen})
+        answers.append(JsonText(f'{data[:-1]}, "measured": {seen}}}'))
         if a.waits or (a.calibration is not None and a.calibration != board_results(db, session_id)):
             waiting.append(keys)
     if captures:
@@ -185,6 +187,12 @@ def add_captures(
         touched = {"session": session_id, "count": len(captures), "event": event + 1, "moment": moment}
         run(_TOUCH, {**touched, "place": position + len(captures)})
     return answers
+
+
+def _text(record: Capture | Measured | JsonText) -> JsonText:
+    if isinstance(record, JsonText):
+        return record
+    return JsonText(json.dumps(record.to_json(), allow_nan=False, ensure_ascii=False))
 
 
 def is_stored(db: Transaction, session_id: str, arrival: Arrival) -> bool:

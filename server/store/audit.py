@@ -33,9 +33,8 @@ acting: ContextVar[Act | None] = ContextVar("acting", default=None)
 """What the present task or thread is doing for somebody; None for what the server does by itself."""
 
 
-def note_act(db: Transaction) -> None:
+def note_act(db: Transaction, act: Act | None) -> None:
     """Add what is being done to the log, with the transaction that does it or not at all."""
-    act = acting.get()
     if act is not None and not act.noted:
         act.noted = True
         db.connection().execute(_ADD, _values(act, "done"))  # each request pays for it: no unit of work

@@ -11,9 +11,9 @@ from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
-from server.store.blobs import YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
+from server.store.blobs import AT_ONCE, YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
 
-_FORCING = 16
+_FEW = 4  # more are worth the threads
 
 
 class FolderBlobs(Blobs):
@@ -46,6 +46,8 @@ class FolderBlobs(Blobs):
 
     def put_all(self, contents: Sequence[bytes]) -> list[str]:
         """Store many files durably and return the SHA-256 of each."""
+        if len(contents) < _FEW:
+            return [self.put(content) for content in contents]
         digests = [sha256(content).hexdigest() for content in contents]
         with ExitStack() as stack:
             written: dict[str, tuple[IO[bytes], Path]] = {}
@@ -55,7 +57,7 @@ class FolderBlobs(Blobs):
                     written[digest][0].write(content)
                     written[digest][0].flush()
             # Many threads at once: the disk's journal is forced for all that wait, not for each.
-            with ThreadPoolExecutor(_FORCING) as threads:
+            with ThreadPoolExecutor(AT_ONCE) as threads:
                 list(threads.map(os.fsync, [file.fileno() for file, _ in written.values()]))
                 for digest, (_, path) in written.items():
                     path.replace(self.path(digest))

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -13,6 +14,8 @@ Pieces = Iterable[bytes | memoryview]
 YOUNG_S = 3600.0
 """How long a blob that nothing refers to is kept: an upload may be about to refer to it."""
 CHUNK_BYTES = 1 << 20
+AT_ONCE = 16
+"""How many files are on their way to the disk at once."""
 _S3 = "s3://"
 
 
@@ -37,7 +40,10 @@ class Blobs(ABC):
 
     def put_all(self, contents: Sequence[bytes]) -> list[str]:
         """Store many files durably and return the SHA-256 of each."""
-        return [self.put(content) for content in contents]
+        if len(contents) < 2:
+            return [self.put(content) for content in contents]
+        with ThreadPoolExecutor(AT_ONCE) as threads:
+            return list(threads.map(self.put, contents))
 
     @abstractmethod
     def put_pieces(self, pieces: Pieces) -> tuple[str, int]:

@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from server.settings import Settings
-from server.store.audit import note_act
+from server.store.audit import acting, note_act
 from server.store.blobs import open_blobs
 from server.store.engine import engine_of, reading
 from server.store.models import EventRow, SessionRow, now
@@ -57,7 +57,7 @@ class Store:
         with self._one_writer:
             with Session(self._writing, expire_on_commit=False) as db:
                 yield db
-                note_act(db)
+                note_act(db, acting.get())
                 db.commit()
                 events: list[EventRow] = db.info.pop(_EVENTS, [])
             for recorded in events:

@@ -9,6 +9,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
 from calib_core.errors import InputError
+from server.json_text import JsonText
 
 
 def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine:
@@ -30,9 +31,8 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
     if kind not in ("sqlite", "postgresql"):
         to_do = "Name a PostgreSQL database, or leave SCANCELL_DATABASE_URL out."
         raise InputError("an address that begins with postgresql:// or sqlite:///", kind, to_do, "database_url")
-    to_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
     if kind == "sqlite":
-        engine = create_engine(_read_only(address) if read_only else address, json_serializer=to_json)
+        engine = create_engine(_read_only(address) if read_only else address, json_serializer=_json_text)
         set_up = _own_transactions if read_only else partial(_set_up_sqlite, round(1000 * wait_s))
         event.listen(engine, "connect", set_up)
         event.listen(engine, "begin", _begin_sqlite)
@@ -40,11 +40,15 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
     try:
         # A connection that the database has closed meanwhile (a restart) is noticed before it is used.
         return create_engine(
-            address.set(drivername="postgresql+psycopg"), json_serializer=to_json, pool_pre_ping=True
+            address.set(drivername="postgresql+psycopg"), json_serializer=_json_text, pool_pre_ping=True
         )
     except ModuleNotFoundError:
         to_do = "Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out."
         raise InputError("the extra 'postgres'", "an installation without it", to_do, "database_url") from None
+
+
+def _json_text(data: Any) -> str:
+    return str(data) if isinstance(data, JsonText) else json.dumps(data, allow_nan=False, ensure_ascii=False)
 
 
 def reading(engine: Engine) -> Engine:

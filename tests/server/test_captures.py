@@ -247,16 +247,18 @@ def test_a_cell_that_changes_while_a_capture_is_measured_is_noticed(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = make_session(client)
-    measure = Measuring.measure
+    measured_text = Measuring.measured_text
+    diameters_mm = [40.5, 41.0, 41.5]
 
     def change_meanwhile(*given: Any) -> Any:
-        monkeypatch.undo()
-        client.patch(f"/sessions/{session}", json={"cell": {"sphere_diameter_mm": 41.0}})
-        return measure(*given)
+        if diameters_mm:
+            client.patch(f"/sessions/{session}", json={"cell": {"sphere_diameter_mm": diameters_mm.pop(0)}})
+        return measured_text(*given)
 
-    monkeypatch.setattr(Measuring, "measure", change_meanwhile)
-    assert_problem(upload(client, session, record(), arc_csv()), 409, "again")
-    assert upload(client, session, record(), arc_csv()).status_code == 201
+    monkeypatch.setattr(Measuring, "measured_text", change_meanwhile)
+    assert_problem(upload(client, session, record(), arc_csv()), 409, "again")  # it has changed twice
+    measured = upload(client, session, record(), arc_csv()).json()["measured"]  # and then once: measured again
+    assert measured["zone"] == pytest.approx(2 * measured["radius_mm"] / 41.5)
 
 
 def test_the_simulated_cell_takes_a_capture_again(client: httpx.Client) -> None:

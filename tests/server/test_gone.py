@@ -130,7 +130,7 @@ def test_a_download_that_was_broken_off_leaves_no_file_open(
     start: Callable[..., Any], tmp_path: Path, path: str
 ) -> None:
     content = io.BytesIO()
-    np.save(content, np.random.default_rng(1).random((1_000_000, 3)))  # more than the sockets hold
+    np.save(content, np.random.default_rng(1).random((2_000_000, 3)))  # more than the sockets hold
     record = {"id": "big", "step": "scan", "kind": "cloud", "files": ["captures/big.npy"], "table_deg": 0.0}
     with start() as client:
         session = make_session(client)

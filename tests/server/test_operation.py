@@ -48,7 +48,8 @@ def test_metrics_count_requests_by_route_and_what_is_stored(start: Callable[...,
         for session in sessions:
             upload(client, session, record(), arc_csv())
             client.get(f"/sessions/{session}/nothing")
-        client.request("BREW", "/sessions")
+        client.request("PROPFIND", "/sessions")
+        assert client.request("BREW", "/sessions").status_code == 400  # no method that HTTP knows
         found = figures(client)
     route = 'route="/api/v1/sessions/{session_id}/captures"'
     assert found[f'scancell_requests_total{{method="POST",{route},status="201"}}'] == 3
