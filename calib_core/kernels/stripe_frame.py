@@ -1,7 +1,6 @@
-"""The stripe of a whole frame in two calls: a survey of where it is and of its noise, then the centres.
+"""The stripe of a whole frame in one call: where it is, how wide and how noisy, then the centres.
 
-Two calls, because the centring filter is chosen between them; and no more, because a call from Python costs as
-much as a hundred columns.
+One call, because one from Python costs as much as a hundred columns.
 """
 
 from typing import Any
@@ -10,36 +9,30 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from calib_core.kernels.stripe import OK, mark_alone, measure_columns, surroundings_variance
+from calib_core.kernels.stripe import OK, Limits, measure_columns
+from calib_core.kernels.stripe_alone import mark_alone
+from calib_core.kernels.stripe_filters import StripeFilters, filters_of, noise_ratio_of
+from calib_core.kernels.stripe_noise import noise_growth, surroundings_variance
 from calib_core.kernels.stripe_peaks import measure_peaks
 from calib_core.kernels.stripe_seeds import choose_seeds, seed_columns
+from calib_core.kernels.stripe_width import peak_width
 
 ImageArray = NDArray[Any]  # uint8 or uint16
 WordArray = NDArray[Any]  # uint16 or uint32
 FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 CodeArray = NDArray[np.uint8]
 RowArray = NDArray[np.int32]
 
 _NOISE_SAMPLES = 512
+_SAMPLED_COLUMNS = 48
 _QUANTISATION_VARIANCE = 1 / 12
 _NO_LIMIT = 1e9
-_NARROWEST_PX = 0.9  # narrower peaks' responses change too fast from row to row to be interpolated
+_SUPPORTERS_REACH = 5
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def look(
-    image: ImageArray,
-    columns: RowArray,
-    seeds: RowArray,
-    codes: CodeArray,
-    short: SingleArray,
-    filters: SingleArray,
-    taps: int,
-    width_px: float,
-    tables: SingleArray,
-    figures: FloatArray,
-    limits: FloatArray,
+    image: ImageArray, columns: RowArray, seeds: RowArray, codes: CodeArray, filters: StripeFilters, limits: Limits
 ) -> FloatArray:
     """Measure the columns' peaks, all at once first; look a second time where one is not as it should be.
 
@@ -47,153 +40,147 @@ def look(
     ----------
     columns, seeds, codes : (N,)
         Codes are written.
-    short, filters, taps, width_px, tables, figures : see `stripe_peaks.measure_peaks`, `stripe.measure_columns`
-    limits : (6,)
-        See `stripe.measure_columns`.
+    filters, limits : see `StripeFilters`, `Limits`
 
     Returns
     -------
     (5, N)
         Centre, its standard deviation, amplitude, sum of squared residuals of the shape, background.
     """
-    if width_px < _NARROWEST_PX:
-        out, clean = np.full((5, columns.shape[0]), np.nan), np.zeros(columns.shape[0], np.bool_)
-    else:
-        first = np.array([limits[0], limits[1], limits[3], limits[5]])
-        out, clean = measure_peaks(
-            image, columns, seeds, codes == OK, short, filters, taps, width_px, figures, first
-        )
-    measure_columns(image, columns, seeds, clean, tables, figures, limits, out, codes)
+    out, clean = measure_peaks(image, columns, seeds, codes == OK, filters, limits)
+    measure_columns(image, columns, seeds, clean, filters, limits, out, codes)
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sample(
-    image: ImageArray,
-    columns: RowArray,
-    seeds: RowArray,
-    variance: float,
-    short: SingleArray,
-    filters: SingleArray,
-    taps: int,
-    width_px: float,
-    tables: SingleArray,
-    figures: FloatArray,
+def _sample(
+    image: ImageArray, columns: RowArray, seeds: RowArray, variance: float, filters: StripeFilters
 ) -> FloatArray:
     """Measure a few columns' peaks, (5, N), whatever their amplitude and saturation."""
     codes = np.zeros(columns.shape[0], np.uint8)
-    limits = np.array([variance, 0.0, 6.0 * np.sqrt(variance), _NO_LIMIT, _NO_LIMIT, 0.0])
-    return look(image, columns, seeds, codes, short, filters, taps, width_px, tables, figures, limits)
+    limits = Limits(variance, 0.0, 6.0 * np.sqrt(variance), _NO_LIMIT, _NO_LIMIT, 0.0)
+    return look(image, columns, seeds, codes, filters, limits)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def survey(
-    image: ImageArray,
-    words: WordArray,
-    bits: int,
-    rows: int,
-    step: int,
-    rivalry: float,
-    samples: int,
-    short: SingleArray,
-    filters: SingleArray,
-    taps: int,
-    width_px: float,
-    tables: SingleArray,
-    figures: FloatArray,
-) -> tuple[float, RowArray, CodeArray, RowArray, FloatArray]:
-    """Find the peak of each column to a row or two, and measure a few of them.
+def _spread(codes: CodeArray, about: int) -> RowArray:
+    """Return `about` so many of the columns with a seed, evenly spread."""
+    good = np.flatnonzero(codes == OK).astype(np.int32)
+    return good[:: max(1, len(good) // about)].copy()
 
-    Parameters
-    ----------
-    image, words, bits, rows, step : see `stripe_seeds.seed_columns`
-    rivalry : see `stripe_seeds.choose_seeds`
-    samples : int
-        About how many columns are measured.
-    short, filters, taps, width_px, tables, figures : see `look`
-        For even noise.
 
-    Returns
-    -------
-    variance : float
-        Of the grey values where nothing is seen.
-    seeds, codes : (W,)
-    sampled : (S,)
-        Columns.
-    measured : (5, S)
-    """
-    variance = surroundings_variance(image, _NOISE_SAMPLES) + _QUANTISATION_VARIANCE
-    best, place = seed_columns(image, words, bits, rows, max(32, 2 * rows), step)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _seeds(
+    image: ImageArray, words: WordArray, box_width_px: float, rivalry: float, variance: float
+) -> tuple[RowArray, CodeArray]:
+    """Find the peak of each column to a row or two; see `stripe_seeds.choose_seeds`."""
+    height, width = image.shape
+    rows = max(3, min(int(np.round(1.5 * box_width_px)), 60, height // 10))
+    step = max(1, int(1.5 * box_width_px))
+    best, place = seed_columns(image, words, rows, max(32, 2 * rows), step)
     least_rise = 4.0 * np.sqrt(4.0 * rows * variance)
-    seeds, codes = choose_seeds(best, place, least_rise, 2 * rows + 1, rivalry, 5, image.shape[1])
-    count = 0
-    for code in codes:
-        count += code == OK
-    every = max(1, count // samples)
-    sampled = np.empty((count + every - 1) // every, np.int32)
-    n = 0
-    for j in range(codes.shape[0]):
-        if codes[j] == OK:
-            if n % every == 0:
-                sampled[n // every] = j
-            n += 1
-    measured = sample(image, sampled, seeds[sampled], variance, short, filters, taps, width_px, tables, figures)
-    return variance, seeds, codes, sampled, measured
+    return choose_seeds(best, place, least_rise, 2 * rows + 1, rivalry, _SUPPORTERS_REACH, width)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def noise_growth(measured: FloatArray, variance: float, taps: int, mean_shape: float) -> tuple[float, float]:
-    """Return by how much the variance grows with the light, and the usual amplitude, of measured peaks (5, S)."""
-    amplitude, excess = np.empty(measured.shape[1]), np.empty(measured.shape[1])
-    count = 0
-    for j in range(measured.shape[1]):
-        if np.isfinite(measured[0, j]) and measured[2, j] > 0.0:
-            amplitude[count] = measured[2, j]
-            excess[count] = (measured[3, j] / (taps - 3) - variance) / measured[2, j]
-            count += 1
-    if count == 0:
-        return 0.0, 1.0
-    light = np.median(excess[:count]) / mean_shape
-    return max(0.0, light), np.median(amplitude[:count])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def measure(
+def _look_at_some(
     image: ImageArray,
     seeds: RowArray,
     codes: CodeArray,
-    short: SingleArray,
-    filters: SingleArray,
-    taps: int,
-    width_px: float,
-    tables: SingleArray,
-    figures: FloatArray,
-    limits: FloatArray,
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Measure every column's peak; keep those that are as they should be and that others continue.
+    variance: float,
+    hot: float,
+    box_width_px: float,
+    given_width_px: float,
+    widths: FloatArray,
+    shapes: FloatArray,
+) -> tuple[float, float, float]:
+    """Return the peak's width (px), the variance's growth with the light and the filters' noise ratio."""
+    sampled = _spread(codes, _SAMPLED_COLUMNS)
+    rows = seeds[sampled]
+    filters = filters_of(round(box_width_px, 2), 0.0)
+    measured = _sample(image, sampled, rows, variance, filters)
+    if given_width_px == 0.0 and len(sampled):
+        width_px = peak_width(image, sampled, measured[0], hot, widths, shapes)
+        filters = filters_of(round(width_px, 2), 0.0)
+        measured = _sample(image, sampled, rows, variance, filters)
+    light, amplitude = noise_growth(measured, variance, filters.taps, filters.mean_shape)
+    return filters.width_px, light, noise_ratio_of(light * amplitude / variance)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def find(
+    image: ImageArray,
+    words: WordArray,
+    box_width_px: float,
+    given_width_px: float,
+    saturation: float,
+    least_snr: float,
+    rivalry: float,
+    widths: FloatArray,
+    shapes: FloatArray,
+    codes: CodeArray,
+    centers: FloatArray,
+) -> tuple[float, float, tuple[int, int, int, int, int, int]]:
+    """Find one centre per column.
 
     Parameters
     ----------
     image : (H, W)
-    seeds, codes : (W,)
-        Codes are written.
-    short, filters, taps, width_px, tables, figures, limits : see `look`
+    words : (H, W // 2)
+        The image, two neighbouring pixels as one word.
+    box_width_px : float
+        The peak's width for which the boxes are laid that look for it.
+    given_width_px : float
+        The peak's width; 0: estimated.
+    saturation : float
+        Grey value of a saturated pixel.
+    least_snr, rivalry : float
+        See `optics.stripe.StripeOptions`.
+    widths, shapes : see `stripe_width.peak_width`
+    codes : (W,)
+        Written.
+    centers : (4, W)
+        Written: column, row, its standard deviation, amplitude of those that are as they should be.
 
     Returns
     -------
-    centers : (4, N)
-        Column, row, its standard deviation, amplitude.
-    counts : (codes,)
-        How many columns have each code.
+    width_px : float
+    variance : float
+        Of the grey values where nothing is seen.
+    counts : (6,)
+        How many columns have each code; the first is how many centres were written.
     """
+    variance = surroundings_variance(image, _NOISE_SAMPLES) + _QUANTISATION_VARIANCE
+    seeds, seeds_codes = _seeds(image, words, box_width_px, rivalry, variance)
+    codes[:] = seeds_codes
+    hot = 6.0 * np.sqrt(variance) + 0.02 * saturation
+    width_px, light, noise_ratio = _look_at_some(
+        image, seeds, codes, variance, hot, box_width_px, given_width_px, widths, shapes
+    )
+    filters = filters_of(width_px, noise_ratio)
+    least = least_snr * np.sqrt(variance / filters.energy)
+    limits = Limits(variance, light, hot, saturation, 3.0 * width_px, least)
     columns = np.arange(image.shape[1]).astype(np.int32)
-    out = look(image, columns, seeds, codes, short, filters, taps, width_px, tables, figures, limits)
-    counts = mark_alone(out[0], codes, 5, 3)
-    centers = np.empty((4, counts[OK]))
+    out = look(image, columns, seeds, codes, filters, limits)
+    mark_alone(out[0], codes)
+    _gather_good(out, codes, centers)
+    return width_px, variance, _counts(codes)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gather_good(measured: FloatArray, codes: CodeArray, centers: FloatArray) -> None:
+    """Write column, centre, standard deviation and amplitude of the good columns."""
     n = 0
     for j in range(codes.shape[0]):
         if codes[j] == OK:
-            centers[0, n], centers[1, n] = j, out[0, j]
-            centers[2, n], centers[3, n] = out[1, j], out[2, j]
+            centers[0, n], centers[1, n] = j, measured[0, j]
+            centers[2, n], centers[3, n] = measured[1, j], measured[2, j]
             n += 1
-    return centers, counts
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _counts(codes: CodeArray) -> tuple[int, int, int, int, int, int]:
+    counts = np.zeros(6, np.int64)
+    for code in codes:
+        counts[code] += 1
+    return counts[0], counts[1], counts[2], counts[3], counts[4], counts[5]

@@ -7,23 +7,75 @@ the amplitude and the residuals come, is interpolated likewise by a quintic.  Th
 laid so that all peaks stand at the same row, so that steep stripes cost no more than level ones.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from calib_core.kernels.stripe import Limits
+from calib_core.kernels.stripe_filters import StripeFilters
+
 ImageArray = NDArray[Any]  # uint8 or uint16
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
-OffsetArray = NDArray[np.uint32]
+RowArray = NDArray[np.uint32]
 
 _BESIDE = np.float32(0.15)  # px: the short filter's zero may lie on the other side of a whole row
 SEARCHED_ROWS = 7  # whole rows at which the filter's response is looked at: the seed and three on either side
+_NARROWEST_PX = 0.9  # narrower peaks' responses change too fast from row to row to be interpolated
+_LANES = 16  # columns are filled up to a multiple of these
+
+
+class Bench(NamedTuple):
+    """Room for the work on N columns at a time.
+
+    Parameters
+    ----------
+    tile : (depth, N)
+        The columns' windows.
+    offsets, rows : (N,)
+        Where each window starts in the flattened image, and after which of the searched rows the response falls
+        through zero.
+    drop : (N,)
+        By how much it falls.
+    short : (SEARCHED_ROWS + 1, N)
+    responses : (3 or 5, 2, N)
+    totals, squares : (2, N)
+    measured : (5, N)
+    usual : (N,)
+    """
+
+    tile: SingleArray
+    offsets: RowArray
+    rows: RowArray
+    drop: SingleArray
+    short: SingleArray
+    responses: SingleArray
+    totals: SingleArray
+    squares: SingleArray
+    measured: SingleArray
+    usual: NDArray[np.bool_]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bench(depth: int, count: int, filters: int) -> Bench:
+    return Bench(
+        np.empty((depth, count), np.float32),
+        np.zeros(count, np.uint32),
+        np.empty(count, np.uint32),
+        np.empty(count, np.float32),
+        np.empty((SEARCHED_ROWS + 1, count), np.float32),
+        np.empty((filters, 2, count), np.float32),
+        np.empty((2, count), np.float32),
+        np.empty((2, count), np.float32),
+        np.empty((5, count), np.float32),
+        np.empty(count, np.bool_),
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _lay_straight(image: ImageArray, offsets: OffsetArray, tile: SingleArray) -> None:
+def _lay_straight(image: ImageArray, offsets: RowArray, tile: SingleArray) -> None:
     """Write to `tile` (K, N) the K pixels below (and at) each column's offset in the flattened image."""
     flat = image.reshape(-1)
     for k in range(tile.shape[0]):
@@ -34,35 +86,36 @@ def _lay_straight(image: ImageArray, offsets: OffsetArray, tile: SingleArray) ->
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _respond(tile: SingleArray, filters: SingleArray, responses: SingleArray) -> None:
-    """Write the filters' responses (F, R, N) with the first tap at rows 0 … R − 1; taps are a multiple of four."""
-    for r in range(responses.shape[1]):
-        for k in range(0, filters.shape[1], 4):
-            a, b, c, d = tile[r + k], tile[r + k + 1], tile[r + k + 2], tile[r + k + 3]
-            for f in range(responses.shape[0]):
-                out = responses[f, r]
-                s, t, u, v = filters[f, k], filters[f, k + 1], filters[f, k + 2], filters[f, k + 3]
-                if k == 0:
-                    for j in range(out.shape[0]):
-                        out[j] = (a[j] * s + b[j] * t) + (c[j] * u + d[j] * v)
-                else:
-                    for j in range(out.shape[0]):
-                        out[j] += (a[j] * s + b[j] * t) + (c[j] * u + d[j] * v)
+def _respond(tile: SingleArray, taps: SingleArray, first: int, upper: SingleArray, lower: SingleArray) -> None:
+    """Write a filter's responses (N,) with its first tap at row `first` and one row below; taps: 4, 8, 12 …"""
+    for k in range(0, taps.shape[0], 4):
+        r = first + k
+        a, b, c, d, e = tile[r], tile[r + 1], tile[r + 2], tile[r + 3], tile[r + 4]
+        s, t, u, v = taps[k], taps[k + 1], taps[k + 2], taps[k + 3]
+        if k == 0:
+            for j in range(upper.shape[0]):
+                upper[j] = (a[j] * s + b[j] * t) + (c[j] * u + d[j] * v)
+                lower[j] = (b[j] * s + c[j] * t) + (d[j] * u + e[j] * v)
+        else:
+            for j in range(upper.shape[0]):
+                upper[j] += (a[j] * s + b[j] * t) + (c[j] * u + d[j] * v)
+                lower[j] += (b[j] * s + c[j] * t) + (d[j] * u + e[j] * v)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _sums(tile: SingleArray, taps: int, totals: SingleArray, squares: SingleArray) -> None:
-    """Write Σ w and Σ w² over `taps` rows from row 0 and from row 1, each (2, N)."""
+    """Write Σ w and Σ w² over `taps` rows, an odd number, from row 0 and from row 1, each (2, N)."""
     total, square = totals[0], squares[0]
-    total[:] = 0
-    square[:] = 0
-    for k in range(taps):
-        row = tile[k]
-        for j in range(total.shape[0]):
-            total[j] += row[j]
-            square[j] += row[j] * row[j]
-    next_total, next_square = totals[1], squares[1]
     come, gone = tile[taps], tile[0]
+    for j in range(total.shape[0]):
+        total[j] = gone[j]
+        square[j] = gone[j] * gone[j]
+    for k in range(1, taps, 2):
+        one, other = tile[k], tile[k + 1]
+        for j in range(total.shape[0]):
+            total[j] += one[j] + other[j]
+            square[j] += one[j] * one[j] + other[j] * other[j]
+    next_total, next_square = totals[1], squares[1]
     for j in range(total.shape[0]):
         change = come[j] - gone[j]
         next_total[j] = total[j] + change
@@ -70,7 +123,7 @@ def _sums(tile: SingleArray, taps: int, totals: SingleArray, squares: SingleArra
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _fall(response: SingleArray, row: OffsetArray, drop: SingleArray) -> None:
+def _fall(response: SingleArray, row: RowArray, drop: SingleArray) -> None:
     """Write the row (N,) after which the response (R, N) falls most steeply through zero, and by how much."""
     drop[:] = 0
     row[:] = 0
@@ -84,34 +137,26 @@ def _fall(response: SingleArray, row: OffsetArray, drop: SingleArray) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _judge(
-    responses: SingleArray,
-    totals: SingleArray,
-    squares: SingleArray,
-    peaks: SingleArray,
-    taps: int,
-    per_square_width: float,
-    figures: FloatArray,
-    limits: FloatArray,
-    out: SingleArray,
-    usual: NDArray[np.bool_],
-) -> None:
+def _judge(bench: Bench, filters: StripeFilters, limits: Limits) -> None:
     """Write what `measure_peaks` returns, the centres relative to the upper row of the two."""
+    responses, totals, squares = bench.responses, bench.totals, bench.squares
+    out, usual, figures, taps = bench.measured, bench.usual, filters.figures, filters.taps
     r0s, r1s, d0s, d1s = responses[0, 0], responses[0, 1], responses[1, 0], responses[1, 1]
     g0s, g1s = responses[2, 0], responses[2, 1]
     # For even noise the centring filter is the match's derivative but for a factor.
     own = responses.shape[0] == 5
     p0s, p1s = (responses[3, 0], responses[3, 1]) if own else (r0s, r1s)
     q0s, q1s = (responses[4, 0], responses[4, 1]) if own else (d0s, d1s)
-    factor = np.float32(1) if own else np.float32(per_square_width)
+    factor = np.float32(1) if own else np.float32(filters.width_px**-2)
     half_factor = np.float32(0.5) * factor
     total0s, total1s, square0s, square1s = totals[0], totals[1], squares[0], squares[1]
+    peaks = bench.tile[taps // 2 : taps // 2 + 2]
     peak0s, peak1s = peaks[0], peaks[1]
     centers, sigmas, amplitudes, residuals, backgrounds = out[0], out[1], out[2], out[3], out[4]
     zero, half, one, two, three = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
     many, per_tap = np.float32(taps), np.float32(1) / np.float32(taps)
-    variance, light = np.float32(limits[0]), np.float32(limits[1])
-    saturation, least = np.float32(limits[2]), np.float32(limits[3])
+    variance, light = np.float32(limits.variance), np.float32(limits.light)
+    saturation, least = np.float32(limits.saturation), np.float32(limits.least_amplitude)
     # The figures hardly change with the centre's phase: their even parabola is exact enough.
     still = figures[figures.shape[0] // 2].astype(np.float32)
     bend = np.float32(4) * (figures[0].astype(np.float32) - still)
@@ -161,12 +206,8 @@ def measure_peaks(
     columns: NDArray[np.int32],
     seeds: NDArray[np.int32],
     sought: NDArray[np.bool_],
-    short: SingleArray,
-    filters: SingleArray,
-    taps: int,
-    width_px: float,
-    figures: FloatArray,
-    limits: FloatArray,
+    filters: StripeFilters,
+    limits: Limits,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Measure each column's peak near its seed, where nothing is unusual about it.
 
@@ -178,21 +219,7 @@ def measure_peaks(
         Which columns, and the row in each that the peak is within three rows of.
     sought : (N,)
         The others are left alone.
-    short : (1, a multiple of four)
-        The inner part of the centring filter, which finds the two rows that the centre lies between.  Its middle
-        is tap `(size − 1) // 2`.
-    filters : (3 or 5, taps and zeros up to a multiple of four)
-        At u = −half … half: the centring filter h, its response's derivative −dh/du, the shape g, and, where they
-        are not h/width² and −dh/du/width², the first and second derivatives of the match with g by the centre.
-    taps : int
-        2 half + 1.
-    width_px : float
-        Of the peak.
-    figures : (phases + 1, 5)
-        See `kernels.stripe.measure_columns`.
-    limits : (4,)
-        Variance of the surroundings, growth of the variance with the light, grey value of a saturated pixel, least
-        amplitude.
+    filters, limits : see `StripeFilters`, `Limits`
 
     Returns
     -------
@@ -202,43 +229,38 @@ def measure_peaks(
     clean : (N,)
         Whether the peak is as it should be; anything else is for a second look.
     """
-    height, width = image.shape
-    count = columns.shape[0]
-    half, middle = taps // 2, (short.shape[1] - 1) // 2
-    reach = half + SEARCHED_ROWS // 2
-    depth = max(filters.shape[1], short.shape[1] + half - middle) + SEARCHED_ROWS
-    out = np.full((5, count), np.nan)
-    clean = np.zeros(count, np.bool_)
-    if height <= depth:
-        return out, clean
-    offsets, tops = np.empty(count, np.uint32), np.empty(count, np.int32)
-    down = np.uint32((half - middle) * width)
+    count, beyond_short = columns.shape[0], filters.taps // 2 - (filters.short.shape[1] - 1) // 2
+    depth = max(filters.whole.shape[1], filters.short.shape[1] + beyond_short) + SEARCHED_ROWS
+    if image.shape[0] <= depth or count == 0 or filters.width_px < _NARROWEST_PX:
+        return np.full((5, count), np.nan), np.zeros(count, np.bool_)
+    bench = _bench(depth, count + -count % _LANES, filters.whole.shape[0])
+    out, clean = np.empty((5, count)), np.empty(count, np.bool_)
+    width = np.uint32(image.shape[1])
+    tile, offsets, rows = bench.tile, bench.offsets, bench.rows
+    half, inner = filters.taps // 2, (filters.short.shape[1] - 1) // 2
+    reach, lowest = half + SEARCHED_ROWS // 2, image.shape[0] - tile.shape[0]
+    down = np.uint32(half - inner) * width
     for j in range(count):
         top = seeds[j] - reach
-        clean[j] = sought[j] & (top >= 0) & (top + depth < height)
-        tops[j] = top if clean[j] else 0
-        offsets[j] = np.uint32(tops[j]) * np.uint32(width) + np.uint32(columns[j]) + down
-    tile = np.empty((max(short.shape[1] + SEARCHED_ROWS - 1, filters.shape[1] + 1), count), np.float32)
-    _lay_straight(image, offsets, tile[: short.shape[1] + SEARCHED_ROWS - 1])
-    response = np.empty((1, SEARCHED_ROWS, count), np.float32)
-    _respond(tile, short, response)
-    rows, drop = np.empty(count, np.uint32), np.empty(count, np.float32)
-    _fall(response[0], rows, drop)
+        clean[j] = sought[j] & (top >= 0) & (top < lowest)
+        offsets[j] = (np.uint32(top) if clean[j] else np.uint32(0)) * width + np.uint32(columns[j]) + down
+    _lay_straight(image, offsets, tile[: filters.short.shape[1] + SEARCHED_ROWS])
+    for r in range(0, SEARCHED_ROWS, 2):
+        _respond(tile, filters.short[0], r, bench.short[r], bench.short[r + 1])
+    _fall(bench.short[:SEARCHED_ROWS], rows, bench.drop)
     for j in range(count):
-        offsets[j] += rows[j] * np.uint32(width) - down
-    tile = tile[: filters.shape[1] + 1]
-    _lay_straight(image, offsets, tile)
-    responses = np.empty((filters.shape[0], 2, count), np.float32)
-    _respond(tile, filters, responses)
-    totals, squares = np.empty((2, count), np.float32), np.empty((2, count), np.float32)
-    _sums(tile, taps, totals, squares)
-    single, usual = np.empty((5, count), np.float32), np.empty(count, np.bool_)
-    peaks = tile[half : half + 2]
-    _judge(responses, totals, squares, peaks, taps, width_px**-2, figures, limits, single, usual)
+        offsets[j] += rows[j] * width - down
+    _lay_straight(image, offsets, tile[: filters.whole.shape[1] + 1])
+    for f in range(filters.whole.shape[0]):
+        _respond(tile, filters.whole[f], 0, bench.responses[f, 0], bench.responses[f, 1])
+    _sums(tile, filters.taps, bench.totals, bench.squares)
+    _judge(bench, filters, limits)
+    places = bench.measured[0]
+    for j in range(count):
+        found = clean[j] & (bench.drop[j] > 0) & (abs(places[j] - np.float32(0.5)) <= np.float32(0.5) + _BESIDE)
+        center = np.float64(seeds[j] - SEARCHED_ROWS // 2 + np.int32(rows[j])) + places[j]
+        out[0, j] = center if found else np.nan
+        clean[j] = found & bench.usual[j]
     for k in range(1, 5):
-        out[k] = single[k]
-    for j in range(count):
-        found = clean[j] & (drop[j] > 0) & (abs(single[0, j] - 0.5) <= 0.5 + _BESIDE)
-        out[0, j] = tops[j] + half + np.int64(rows[j]) + single[0, j] if found else np.nan
-        clean[j] = found & usual[j]
+        out[k] = bench.measured[k, :count]
     return out, clean

@@ -12,70 +12,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from calib_core.kernels.stripe import DOUBLE, OK, WEAK
+from calib_core.kernels.stripe_glance import glance, worth_a_look
 
 ImageArray = NDArray[Any]  # uint8 or uint16
 WordArray = NDArray[Any]  # uint16 or uint32
 CodeArray = NDArray[np.uint8]
 RowArray = NDArray[np.uint16]
-
-_BLOCK = 32  # columns that are looked at together
-_SHARE = 7  # in 32: a band below this share of the column's range of heights holds neither its peak nor its rival
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def glance(image: ImageArray, step: int, band_px: int, heights: ImageArray) -> None:
-    """Write the highest pair of rows, `step` apart, of each column in each band of rows.
-
-    Parameters
-    ----------
-    image : (H, W)
-    heights : (bands, W)
-        Written: the largest of min(upper, lower).
-    """
-    height = image.shape[0]
-    for b in range(heights.shape[0]):
-        most = heights[b]
-        most[:] = 0
-        end = min((b + 1) * band_px, height - step)
-        row = b * band_px
-        while row < end:
-            first, second = image[row], image[row + step]
-            third = image[row + 2 * step] if row + 2 * step < height else second
-            fourth = image[row + 3 * step] if row + 3 * step < height else third
-            for j in range(most.shape[0]):
-                m, n = second[j], third[j]
-                upper = first[j] if first[j] < m else m
-                middle = m if m < n else n
-                lower = n if n < fourth[j] else fourth[j]
-                upper = upper if upper > middle else middle
-                upper = upper if upper > lower else lower
-                most[j] = upper if upper > most[j] else most[j]
-            row += 3 * step
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def worth_a_look(heights: ImageArray, wanted: NDArray[np.bool_]) -> None:
-    """Write which bands of which blocks of columns, (bands, blocks), could hold a peak or its rival."""
-    bands, width = heights.shape
-    lowest, highest = heights[0].copy(), heights[0].copy()
-    for b in range(1, bands):
-        for j in range(width):
-            value = heights[b, j]
-            lowest[j] = value if value < lowest[j] else lowest[j]
-            highest[j] = value if value > highest[j] else highest[j]
-    for j in range(width):
-        lowest[j] += (np.uint32(highest[j] - lowest[j]) * np.uint32(_SHARE)) >> np.uint32(5)
-    stands_out = np.zeros(wanted.shape[1] * _BLOCK, np.uint8)
-    for b in range(bands):
-        row = heights[b]
-        for j in range(width):
-            stands_out[j] = row[j] >= lowest[j]
-        for block in range(wanted.shape[1]):
-            found = np.uint8(0)
-            for j in range(block * _BLOCK, (block + 1) * _BLOCK):
-                found |= stands_out[j]
-            wanted[b, block] = found > 0
-
 
 # Two neighbouring pixels lie in one word.  Shifts are constants so that the compiler packs many words at a time.
 
@@ -156,7 +98,7 @@ def _search(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def seed_columns(
-    image: ImageArray, words: WordArray, bits: int, rows: int, band: int, step: int
+    image: ImageArray, words: WordArray, rows: int, band: int, step: int
 ) -> tuple[WordArray, RowArray]:
     """Find in each pair of columns and each band of rows the box that rises highest above both its sides.
 
@@ -167,8 +109,6 @@ def seed_columns(
     image : (H, W)
     words : (H, W // 2)
         The image, two neighbouring pixels as one word.
-    bits : int
-        Of one pixel.
     rows, band : int
         Heights of the box and of the bands, in looked-at rows.  The sides are as high as the box, one row from it.
     step : int
@@ -181,20 +121,17 @@ def seed_columns(
     """
     count = (words.shape[0] + 1) // 2
     bands = (count + band - 1) // band
-    width = words.shape[1]
+    width, bits = words.shape[1], 8 * image.itemsize
     heights = np.empty((bands, image.shape[1]), image.dtype)
     glance(image, step, 2 * band, heights)
-    wanted = np.empty((bands, (image.shape[1] + _BLOCK - 1) // _BLOCK), np.bool_)
-    worth_a_look(heights, wanted)
+    looked_at = worth_a_look(heights)
     boxes = np.empty((band + 2 * rows + 4, width), words.dtype)
-    looked_at = [b for b in range(bands) if wanted[b].any()]
     best = np.zeros((len(looked_at), width), words.dtype)
     place = np.zeros((len(looked_at), width), np.uint16)
-    for n, b in enumerate(looked_at):
+    for n in range(len(looked_at)):
+        b, left, right = looked_at[n, 0], looked_at[n, 1] // 2, min(looked_at[n, 2] // 2, width)
         first = max(rows - 1, (2 * band * b + rows) // 2)
         beyond = min(count, (2 * band * (b + 1) + rows) // 2)
-        blocks = np.flatnonzero(wanted[b])  # one long run is sooner done than several short ones
-        left, right = blocks[0] * _BLOCK // 2, min((blocks[-1] + 1) * _BLOCK // 2, width)
         _search(words, bits, rows, (first, beyond), left, right, boxes, best[n], place[n])
     return best, place
 
@@ -217,6 +154,7 @@ def choose_seeds(
     """
     bands, width = best.shape
     highest, where = best[0].copy(), place[0].copy()
+    least = highest.dtype.type(min(np.ceil(least_rise), 2.0 ** (8 * highest.itemsize) - 1))
     for b in range(1, bands):
         rises, rows = best[b], place[b]
         for j in range(width):
@@ -225,19 +163,20 @@ def choose_seeds(
     rival = highest.copy()
     for j in range(width):
         rival[j] = np.uint32(np.float32(highest[j]) * np.float32(rivalry))
-    double = np.zeros(width, np.uint16)
+    double = np.zeros(width, np.uint8)
     most_apart = np.uint16(apart_px)
     for b in range(bands):
         rises, rows = best[b], place[b]
         for j in range(width):
             apart = np.uint16(rows[j] - where[j]) if rows[j] > where[j] else np.uint16(where[j] - rows[j])
-            double[j] |= np.uint16((rises[j] > rival[j]) & (apart > most_apart))
-    code = np.full(width, WEAK, dtype=np.uint8)
-    doubles = 0
+            double[j] |= np.uint8((rises[j] > rival[j]) & (apart > most_apart))
+    code = np.empty(width, np.uint8)
+    doubles = np.uint8(0)
     for j in range(width):
-        if highest[j] >= least_rise:
-            code[j] = DOUBLE if double[j] else OK
-            doubles += double[j]
+        double[j] &= np.uint8(highest[j] >= least)
+        doubles |= double[j]
+    for j in range(width):
+        code[j] = np.uint8(DOUBLE if double[j] else OK) if highest[j] >= least else np.uint8(WEAK)
     if doubles:
         _bear_out(best, place, where, code, highest, apart_px, rivalry, reach)
     rows_of = np.empty(columns, dtype=np.int32)

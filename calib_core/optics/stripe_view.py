@@ -1,7 +1,6 @@
 """How a frame is looked at for its stripe: which channel, which direction, what is saturated."""
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ ImageArray = NDArray[np.uint8 | np.uint16]
 
 _CHANNEL: dict[Color, int] = {"red": 0, "green": 1, "blue": 2}
 _SMALLEST_PX = 32
+_LARGEST_PX = 65_535
 _SAMPLED_LINES = 64
 _USUAL_RISES = 5.0
 _SHORT_STRIPE_WEIGHT = 0.1
@@ -21,8 +21,7 @@ _LIT_SHARE = 0.08  # of the range of grey values: more than this in the room's l
 _OFFSET_SHARE = 0.08  # keeps the noise's negative half
 
 
-@dataclass(frozen=True, eq=False)
-class StripeView:
+class StripeView(NamedTuple):
     """One channel of a frame, turned so that the stripe runs from left to right.
 
     Parameters
@@ -57,6 +56,8 @@ def view_of(
     InputError
         If the image has the wrong type or shape, or the dark frame differs from it.
     """
+    if dark is None and saturation is None and (along := _plain_axis(image, axis)):
+        return StripeView(image, along, 255.0)
     _require_image(image, "frame")
     level = saturation if saturation is not None else _saturation(image)
     if dark is not None:
@@ -69,6 +70,8 @@ def view_of(
             )
         image, level = _difference(image, dark, level)
     channels = _channels(image, color)
+    if len(channels) == 1 and axis is None and channels[0].flags.c_contiguous:
+        axis = _clear_axis(channels[0])
     axes: list[Axis] = [axis] if axis else ["columns", "rows"]
     candidates: list[tuple[int, Axis]] = [(k, a) for k in range(len(channels)) for a in axes]
     best, along = candidates[0]
@@ -78,6 +81,25 @@ def view_of(
     if image.ndim == 3 and color != "grey":
         channel = _without_room_light(image, channel, along)
     return StripeView(np.ascontiguousarray(_turned(channel, along)), along, level)
+
+
+def _plain_axis(image: ImageArray, axis: Axis | None) -> Axis | None:
+    """Return "columns" for a grey frame of 8 bit that can be taken as it is: no more is done than must be."""
+    if image.dtype.char != "B" or image.ndim != 2 or not image.flags.c_contiguous:
+        return None
+    if min(image.shape) < _SMALLEST_PX or max(image.shape) > _LARGEST_PX:
+        return None
+    return "columns" if (axis or _clear_axis(image)) == "columns" else None
+
+
+def _clear_axis(channel: ImageArray) -> Axis | None:
+    """Return how the stripe runs where few lines tell."""
+    from calib_core.kernels import stripe_axis as kernel
+
+    clear = kernel.clear_direction(channel)
+    if clear == kernel.UNCLEAR:
+        return None
+    return "columns" if clear == kernel.COLUMNS else "rows"
 
 
 def _turned(channel: ImageArray, axis: Axis) -> ImageArray:
@@ -109,7 +131,7 @@ def _require_image(image: ImageArray, where: str) -> None:
         raise InputError(
             "a grey or a three-colour image", f"an array of shape {image.shape}", "Give one frame.", where
         )
-    if min(image.shape[:2]) < _SMALLEST_PX or max(image.shape[:2]) > 65_535:
+    if min(image.shape[:2]) < _SMALLEST_PX or max(image.shape[:2]) > _LARGEST_PX:
         raise InputError(
             f"an image at least {_SMALLEST_PX} pixels high and wide", _words(image), "Give the whole frame.", where
         )

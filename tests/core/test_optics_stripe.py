@@ -82,24 +82,19 @@ def test_narrow_and_wide_peaks_state_true_sigmas(width_px: float) -> None:
 
 @pytest.mark.parametrize(("width_px", "read_noise", "gain"), [(0.95, 4.0, 0.0), (2.0, 1.0, 0.0), (3.0, 2.0, 0.5)])
 def test_all_columns_at_once_and_one_by_one_agree(width_px: float, read_noise: float, gain: float) -> None:
-    from calib_core.kernels.stripe import measure_columns
+    from calib_core.kernels.stripe import Limits, measure_columns
+    from calib_core.kernels.stripe_filters import filters_of
     from calib_core.kernels.stripe_peaks import measure_peaks
-    from calib_core.optics.stripe import filters_of
 
     center = curve()
     image = frame(light(center, width_px=width_px), 6, read_noise, gain)
     filters = filters_of(width_px, 1.0 if gain else 0.0)
     columns, seeds = np.arange(WIDTH, dtype=np.int32), np.rint(center + 1.2).astype(np.int32)
     variance = read_noise**2 + gain * 10.0 + 1 / 12
-    at_once, clean = measure_peaks(
-        image, columns, seeds, np.ones(WIDTH, bool), filters.short, filters.whole, filters.taps, width_px,
-        filters.figures, np.array([variance, gain, 255.0, 0.0]),
-    )  # fmt: skip
+    limits = Limits(variance, gain, 1e9, 255.0, 100.0, 0.0)
+    at_once, clean = measure_peaks(image, columns, seeds, np.ones(WIDTH, bool), filters, limits)
     singly, codes = np.full((5, WIDTH), np.nan), np.zeros(WIDTH, np.uint8)
-    limits = np.array([variance, gain, 1e9, 255.0, 100.0, 0.0])
-    measure_columns(
-        image, columns, seeds, np.zeros(WIDTH, bool), filters.tables, filters.figures, limits, singly, codes
-    )
+    measure_columns(image, columns, seeds, np.zeros(WIDTH, bool), filters, limits, singly, codes)
     assert clean.mean() > 0.95
     # Both look for the same zero: one by steps of filters, the other by interpolation between rows.
     apart = (at_once[0] - singly[0])[clean] / singly[1, clean]
@@ -117,6 +112,34 @@ def test_rows_are_columns_turned() -> None:
     np.testing.assert_array_equal(found.column_px, turned.row_px)
     np.testing.assert_array_equal(found.row_px, turned.column_px)
     np.testing.assert_array_equal(turned.across, [1, 0])
+
+
+@pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize("stripe", [0.0, 90.0])
+def test_a_clear_direction_is_the_stripes_own(stripe: float, lit: bool) -> None:
+    from calib_core.kernels.stripe_axis import COLUMNS, ROWS, UNCLEAR, clear_direction
+
+    rows, columns = np.arange(HEIGHT)[:, None], np.arange(WIDTH)
+    mean = light(curve(), stripe) + (60.0 * ((rows // 90 + columns // 90) % 2) if lit else 0.0)
+    image = frame(mean, 7, 2.0, hot=300)
+    found = clear_direction(image), clear_direction(np.ascontiguousarray(image.T))
+    assert found == ((COLUMNS, ROWS) if stripe else (UNCLEAR, UNCLEAR))
+
+
+def test_a_slanting_stripe_has_no_clear_direction() -> None:
+    from calib_core.kernels.stripe_axis import UNCLEAR, clear_direction
+
+    assert clear_direction(frame(light(0.8 * np.arange(WIDTH)), 1)) == UNCLEAR
+
+
+@pytest.mark.parametrize("level", [255, 65535])
+def test_the_middling_difference_is_the_sorted_ones(level: int) -> None:
+    from calib_core.kernels.stripe_noise import middling
+
+    rng = np.random.default_rng(8)
+    for size in (1, 2, 7, 512):
+        values = rng.integers(0, level + 1, size).astype(np.int32)
+        assert middling(values) == np.sort(values)[size // 2]
 
 
 def test_sixteen_bits_give_the_same_centres() -> None:
