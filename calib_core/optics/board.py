@@ -90,7 +90,10 @@ def find_board(image: Image, board: Board) -> BoardView:
         return BoardView(
             points, in_board, ids, _size(grey), _grid_sigma(points, ids, board.columns - 1), notes=notes
         )
-    grid = find_circles(grey, board) if board.kind != "chessboard" else _find_chessboard(grey, board)
+    if board.kind == "chessboard":
+        grid = _find_chessboard(grey, board)
+    else:
+        grid = find_circles(grey, board, points_in_board_mm(board))
     if grid is None:
         raise why_not_found(grey, board)
     ambiguous = board.kind != "chessboard" or (board.columns + board.rows) % 2 == 0

@@ -7,6 +7,15 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError, MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.optics.adjust import Corners
+from calib_core.optics.board_corners import (
+    CLEARANCE_PX,
+    LARGEST_RADIUS_PX,
+    SMALLEST_RADIUS_PX,
+    FittedCorners,
+    fitted_at,
+)
+from calib_core.optics.camera_start import homographies
 from calib_core.records import Board
 
 _FEWEST_CORNERS = 6
@@ -41,7 +50,30 @@ def find_charuco(grey: NDArray[np.uint8], board: Board) -> tuple[FloatArray, NDA
         raise MeasurementError(
             "corners in at least two rows and columns", "corners in one line", "Show more of the board."
         )
-    return points, ids, places
+    clean = np.ones(len(ids), dtype=bool)
+    fitted = _fitted(grey, board, points, places)
+    if fitted is not None and fitted.clean.sum() >= _FEWEST_CORNERS:
+        points, clean = fitted.points_px, fitted.clean
+    return points[clean], ids[clean], places[clean]
+
+
+def _fitted(grey: NDArray[np.uint8], board: Board, points: FloatArray, places: FloatArray) -> FittedCorners | None:
+    """Return the corners fitted to the grey values, between the markers; None where these stand too near."""
+    assert board.marker_mm is not None
+    onto_image = homographies(Corners.of([points], [places]))[0]
+
+    def seen(shift: FloatArray) -> FloatArray:
+        flat = (places + shift)[:, :2]
+        homogeneous = np.column_stack([flat, np.ones(len(flat))]) @ onto_image.T
+        return homogeneous[:, :2] / homogeneous[:, 2:]
+
+    here = seen(np.zeros(3))
+    along_row, along_column = (seen(board.pitch_mm * axis) - here for axis in np.eye(3)[:2])
+    nearest = float(min(np.hypot(*along_row.T).min(), np.hypot(*along_column.T).min()))
+    to_marker = np.sqrt(0.5) * (1 - board.marker_mm / board.pitch_mm) * nearest
+    if to_marker - CLEARANCE_PX < SMALLEST_RADIUS_PX:
+        return None
+    return fitted_at(grey, points, along_row, along_column, min(LARGEST_RADIUS_PX, to_marker - CLEARANCE_PX))
 
 
 def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> tuple[FloatArray, NDArray[np.int64], int]:

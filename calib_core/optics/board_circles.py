@@ -4,14 +4,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray
+from calib_core.optics.adjust import Corners
+from calib_core.optics.camera_start import homographies
 from calib_core.records import Board
 
 
-def find_circles(grey: NDArray[np.uint8], board: Board) -> FloatArray | None:
+def find_circles(grey: NDArray[np.uint8], board: Board, places_mm: FloatArray) -> FloatArray | None:
     """Return the circles' centres as (rows, columns, 2), px, or None where the grid is not seen.
 
-    Each centre is the centroid of the circle's darkness (brightness). Under perspective that is off the projected
-    centre by about the square of the circle's size over the distance: small circles are better.
+    Each is the centroid of the circle's darkness (brightness), put from the middle of the ellipse that is seen to
+    where the circle's own centre is seen: under perspective those differ.
+
+    Parameters
+    ----------
+    grey : (H, W)
+    board : Board
+    places_mm : (rows · columns, 3)
+        Where the circles stand on the board, row by row.
     """
     import cv2
 
@@ -23,8 +32,31 @@ def find_circles(grey: NDArray[np.uint8], board: Board) -> FloatArray | None:
             )
             if found:
                 grid = np.asarray(centres, dtype=float).reshape(board.rows, board.columns, 2)
-                return _centroids(255.0 - image.astype(np.float64), grid)
+                centroids, areas_px = _centroids(255.0 - image.astype(np.float64), grid)
+                return _seen_centers(centroids.reshape(-1, 2), areas_px, places_mm).reshape(grid.shape)
     return None
+
+
+def _seen_centers(centroids: FloatArray, areas_px: FloatArray, places_mm: FloatArray) -> FloatArray:
+    """Return where the circles' own centres are seen, from the middles of their ellipses, both (N, 2), px.
+
+    By the homography H from the board to the image a circle becomes the ellipse whose dual conic is H C* Hᵀ, and
+    its middle stands in that conic's last column.  The circles' radius, one for all, comes from the areas.
+    """
+    centers = centroids
+    for _ in range(2):
+        onto = homographies(Corners.of([centers], [places_mm]))[0]
+        x, y = places_mm[:, 0], places_mm[:, 1]
+        homogeneous = np.column_stack([x, y, np.ones_like(x)]) @ onto.T
+        # The determinant of the map's derivative: that of H over the third power of the homogeneous part.
+        px2_per_mm2 = np.abs(np.linalg.det(onto)) / np.abs(homogeneous[:, 2]) ** 3
+        square = float(np.median(areas_px / px2_per_mm2)) / np.pi
+        zero = np.zeros_like(x)
+        radius = np.stack([zero + square, zero + square, zero], axis=1)
+        dual = np.einsum("ij,nj,kj->nik", onto, radius, onto) - homogeneous[:, :, None] * homogeneous[:, None, :]
+        middles = dual[:, :2, 2] / dual[:, 2:, 2]
+        centers = centroids - (middles - homogeneous[:, :2] / homogeneous[:, 2:])
+    return centers
 
 
 def _blob_detector(grey: NDArray[np.uint8]):
@@ -36,13 +68,13 @@ def _blob_detector(grey: NDArray[np.uint8]):
     return cv2.SimpleBlobDetector.create(parameters)
 
 
-def _centroids(brightness: FloatArray, grid: FloatArray) -> FloatArray:
-    """Return each circle's centroid of light above its surroundings, in a window that ends between the circles."""
+def _centroids(brightness: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return each circle's centroid of light above its surroundings, in a window between the circles; its area."""
     points = grid.reshape(-1, 2)
     apart = np.linalg.norm(points[:, None] - points[None], axis=2) + 1e9 * np.eye(len(points))
     reach = 0.48 * apart.min(axis=1)
     height, width = brightness.shape
-    result = points.copy()
+    result, areas = points.copy(), np.zeros(len(points))
     for k in range(len(points)):
         u, v = points[k]
         r = int(np.ceil(reach[k]))
@@ -56,4 +88,5 @@ def _centroids(brightness: FloatArray, grid: FloatArray) -> FloatArray:
         total = weight.sum()
         if total > 0:
             result[k] = (weight * columns).sum() / total, (weight * rows).sum() / total
-    return result.reshape(grid.shape)
+            areas[k] = total / (0.8 * (bright - dark))
+    return result.reshape(grid.shape), areas

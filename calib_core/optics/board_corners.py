@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray
 
-_LARGEST_RADIUS_PX = 8.0
-_SMALLEST_RADIUS_PX = 2.5
-_CLEARANCE_PX = 2.0  # from the next edge
+LARGEST_RADIUS_PX = 8.0
+SMALLEST_RADIUS_PX = 2.5
+CLEARANCE_PX = 2.0  # from the next edge
 _UNDERSAMPLED_PX = 0.45  # no optic and pixel blur less (a pixel alone 0.29): the frame was sharpened
 _FARTHEST_PX = 1.5
 _SPOILED_RATIO = 3.0
@@ -55,14 +55,14 @@ def fitted_at(
     points: FloatArray,
     along_row: FloatArray,
     along_column: FloatArray,
-    largest_radius_px: float = _LARGEST_RADIUS_PX,
+    largest_radius_px: float = LARGEST_RADIUS_PX,
 ) -> FittedCorners | None:
     """Return corners as `fitted_corners` does, for points (N, 2) with the steps (N, 2) to their neighbours, px."""
     from calib_core.kernels.corner import fit_corners
 
     area = np.abs(along_row[:, 0] * along_column[:, 1] - along_row[:, 1] * along_column[:, 0])
     across = area / np.maximum(np.hypot(*along_row.T), np.hypot(*along_column.T))
-    radii = np.clip(across - _CLEARANCE_PX, _SMALLEST_RADIUS_PX, largest_radius_px)
+    radii = np.clip(across - CLEARANCE_PX, SMALLEST_RADIUS_PX, largest_radius_px)
     normals = [np.arctan2(step[:, 0], -step[:, 1]) for step in (along_row, along_column)]
     found = np.empty((len(points), 5))
     fit_corners(grey.astype(float), np.ascontiguousarray(points), np.stack(normals, axis=1), radii, found)

@@ -9,13 +9,14 @@ import numpy as np
 
 from calib_core.records import Session
 from calib_core.simulation.frame_camera import SimulatedCamera
-from calib_core.simulation.frame_surfaces import BoardSurface, SphereSurface
+from calib_core.simulation.frame_surfaces import BoardKind, BoardSurface, SphereSurface
 from calib_core.simulation.frames import Exposure, FloatArray, ImageArray, LightSheet, render
 from calib_core.simulation.motion import back, pose, turn
 from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
 
 _SPHERE_RADIUS_MM = 30.0
 _PITCH_MM = 9.0
+_MARKER_MM = 7.5
 _SPHERE_IN_BASE_MM = np.array([900.0, 150.0, 400.0])
 TOOL0_FROM_CAMERA = pose(turn([0.35, -0.2, 1.1]), [42.0, -75.0, 60.0])
 
@@ -38,6 +39,7 @@ class FrameScenario:
     hot_pixels : int
     position_sigma_mm, orientation_sigma_rad : float
         The robot's pose errors.
+    board : {"chessboard", "charuco", "circles", "asymmetric-circles"}
     """
 
     description: str
@@ -50,6 +52,7 @@ class FrameScenario:
     hot_pixels: int = 80
     position_sigma_mm: float = 0.05
     orientation_sigma_rad: float = 0.0002
+    board: BoardKind = "chessboard"
 
 
 FRAME_SCENARIOS: Mapping[str, FrameScenario] = MappingProxyType(
@@ -58,6 +61,8 @@ FRAME_SCENARIOS: Mapping[str, FrameScenario] = MappingProxyType(
         "camera-tilted": FrameScenario(
             "16 views of a chessboard by a camera with a tilted sensor", camera_views=16, tilt_rad=(0.08, 0.01)
         ),
+        "camera-charuco": FrameScenario("14 views of a ChArUco board", camera_views=14, board="charuco"),
+        "camera-circles": FrameScenario("14 views of a grid of circles", camera_views=14, board="circles"),
         "laser-plane": FrameScenario(
             "10 boards for the camera, 8 with the stripe", camera_views=10, plane_views=8
         ),
@@ -137,16 +142,24 @@ def build_cell(options: FrameScenario, rng: np.random.Generator) -> FrameCell:
     return FrameCell(camera, LightSheet(normal, distance, distance * normal), pose(rotation, distance * normal))
 
 
-def board_views(count: int, rng: np.random.Generator) -> list[BoardSurface]:
+def _board(kind: BoardKind, camera_from_board: FloatArray) -> BoardSurface:
+    """Return a board of about nine by six pitches; of a ChArUco board the squares count, and are larger."""
+    if kind == "charuco":
+        return BoardSurface(camera_from_board, 8, 6, _PITCH_MM + 2.0, kind, marker_mm=_MARKER_MM)
+    columns, rows = (5, 9) if kind == "asymmetric-circles" else (9, 6)
+    return BoardSurface(camera_from_board, columns, rows, _PITCH_MM, kind)
+
+
+def board_views(count: int, rng: np.random.Generator, kind: BoardKind = "chessboard") -> list[BoardSurface]:
     """Return boards at random places that fill the view between 200 and 310 mm."""
     boards: list[BoardSurface] = []
     for index in range(count):
         depth = 205.0 + 100.0 * (index % 5) / 4 + rng.uniform(-5, 5)
         rotation = turn(rng.uniform(-1, 1, 3) * [0.45, 0.45, 0.3])
-        middle = BoardSurface(np.eye(4), pitch_mm=_PITCH_MM).points_on_board_mm().mean(axis=0)
+        middle = _board(kind, np.eye(4)).points_on_board_mm().mean(axis=0)
         offset = rng.uniform(-1, 1, 2) * [0.07, 0.05] * depth
         place = pose(rotation, np.array([*offset, depth]) - rotation @ middle)
-        boards.append(BoardSurface(place, pitch_mm=_PITCH_MM))
+        boards.append(_board(kind, place))
     return boards
 
 
@@ -181,7 +194,7 @@ def cell_record(cell: FrameCell, options: FrameScenario) -> dict[str, Any]:
     record: dict[str, Any] = {
         "pose_convention": "abb",
         "scanner": {"kind": "frame"},
-        "board": {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": _PITCH_MM},
+        "board": _board_record(options.board),
     }
     if options.translations or options.orientations:
         record["sphere_diameter_mm"] = 2 * _SPHERE_RADIUS_MM
@@ -193,6 +206,12 @@ def cell_record(cell: FrameCell, options: FrameScenario) -> dict[str, Any]:
         plane = {"normal": cell.sheet.normal.tolist(), "distance_mm": cell.sheet.distance_mm}
         record["known"] = {"camera": cell.known_camera(), "laser_plane": plane}
     return record
+
+
+def _board_record(kind: BoardKind) -> dict[str, Any]:
+    board = _board(kind, np.eye(4))
+    record = {"kind": kind, "columns": board.columns, "rows": board.rows, "pitch_mm": board.pitch_mm}
+    return record | ({"marker_mm": _MARKER_MM, "dictionary": board.dictionary} if kind == "charuco" else {})
 
 
 def exposure_for(options: FrameScenario, cell: FrameCell, ambient: float) -> Exposure:
@@ -208,7 +227,7 @@ def _camera_captures(
     cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes]
 ) -> list[dict[str, Any]]:
     captures: list[dict[str, Any]] = []
-    for index, board in enumerate(board_views(options.camera_views, rng)):
+    for index, board in enumerate(board_views(options.camera_views, rng, options.board)):
         name = f"captures/c{index + 1:02d}.png"
         files[name] = as_png(render(cell.camera, [board], None, exposure_for(options, cell, 190.0), rng))
         captures.append({"id": f"c{index + 1:02d}", "step": "camera", "kind": "frame", "files": [name]})
@@ -219,7 +238,7 @@ def _plane_captures(
     cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes]
 ) -> list[dict[str, Any]]:
     captures: list[dict[str, Any]] = []
-    for index, board in enumerate(board_views(options.plane_views, rng)):
+    for index, board in enumerate(board_views(options.plane_views, rng, options.board)):
         label = f"l{index + 1:02d}"
         frames = {f"captures/{label}.png": (90.0, cell.sheet)}
         if index % 2:

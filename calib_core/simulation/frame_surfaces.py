@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+BoardKind = Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
+
 _MARGIN_PITCHES = 1.5
 _BLACK = 0.08
 _SHADE_GAP_MM = 1e-3
@@ -92,20 +94,29 @@ class BoardSurface:
     columns, rows : int
         Of inner corners, or of circles.
     pitch_mm : float
-    kind : {"chessboard", "circles", "asymmetric-circles"}
+    kind : {"chessboard", "charuco", "circles", "asymmetric-circles"}
     whiteness : float
+    marker_mm : float
+        Of a ChArUco board's markers; its columns and rows count squares, its origin is the outer corner.
+    dictionary : str
+        Of its markers, as OpenCV names it.
     """
 
     camera_from_board: FloatArray
     columns: int = 9
     rows: int = 6
     pitch_mm: float = 10.0
-    kind: Literal["chessboard", "circles", "asymmetric-circles"] = "chessboard"
+    kind: BoardKind = "chessboard"
     whiteness: float = 0.9
+    marker_mm: float = 7.0
+    dictionary: str = "DICT_4X4_100"
 
     def points_on_board_mm(self) -> FloatArray:
         """Return the inner corners or circles' centres (N, 3) in the board's frame, row by row."""
-        i, j = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
+        if self.kind == "charuco":
+            i, j = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
+        else:
+            i, j = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         x = (2 * i + j % 2) if self.kind == "asymmetric-circles" else i
         flat = [x.ravel() * self.pitch_mm, j.ravel() * self.pitch_mm, np.zeros(i.size)]
         return np.stack(flat, axis=1).astype(float)
@@ -125,6 +136,8 @@ class BoardSurface:
         if self.kind == "chessboard":
             waves = [self._wave(on_board[..., k], blur_px, n) for k, n in ((0, self.columns), (1, self.rows))]
             dark = 0.5 * (waves[0][1] * waves[1][1] - waves[0][0] * waves[1][0])
+        elif self.kind == "charuco":
+            dark = self._printed(on_board, blur_px)
         else:
             dark = self._circles(on_board, blur_px)
         return self.whiteness * (1.0 - (1.0 - _BLACK) * np.nan_to_num(dark))
@@ -147,6 +160,24 @@ class BoardSurface:
         high = _error_function((count * self.pitch_mm - u) / width)
         inside = 0.25 * (1 + low) * (1 + high)
         return np.where(edge % 2 == 0, across, -across) * inside, inside
+
+    def _printed(self, on_board: FloatArray, blur_px: FloatArray) -> FloatArray:
+        """Return how dark the squares and markers of a ChArUco board are: a sum of blurred rectangles."""
+        from calib_core.simulation.printed import charuco_rectangles
+
+        x, y = on_board[..., 0], on_board[..., 1]
+        widths = [np.sqrt(2) * blur_px * _slope(v) for v in (x, y)]
+        dark = np.zeros(on_board.shape[:2])
+        margin = 4 * float(max(np.nanmax(w) for w in widths))
+        for left, top, right, bottom in charuco_rectangles(
+            self.columns, self.rows, self.pitch_mm, self.marker_mm, self.dictionary
+        ):
+            near = (x > left - margin) & (x < right + margin) & (y > top - margin) & (y < bottom + margin)
+            if not near.any():
+                continue
+            across = _between(x[near], left, right, widths[0][near])
+            dark[near] += across * _between(y[near], top, bottom, widths[1][near])
+        return dark
 
     def _circles(self, on_board: FloatArray, blur_px: FloatArray) -> FloatArray:
         from scipy.special import erf
@@ -203,6 +234,11 @@ class SphereSurface:
         with np.errstate(invalid="ignore"):
             far = (-half + np.sqrt(np.where(root > 0, root, np.nan))) / square
             return np.nan_to_num(far) > np.sqrt(_SHADE_GAP_MM / np.sqrt(square))
+
+
+def _between(x: FloatArray, low: float, high: float, width: FloatArray) -> FloatArray:
+    """Return 1 between two edges and 0 outside, blurred."""
+    return 0.5 * (_error_function((x - low) / width) - _error_function((x - high) / width))
 
 
 def _slope(values: FloatArray) -> FloatArray:
