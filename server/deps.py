@@ -64,10 +64,12 @@ RoomDep = Annotated[Room, Depends(_room)]
 BacklogDep = Annotated[Backlog, Depends(_backlog)]
 IntakeDep = Annotated[Intake, Depends(_intake)]
 
-SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64)]
-CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64)]
-JobId = Annotated[str, Path(description="A job's `id`.", max_length=64)]
-StageName = Annotated[str, Path(description="`tcp`, and the other stages as they come.", max_length=64)]
+SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64, examples=["4c1f0a92e6b37d58"])]
+CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64, examples=["p01"])]
+JobId = Annotated[str, Path(description="A job's `id`.", max_length=64, examples=["a07be1d35c29f846"])]
+StageName = Annotated[
+    str, Path(description="`tcp`, and the other stages as they come.", max_length=64, examples=["tcp"])
+]
 IfMatch = Annotated[
     str | None, Header(max_length=200, description="The ETag that the change was made against; else 412.")
 ]

@@ -4,8 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.records import Capture, Cell, Finite, Measured, Record, Session, Stage, TcpResult, Verdict
-from calib_core.session.workpiece import AtWorkpiece
+from calib_core.records import Capture, Cell, Finite, Measured, Record, Session, Stage, Verdict
 
 
 class SimulatedCell(Record):
@@ -179,18 +178,6 @@ class Job(BaseModel):
     error: Problem | None
     created: str
     finished: str | None
-
-
-class StoredTcpResult(TcpResult):
-    """A result as the server keeps it; `stale` where captures or cell have changed since.
-
-    `at_workpiece` is what its uncertainty means there; `turned_deg` how far the flange was turned at each capture,
-    from the first one.
-    """
-
-    stale: bool
-    at_workpiece: list[AtWorkpiece] = Field(default_factory=list[AtWorkpiece])
-    turned_deg: dict[str, float] = Field(default_factory=dict)
 
 
 class StoredCloudFile(BaseModel):

@@ -4,23 +4,11 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from calib_core.records import (
-    CameraResult,
-    ChainResult,
-    Guide,
-    LaserPlaneResult,
-    MergeResult,
-    Session,
-    Step,
-    TcpResult,
-    TurntableResult,
-    Verdict,
-)
+from calib_core.records import Guide, Session, Step, Verdict
 from calib_core.session.compare import Comparison
 from calib_core.session.replay import Replay
 from server.schemas import StoredCapture
-
-StageResult = CameraResult | LaserPlaneResult | TcpResult | TurntableResult | ChainResult | MergeResult
+from server.schemas_results import StoredResult
 
 
 class TimelineItem(BaseModel):
@@ -59,7 +47,7 @@ class MomentOfSession(BaseModel):
     place: int
     session: Session
     captures: list[StoredCapture]
-    results: dict[str, StageResult]
+    results: dict[str, StoredResult]
     numbers: dict[str, int]
     guide: Guide
     frames: dict[str, object] | None

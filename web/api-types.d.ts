@@ -531,7 +531,7 @@ export interface MomentOfSession {
   place: number;
   session: Session;
   captures: StoredCapture[];
-  results: Record<string, CameraResult | LaserPlaneResult | TcpResult | TurntableResult | ChainResult | MergeResult>;
+  results: Record<string, StoredCameraResult | StoredLaserPlaneResult | StoredTcpResult | StoredTurntableResult | StoredChainResult | StoredMergeResult>;
   numbers: Record<string, number>;
   guide: Guide;
   frames: Record<string, unknown> | null;
@@ -732,6 +732,33 @@ export interface Still {
   stands_still: boolean;
 }
 
+export interface StoredCameraResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "camera";
+  model: "plain" | "rational" | "tilted" | "segmental";
+  image_size: unknown[];
+  camera_matrix: number[][];
+  distortion: Record<string, number>;
+  tilt_rad: number[];
+  segments?: CameraSegment[];
+  reprojection_rms_px: number;
+  corner_sigma_px: number;
+  parameters: string[];
+  covariance: number[][];
+  tilt_correlation?: number | null;
+  board_bend_mm?: number | null;
+  candidates?: CameraCandidate[];
+  coverage: CameraCoverage;
+  residuals: CameraResidual[];
+}
+
 export interface StoredCapture {
   id: string;
   step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
@@ -750,6 +777,48 @@ export interface StoredCapture {
   measured: Measured;
 }
 
+export interface StoredChainResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
+  base_from_turntable: number[][];
+  axis_direction_in_base: number[];
+  axis_point_in_base_mm: number[];
+  direction: 1 | -1;
+  axis_direction_covariance: number[][];
+  axis_point_covariance: number[][];
+  axis_direction_sigma_deg: number;
+  axis_point_sigma_mm: number;
+  mounts: TableMount[];
+  circles?: TableCircle[];
+  circles_axis_direction_in_base?: number[] | null;
+  angle_sigma_deg: number;
+  encoder_scale: EncoderScaleError;
+  radial_rms_mm: number;
+  axial_rms_mm: number;
+  angle_rms_deg: number;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "chain";
+  tool0_from_laser: number[][];
+  covariance: number[][];
+  turntable_covariance: number[][];
+  cross_covariance: number[][];
+  sphere_center_in_base_mm: number[];
+  sphere_center_covariance: number[][];
+  surface_rms_mm: number;
+  leave_one_out_surface_rms_mm: number | null;
+  center_scatter_rms_mm: number;
+  undetermined?: Undetermined[];
+  two_step: TwoStep;
+  variance_components: VarianceComponents;
+  confidence_95?: Record<string, number>;
+  residuals: (TcpResidual | TurntableResidual)[];
+}
+
 export interface StoredCloudFile {
   name: string;
   bytes: number;
@@ -759,6 +828,61 @@ export interface StoredCloudFile {
 
 export interface StoredCloudFiles {
   items: StoredCloudFile[];
+}
+
+export interface StoredLaserPlaneResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "laser-plane";
+  plane_in_camera: PlaneInCamera;
+  camera_from_laser: number[][];
+  plane_rms_mm: number;
+  covariance: number[][];
+  plane_covariance: number[][];
+  camera?: RefinedCamera | null;
+  joint_parameters?: string[];
+  joint_covariance: number[][];
+  normal_sigma_deg: number;
+  distance_sigma_mm: number;
+  residuals: LaserPlaneResidual[];
+}
+
+export interface StoredMergeResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "merge";
+  frame: "turntable" | "base";
+  cloud: string | null;
+  points: number;
+  scanned_points: number;
+  voxel_mm: number;
+  spills?: number;
+  overlap_rms_mm: number | null;
+  expected_overlap_rms_mm: number | null;
+  overlap_pairs: number;
+  registered_overlap_rms_mm?: number | null;
+  registration_shift_rms_mm?: number | null;
+  surface_sigma_mm?: number | null;
+  calibrated_by?: "known" | "tcp" | "turntable" | "chain" | null;
+  tool0_from_laser?: number[][] | null;
+  base_from_turntable?: number[][] | null;
+  mesh: string | null;
+  triangles?: number;
+  low_mm: number[];
+  high_mm: number[];
+  residuals: MergeResidual[];
 }
 
 export interface StoredSession {
@@ -775,6 +899,9 @@ export interface StoredSession {
 }
 
 export interface StoredTcpResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
   method: string;
   software: string;
   inputs_sha256: string;
@@ -793,9 +920,39 @@ export interface StoredTcpResult {
   variance_components: VarianceComponents;
   confidence_95?: Record<string, number>;
   residuals: TcpResidual[];
+}
+
+export interface StoredTurntableResult {
   stale: boolean;
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
+  base_from_turntable: number[][];
+  axis_direction_in_base: number[];
+  axis_point_in_base_mm: number[];
+  direction: 1 | -1;
+  axis_direction_covariance: number[][];
+  axis_point_covariance: number[][];
+  axis_direction_sigma_deg: number;
+  axis_point_sigma_mm: number;
+  mounts: TableMount[];
+  circles?: TableCircle[];
+  circles_axis_direction_in_base?: number[] | null;
+  angle_sigma_deg: number;
+  encoder_scale: EncoderScaleError;
+  radial_rms_mm: number;
+  axial_rms_mm: number;
+  angle_rms_deg: number;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  stage?: "turntable";
+  covariance: number[][];
+  tool0_from_laser: number[][];
+  undetermined?: Undetermined[];
+  variance_components: VarianceComponents;
+  residuals: TurntableResidual[];
 }
 
 export interface TableCircle {

@@ -5,7 +5,7 @@ from pathlib import PurePosixPath
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, File, Form, Response, UploadFile
+from fastapi import APIRouter, File, Form, Path, Response, UploadFile
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
@@ -62,6 +62,8 @@ from server.strict_json import StrictRoute, parse_json
 from server.uploads import digests_of, named_files
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
+
+FileName = Annotated[str, Path(examples=["captures/p01.csv"])]
 
 _RECORD_EXAMPLE = (
     '{"id": "p01", "step": "tcp", "kind": "profile", "files": ["captures/p01.csv"], '
@@ -264,7 +266,7 @@ def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_mat
     response_class=Response,
     responses={200: {"description": "The file.", "content": {"application/octet-stream": {}}}},
 )
-def get_file(session_id: SessionId, capture_id: CaptureId, name: str, store: StoreDep) -> Download:
+def get_file(session_id: SessionId, capture_id: CaptureId, name: FileName, store: StoreDep) -> Download:
     """Return a file as it came, byte for byte; `name` as in the record's `files`, or its last part."""
     with store.read() as db:
         session_row(db, session_id)

@@ -17,7 +17,11 @@ router = APIRouter(tags=["clouds"], route_class=StrictRoute)
 
 CloudName = Annotated[
     str,
-    Path(description="`merged.ply`, or with another format's ending: `merged.e57`, `mesh.stl`.", max_length=80),
+    Path(
+        description="`merged.ply`, or with another format's ending: `merged.e57`, `mesh.stl`.",
+        max_length=80,
+        examples=["merged.ply"],
+    ),
 ]
 CloudFormat = Annotated[
     str | None,

@@ -12,7 +12,8 @@ from calib_core.records import Stage
 from calib_core.session.compare import Comparison
 from server.deps import JobId, JobsDep, OnceDep, SessionId, StageName, StoreDep
 from server.schemas import Job
-from server.schemas_history import MomentOfSession, Recomputed, ResultHistory, StageResult, Timeline
+from server.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
+from server.schemas_results import StageResult
 from server.store.history import PastResult, latest_numbers, moment, past_result, stage_history, timeline
 from server.store.models import Data
 from server.store.sessions import StoredSession, load_session, locked_session
@@ -21,7 +22,9 @@ from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["history"], route_class=StrictRoute)
 
-ResultNumber = Annotated[int, Path(ge=1, lt=2**53, description="A result's `number` in the history.")]
+ResultNumber = Annotated[
+    int, Path(ge=1, lt=2**53, description="A `number` in the history.", examples=[1])
+]
 _SIDE = "SESSION or SESSION:NUMBER, a session's `id` with a result's `number`; without it the latest."
 SideName = Annotated[str, Query(max_length=100, description=_SIDE)]
 
@@ -36,7 +39,7 @@ def get_timeline(session_id: SessionId, store: StoreDep) -> Response:
 @router.get("/sessions/{session_id}/timeline/{place}", response_model=MomentOfSession)
 def get_moment(
     session_id: SessionId,
-    place: Annotated[int, Path(ge=0, lt=2**31, description="An item's `place`.")],
+    place: Annotated[int, Path(ge=0, lt=2**31, description="An item's `place`.", examples=[3])],
     store: StoreDep,
 ) -> Response:
     """Return the session as it stood at one place of its time line: record, captures, results, steps."""
@@ -61,7 +64,9 @@ def get_past_result(session_id: SessionId, stage: StageName, number: ResultNumbe
 
 
 @router.get("/compare/{stage}", response_model=Comparison)
-def compare(stage: Stage, left: SideName, right: SideName, store: StoreDep) -> Response:
+def compare(
+    stage: Annotated[Stage, Path(examples=["tcp"])], left: SideName, right: SideName, store: StoreDep
+) -> Response:
     """Return two results of a stage side by side, of one session or two: what differs, in units of its sigma."""
     from calib_core.session.compare import Compared, compare_results
 

@@ -41,7 +41,10 @@ def list_kept(session_id: SessionId, store: StoreDep) -> KeptFiles:
 )
 def get_kept(
     session_id: SessionId,
-    name: Annotated[str, Path(description="As in the list: `scene.html`, `truth.json`.", max_length=1000)],
+    name: Annotated[
+        str,
+        Path(description="As in the list: `scene.html`, `truth.json`.", max_length=1000, examples=["truth.json"]),
+    ],
     store: StoreDep,
 ) -> Download:
     """Return a file of the archive byte for byte; `scene.html` and `report.html` as pages on their own."""

@@ -12,7 +12,8 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import NotFoundError
 from server.deps import HubDep, JobId, JobsDep, LastEventId, OnceDep, SessionId, StageName, StoreDep
 from server.events import follow, to_sse
-from server.schemas import Job, StoredTcpResult
+from server.schemas import Job
+from server.schemas_results import StoredResult
 from server.store.models import Data
 from server.store.sessions import load_session, locked_session
 from server.store.solves import ENDED, create_job, job_data, job_row
@@ -68,7 +69,7 @@ async def job_events(
                 return
 
 
-@router.get("/sessions/{session_id}/results", response_model=dict[str, StoredTcpResult])
+@router.get("/sessions/{session_id}/results", response_model=dict[str, StoredResult])
 def list_results(session_id: SessionId, store: StoreDep) -> Response:
     """Return each stage's latest result; `stale` where captures or cell changed since."""
     with store.read() as db:
@@ -76,7 +77,7 @@ def list_results(session_id: SessionId, store: StoreDep) -> Response:
     return JSONResponse(stored.results_with_stale())
 
 
-@router.get("/sessions/{session_id}/results/{stage}", response_model=StoredTcpResult)
+@router.get("/sessions/{session_id}/results/{stage}", response_model=StoredResult)
 def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Response:
     """Return a stage's latest result; `stale` where captures or cell changed since."""
     with store.read() as db:
@@ -94,7 +95,9 @@ def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Resp
     responses={200: {"description": "The file, in the format's own media type.", "content": {"*/*": {}}}},
 )
 def export_results(
-    session_id: SessionId, name: Annotated[str, Path(max_length=64, description="`json`.")], store: StoreDep
+    session_id: SessionId,
+    name: Annotated[str, Path(max_length=64, description="`json`.", examples=["json"])],
+    store: StoreDep,
 ) -> Response:
     """Return the calibrated tool and table in a format's own syntax."""
     from calib_core.session.export import export

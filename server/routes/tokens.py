@@ -37,7 +37,7 @@ def _refusals(request: Request) -> Refusals:
 IdentityDep = Annotated[Identity, Depends(_identity)]
 LoginsDep = Annotated[Logins, Depends(_logins)]
 RefusalsDep = Annotated[Refusals, Depends(_refusals)]
-TokenId = Annotated[str, Path(description="A token's `id`.", max_length=64)]
+TokenId = Annotated[str, Path(description="A token's `id`.", max_length=64, examples=["8c6e1e7b1501"])]
 
 _LOGIN = {"machine": "not-needed", "nothing": "missing"}
 

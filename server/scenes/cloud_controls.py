@@ -14,15 +14,15 @@ cloud_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
 class CloudSectionShown(BaseModel):
     """A plane across an axis of the cloud's frame; what lies on its other side is hidden."""
 
-    axis: Literal["x", "y", "z"]
-    at_mm: float = Field(allow_inf_nan=False)
+    axis: Literal["x", "y", "z"] = Field(examples=["z"])
+    at_mm: float = Field(allow_inf_nan=False, examples=[25.0])
     keep: Literal["below", "above"] = "below"
 
 
 class CloudShown(BaseModel):
     """How the merged cloud is shown to all who look."""
 
-    colors: Literal["height", "scan", "deviation"] = "height"
+    colors: Literal["height", "scan", "deviation"] = Field(default="height", examples=["deviation"])
     section: CloudSectionShown | None = None
     against: Literal["mesh", "sphere"] = "mesh"
     diameter_mm: float | None = Field(default=None, gt=0, le=10_000)

@@ -16,7 +16,10 @@ from server.scenes.views import VIEWS
 
 controls_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
 
-Viewer = Annotated[str, Path(pattern=r"^[A-Za-z0-9]{8,64}$", description="A name that the page gives itself.")]
+Viewer = Annotated[
+    str,
+    Path(pattern=r"^[A-Za-z0-9]{8,64}$", description="A name that the page gives itself.", examples=["page4711"]),
+]
 Pixels = Annotated[int, Query(ge=64, le=4096)]
 
 
@@ -38,26 +41,26 @@ class SceneControls(BaseModel):
 class LayerChange(BaseModel):
     """A layer to show or to hide."""
 
-    name: str = Field(max_length=40)
-    shown: bool
+    name: str = Field(max_length=40, examples=["frames"])
+    shown: bool = Field(examples=[False])
 
 
 class ViewChange(BaseModel):
     """A view to take."""
 
-    view: str = Field(max_length=40)
+    view: str = Field(max_length=40, examples=["Top"])
 
 
 class Turn(BaseModel):
     """The capture at which the cell is shown; null shows all captures."""
 
-    capture: str | None = None
+    capture: str | None = Field(default=None, examples=["t01"])
 
 
 class MomentChange(BaseModel):
     """A place on the session's time line."""
 
-    place: int = Field(ge=0, lt=2**31)
+    place: int = Field(ge=0, lt=2**31, examples=[3])
 
 
 @controls_router.get("/controls", response_model=SceneControls, summary="What can be set in a scene")

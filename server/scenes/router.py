@@ -6,7 +6,7 @@ from zlib import crc32
 from fastapi import APIRouter, Depends, Path, Request, Response, WebSocket
 from fastapi.requests import HTTPConnection
 from fastapi.responses import HTMLResponse, RedirectResponse
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from calib_core.errors import NotFoundError
 from server.scenes.bridge import bridge
@@ -16,7 +16,7 @@ from server.scenes.past import PastScenes
 
 scenes_router = APIRouter(prefix="/scenes", tags=["scenes"])
 
-SessionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+SessionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", examples=["4c1f0a92e6b37d58"])]
 
 
 def scene_manager(connection: HTTPConnection) -> SceneManager:
@@ -36,7 +36,7 @@ Past = Annotated[PastScenes, Depends(past_scenes)]
 class Highlight(BaseModel):
     """The capture to light up; null lights up none."""
 
-    capture: str | None = None
+    capture: str | None = Field(default=None, examples=["p01"])
 
 
 @scenes_router.get("/{session}", include_in_schema=False)

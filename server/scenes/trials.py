@@ -14,7 +14,9 @@ _MOST = 300
 class Trial(BaseModel):
     """Poses of the flange in the base, 4×4, rows, mm; none takes away those that are shown."""
 
-    poses: list[list[list[float]]] = Field(max_length=_MOST)
+    poses: list[list[list[float]]] = Field(
+        max_length=_MOST, examples=[[[[1, 0, 0, -195.8], [0, 1, 0, 1363.3], [0, 0, 1, 524.8], [0, 0, 0, 1]]]]
+    )
 
 
 @trials_router.post("/trial", status_code=204, summary="Show poses that are being read")

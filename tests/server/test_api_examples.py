@@ -1,34 +1,103 @@
-"""The examples in the API's description: one for every operation that answers with JSON, true to its schema."""
+"""The examples in the API's description: one for everything that is sent and answered, true to its schema."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import jsonschema_rs
+import pytest
 
 from server.app import create_app
 
-# Nothing is recorded of what needs a folder of the server's machine, a mesh, or somebody who looks at the scene.
-_WITHOUT = {"captures_get_folder", "captures_watch_folder", "clouds_put_reference"}
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    return create_app().openapi()
 
 
-def test_every_operation_that_answers_with_json_has_an_example() -> None:
-    document = create_app().openapi()
-    found: dict[str, Any] = {}
-    missing: set[str] = set()
-    for path, operations in document["paths"].items():
-        for operation in operations.values():
-            content = {
-                k: v for s, a in operation["responses"].items() if s < "3" for k, v in a.get("content", {}).items()
-            }
-            answer = content.get("application/json")
-            if answer is None or not path.startswith("/api/"):
+def operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    for of_path in document["paths"].values():
+        yield from of_path.values()
+
+
+def resolved(schema: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
+    while "$ref" in schema:
+        schema = document["components"]["schemas"][schema["$ref"].rsplit("/", 1)[1]]
+    return schema
+
+
+def examples_of(part: dict[str, Any], document: dict[str, Any]) -> list[Any]:
+    """Return the examples of a body or a parameter: its own, else its schema's, else its fields'."""
+    if "example" in part:
+        return [part["example"]]
+    if "examples" in part:
+        return [example["value"] for example in part["examples"].values()]
+    schema = resolved(part["schema"], document)
+    if "examples" in schema:
+        return schema["examples"]
+    return schema_examples(schema, document)
+
+
+def schema_examples(schema: dict[str, Any], document: dict[str, Any]) -> list[Any]:
+    fields = schema.get("properties", {})
+    needed = set(schema.get("required", ()))
+    given = {name: field["examples"][0] for name, field in fields.items() if "examples" in field}
+    return [given] if given and needed <= set(given) else []
+
+
+def errors(example: Any, schema: dict[str, Any], document: dict[str, Any]) -> list[str]:
+    whole = {**schema, "components": document["components"]}
+    return [error.message[:300] for error in jsonschema_rs.Draft202012Validator(whole).iter_errors(example)]
+
+
+def test_every_json_answer_has_an_example(document: dict[str, Any]) -> None:
+    found = 0
+    for operation in operations(document):
+        for status, answer in operation["responses"].items():
+            content = answer.get("content", {}).get("application/json")
+            if content is None or status >= "3":
                 continue
-            if "example" in answer:
-                found[operation["operationId"]] = answer
-            else:
-                missing.add(operation["operationId"])
-    assert missing <= _WITHOUT, missing
-    assert len(found) >= 30
-    for name, answer in found.items():
-        schema = {**answer["schema"], "components": document["components"]}
-        errors = list(jsonschema_rs.Draft202012Validator(schema).iter_errors(answer["example"]))
-        assert not errors, f"{name}: {errors[0].message[:300]}"
+            name = operation["operationId"]
+            assert "example" in content, name
+            assert not errors(content["example"], content["schema"], document), name
+            found += 1
+    assert found >= 40
+
+
+def test_every_body_has_an_example(document: dict[str, Any]) -> None:
+    found = 0
+    for operation in operations(document):
+        for kind, content in operation.get("requestBody", {}).get("content", {}).items():
+            name = f"{operation['operationId']}, {kind}"
+            examples = examples_of(content, document)
+            assert examples, name
+            for example in examples:
+                assert not errors(example, content["schema"], document), name
+            found += 1
+    assert found >= 18
+
+
+def test_every_name_in_a_path_has_an_example(document: dict[str, Any]) -> None:
+    found = 0
+    for operation in operations(document):
+        for parameter in operation.get("parameters", []):
+            if parameter["in"] != "path":
+                continue
+            name = f"{operation['operationId']}, {parameter['name']}"
+            examples = examples_of(parameter, document)
+            assert examples, name
+            for example in examples:
+                assert not errors(example, parameter["schema"], document), name
+            found += 1
+    assert found >= 60
+
+
+@pytest.mark.parametrize("path", ["results", "results/{stage}", "timeline/{place}"])
+def test_results_of_every_stage_are_described(document: dict[str, Any], path: str) -> None:
+    operation = document["paths"][f"/api/v1/sessions/{{session_id}}/{path}"]["get"]
+    schema = resolved(operation["responses"]["200"]["content"]["application/json"]["schema"], document)
+    schema = schema["properties"]["results"] if path.startswith("timeline") else schema
+    schema = resolved(schema.get("additionalProperties", schema), document)
+    stages = {"camera", "laser-plane", "tcp", "turntable", "chain", "merge"}
+    assert set(schema["discriminator"]["mapping"]) == stages
+    for name in schema["discriminator"]["mapping"].values():
+        assert {"stale", "at_workpiece", "verdict"} <= set(resolved({"$ref": name}, document)["properties"])

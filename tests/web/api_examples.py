@@ -19,6 +19,13 @@ _LONG = 16
 _KEPT = 2
 _STAGES = ("tcp", "turntable", "chain", "merge")
 _POSE = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]
+FOLDER = "cell 4/today"
+_TETRAHEDRON = (
+    ((0, 0, 0), (0, 40, 0), (40, 0, 0)),
+    ((0, 0, 0), (40, 0, 0), (0, 0, 40)),
+    ((0, 0, 0), (0, 0, 40), (0, 40, 0)),
+    ((40, 0, 0), (0, 40, 0), (0, 0, 40)),
+)
 _CELL = {"pose_convention": "fanuc", "sphere_diameter_mm": 40.0}
 
 
@@ -45,7 +52,7 @@ class Recorder:
         assert answer.is_success, (method, template, answer.text)
         kept: dict[str, Any] = {} if body is None else {"request": body}
         data = None
-        if answer.headers.get("content-type", "") == "application/json":
+        if answer.content and answer.headers.get("content-type", "") == "application/json":
             data = answer.json()
             kept["answer"] = shortened(data)
         self.examples.setdefault(self._operations[method, template], kept)
@@ -101,11 +108,12 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
     send("PATCH", f"{session}/captures/{{capture_id}}", {"excluded": True}, names)
     send("POST", f"{session}/pose-lines", {"text": "-195.8 1363.305 524.812 -179.924 0.889 179.635"}, names)
     archive = client.get(f"/sessions/{there}/archive", params={"scene": False}).content
-    zipped = {"content": archive, "headers": {"Content-Type": "application/zip"}}
+    zipped: dict[str, Any] = {"content": archive, "headers": {"Content-Type": "application/zip"}}
     send("POST", f"{api}/archives/verify", **zipped)
     send("POST", f"{api}/archives", **zipped)
     send("GET", f"{api}/sessions", params={"limit": 2})
     _uploads(recorder, names)
+    _of_this_machine(recorder, names)
     send("GET", f"{api}/me")
     token = send("POST", f"{api}/tokens", {"name": "robot 2", "role": "capture"})
     recorder.examples["access_make"]["answer"]["secret"] = "scancell_…"
@@ -134,11 +142,39 @@ def _uploads(recorder: Recorder, names: dict[str, Any]) -> None:
     recorder.send("POST", "/api/v1/sessions/{session_id}/captures/batch", names=to, content=line + content)
 
 
+def _of_this_machine(recorder: Recorder, names: dict[str, Any]) -> None:
+    """Record what needs a folder that is watched, a mesh, or a scene."""
+    session = "/api/v1/sessions/{session_id}"
+    recorder.send("PUT", f"{session}/sources/folder", {"folder": FOLDER, "step": "tcp"}, names)
+    recorder.send("GET", f"{session}/sources/folder", names=names)
+    recorder.send("DELETE", f"{session}/sources/folder", names=names)
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*corner) for corner in triangle)
+        + "endloop\nendfacet\n"
+        for triangle in _TETRAHEDRON
+    )
+    mesh = {"file": ("part.stl", f"solid part\n{facets}endsolid part\n".encode())}
+    recorder.send("PUT", f"{session}/merged/reference", names=names, files=mesh)
+    recorder.send("DELETE", f"{session}/merged/reference", names=names)
+    recorder.send("GET", "/scenes/{session}/controls", names=names)
+
+
 def main() -> None:
     """Write the examples."""
-    with tempfile.TemporaryDirectory() as data, serving(Settings(data=Path(data) / "d", port=0)) as client:
+    with tempfile.TemporaryDirectory() as data, serving(_settings(Path(data))) as client:
         client.timeout = httpx.Timeout(600)
         examples = record(client)
+    write(examples)
+
+
+def _settings(place: Path) -> Settings:
+    (place / "hall" / FOLDER).mkdir(parents=True)
+    return Settings(data=place / "d", port=0, watch_root=place / "hall")
+
+
+def write(examples: dict[str, dict[str, Any]]) -> None:
+    """Write examples where the OpenAPI document takes them from."""
     TARGET.write_text(json.dumps(examples, indent=1, ensure_ascii=False, sort_keys=True) + "\n", encoding="utf-8")
 
 
