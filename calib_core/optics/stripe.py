@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
+from calib_core.optics.stripe_narrow import NARROW_PX, narrow_sigmas
 from calib_core.optics.stripe_view import Axis, Color, ImageArray, view_of
 
 FloatArray = NDArray[np.float64]
@@ -155,13 +156,13 @@ def _measure(
     image: ImageArray, saturation: float, options: StripeOptions, width_px: float, box_width_px: float
 ) -> tuple[NDArray[np.uint8], StripeCenters]:
     """Find one centre per column; return each column's code and the good centres."""
-    from calib_core.kernels import stripe_frame as kernel
+    from calib_core.kernels.stripe_frame import find
 
     width = image.shape[1]
     word = np.uint16 if image.itemsize == 1 else np.uint32
     words = (image if width % 2 == 0 else np.ascontiguousarray(image[:, :-1])).view(word)
     codes, centers = np.empty(width, np.uint8), np.empty((4, width))
-    width_px, variance, counts = kernel.find(
+    width_px, variance, counts = find(
         image, words, box_width_px, width_px, saturation, options.least_snr, options.rivalry,
         *_shapes(box_width_px), codes, centers,
     )  # fmt: skip

@@ -94,12 +94,10 @@ def _plain_axis(image: ImageArray, axis: Axis | None) -> Axis | None:
 
 def _clear_axis(channel: ImageArray) -> Axis | None:
     """Return how the stripe runs where few lines tell."""
-    from calib_core.kernels import stripe_axis as kernel
+    from calib_core.kernels.stripe_axis import COLUMNS, ROWS, clear_direction
 
-    clear = kernel.clear_direction(channel)
-    if clear == kernel.UNCLEAR:
-        return None
-    return "columns" if clear == kernel.COLUMNS else "rows"
+    clear = clear_direction(channel)
+    return "columns" if clear == COLUMNS else "rows" if clear == ROWS else None
 
 
 def _turned(channel: ImageArray, axis: Axis) -> ImageArray:
