@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
-from calib_core.optics.stripe_narrow import NARROW_PX, narrow_sigmas
 from calib_core.optics.stripe_view import Axis, Color, ImageArray, view_of
 
 FloatArray = NDArray[np.float64]
