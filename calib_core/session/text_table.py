@@ -141,17 +141,29 @@ def _require_column_order(header: str, where: str, example: str) -> None:
 def _parse_lines(
     lines: list[str], separator: str | None, width: int, lines_before: int, where: str, example: str
 ) -> FloatArray:
-    rows = [line.split(separator) for line in lines]
     try:
-        if any(len(row) != width for row in rows) or any("_" in line for line in lines):
-            raise ValueError  # float() would take 1_0 for ten
+        fields = _fields(lines, separator, width)
         # Blank fields come often (",\n"): they are worth the quick way too.
-        fields = [float(field or "nan") for field in chain.from_iterable(rows)]
-        values = np.array(fields).reshape(-1, width)
+        numbers = [float(field or "nan") for field in fields] if "" in fields else list(map(float, fields))
+        values = np.array(numbers).reshape(-1, width)
     except ValueError:
         values = _parse_with_care(lines, separator, width, lines_before, where, example)
     values[~np.isfinite(values)] = np.nan
     return values
+
+
+def _fields(lines: list[str], separator: str | None, width: int) -> list[str]:
+    """Return the fields of all lines; raises ValueError where they need care."""
+    if separator is None:
+        rows = [line.split() for line in lines]
+        even = all(len(row) == width for row in rows)
+        fields = list(chain.from_iterable(rows))
+    else:
+        even = all(line.count(separator) == width - 1 for line in lines)
+        fields = separator.join(lines).split(separator)
+    if not even or "_" in " ".join(lines):
+        raise ValueError  # float() would take 1_0 for ten
+    return fields
 
 
 def _parse_with_care(

@@ -5,6 +5,8 @@ each gives the circle through its two ends and its middle.  Triples drawn at ran
 windows add what a stray point at an end or middle would spoil.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,8 +60,12 @@ def _typical_step(points: FloatArray) -> float:
     return float(np.median(np.abs(np.diff(points, axis=0)).sum(axis=1)))
 
 
+@lru_cache(maxsize=64)
 def _triples(count: int) -> NDArray[np.intp]:
-    """Return the indices (K, 3) of three points each: sliding windows of all lengths, then random ones."""
+    """Return the indices (K, 3) of three points each: sliding windows of all lengths, then random ones.
+
+    A scanner's profiles often have the same number of points, and the same random triples are drawn each time.
+    """
     triples: list[NDArray[np.intp]] = []
     span = float(count - 1)
     shortest = max(8.0, count / 64)
@@ -75,7 +81,9 @@ def _triples(count: int) -> NDArray[np.intp]:
         int
     )
     triples.append(np.minimum(drawn, count - 1))
-    return np.concatenate(triples)
+    all_of_them = np.concatenate(triples)
+    all_of_them.setflags(write=False)
+    return all_of_them
 
 
 def _circles_of(points: FloatArray, triples: NDArray[np.intp]) -> FloatArray:
@@ -96,7 +104,8 @@ def _support(points: FloatArray, circles: FloatArray, band_at_least: float) -> F
     x, z, r = circles.T
     of_points = np.column_stack([points, (points**2).sum(axis=1), np.ones(len(points))]).astype(np.float32)
     of_circles = np.column_stack([-2 * x, -2 * z, np.ones(len(x)), x**2 + z**2 - r**2]).astype(np.float32)
-    misfit = np.abs(of_circles @ of_points.T)
+    misfit = of_circles @ of_points.T
+    np.abs(misfit, out=misfit)
     band = np.maximum(BAND * r, band_at_least)
     inside = _count(misfit < (2 * r * band).astype(np.float32)[:, None])
     beside = _count(misfit < (6 * r * band).astype(np.float32)[:, None]) - inside

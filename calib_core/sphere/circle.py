@@ -15,6 +15,8 @@ CUT_IN_SIGMAS = 3.5
 # What a normal distribution keeps of its variance when it is cut at ±3.5 σ: 1 − 2c·φ(c) / P(|x| < c).
 KEPT_VARIANCE = 0.99389
 
+_LONGEST_STEP = 1e6  # in radii; longer ones come from matrices that are singular but for rounding
+
 
 @dataclass(frozen=True, eq=False)
 class CircleFit:
@@ -53,8 +55,19 @@ def circle_step(points: FloatArray, circle: FloatArray) -> CircleFit:
     jacobian[:, :2] = offset / np.maximum(distance, 1e-300)[:, None]
     residuals = distance - circle[2]
     normal_matrix = jacobian.T @ jacobian
-    step = np.linalg.lstsq(normal_matrix, jacobian.T @ residuals, rcond=1e-14)[0]
+    step = _solved(normal_matrix, jacobian.T @ residuals, _LONGEST_STEP * abs(circle[2]))
     return CircleFit(circle + step, normal_matrix, residuals)
+
+
+def _solved(normal_matrix: FloatArray, gradient: FloatArray, longest: float) -> FloatArray:
+    """Return the step (3,), the shortest one where several fit equally well."""
+    try:
+        step = np.linalg.solve(normal_matrix, gradient)
+    except np.linalg.LinAlgError:
+        step = np.full(3, np.inf)
+    if np.abs(step).max() < longest:
+        return step
+    return np.linalg.lstsq(normal_matrix, gradient, rcond=1e-14)[0]
 
 
 def fit_circle(points: FloatArray, start: FloatArray) -> CircleFit:

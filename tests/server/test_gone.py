@@ -124,6 +124,14 @@ def open_files(folder: Path) -> list[str]:
     return [name for name in found if name.startswith(str(folder / "blobs"))]
 
 
+def came_to(state: Callable[[], bool]) -> bool:
+    """Return whether something came to be within some seconds."""
+    end_s = time.monotonic() + 10
+    while not state() and time.monotonic() < end_s:
+        time.sleep(0.05)
+    return state()
+
+
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="the system does not list open files")
 @pytest.mark.parametrize("path", ["captures/big/files/big.npy", "archive?scene=false"])
 def test_a_download_that_was_broken_off_leaves_no_file_open(
@@ -142,11 +150,7 @@ def test_a_download_that_was_broken_off_leaves_no_file_open(
             with client.stream("GET", f"/sessions/{session}/{path}") as answer:
                 assert answer.status_code == 200
                 next(answer.iter_bytes())
-                assert open_files(tmp_path / "data")
-            for _ in range(100):
-                if not open_files(tmp_path / "data"):
-                    break
-                time.sleep(0.05)
-            assert open_files(tmp_path / "data") == []
+                assert came_to(lambda: open_files(tmp_path / "data") != [])
+            assert came_to(lambda: open_files(tmp_path / "data") == [])
         finally:
             gc.enable()
