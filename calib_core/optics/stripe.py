@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
+from calib_core.optics.stripe_narrow import NARROW_PX, narrow_sigmas
 from calib_core.optics.stripe_view import Axis, Color, ImageArray, view_of
 
 FloatArray = NDArray[np.float64]
@@ -166,6 +167,8 @@ def _measure(
         *_shapes(box_width_px), codes, centers,
     )  # fmt: skip
     n = counts[0]
+    if n and width_px < NARROW_PX:
+        centers[2, :n] = narrow_sigmas(image, centers[0, :n], centers[1, :n], width_px, variance)
     left_out = (
         {_REASONS[code]: counts[code] for code in range(1, len(_REASONS)) if counts[code]} if n < width else {}
     )
@@ -203,6 +206,10 @@ def _no_stripe(
     from calib_core.kernels import stripe as kernel
 
     need = f"a laser stripe with at least {options.least_centers} clean peaks"
+    if int(image.min()) >= saturation:
+        return MeasurementError(
+            need, "a saturated frame, white all over", "Shorten the exposure or dim the laser or the lamps."
+        )
     if int(image.max()) == int(image.min()):
         return MeasurementError(
             need, f"a blank frame (every pixel is {int(image.max())})", "Check that laser and exposure are on."
