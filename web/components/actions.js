@@ -21,6 +21,7 @@ export class ActionsElement extends StateElement {
   #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
   #progress = h("div", { class: "job", hidden: true });
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
+  #folder = wayIn(t("actions.folder"), () => this.intake?.chooseFolder());
   #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
   #capturing = false;
   #followed = "";
@@ -34,7 +35,7 @@ export class ActionsElement extends StateElement {
       h("div", { class: "row" }, this.#look, this.#capture, this.#solve,
         h("span", { class: "ways-in" },
           this.#files,
-          wayIn(t("actions.folder"), () => this.intake?.chooseFolder()),
+          this.#folder,
           wayIn(t("actions.poses"), () => this.intake?.open()),
           this.#watch)),
       this.#progress,
@@ -49,6 +50,7 @@ export class ActionsElement extends StateElement {
     this.#solveWords.textContent = maybe(`actions.solve_${guide?.current.stage ?? ""}`, t("actions.solve"));
     this.#capture.hidden = !simulated;
     this.#watch.hidden = simulated;
+    this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
     const solved = guide?.current.action === "review";
     this.#look.hidden = !solved;
     this.#solve.hidden = solved;
