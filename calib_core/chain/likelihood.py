@@ -159,6 +159,43 @@ def linearised_at(data: ChainData, state: ChainState, sigmas: Sigmas) -> ChainLi
     return linearise(data, state, *_noise(data, state, sigmas))
 
 
+@dataclass(frozen=True, eq=False)
+class OwnEquations:
+    """What each capture adds to the normal equations at a linearisation, its pose error integrated out.
+
+    Attributes
+    ----------
+    rows : (K, m, P')
+        Of the predicted centre (and the radius, where m = 4) by the unknowns.
+    reduced : (K, m, m)
+        Information on the predicted centre.
+    hessians, gradients : (K, P', P'), (K, P')
+    """
+
+    rows: FloatArray
+    reduced: FloatArray
+    hessians: FloatArray
+    gradients: FloatArray
+
+
+def own_equations(at: ChainLinearisation) -> OwnEquations:
+    """Return each capture's own part of the normal equations."""
+    from calib_core.kernels.chain import without_pose_error
+
+    size = at.information.shape[1]
+    reduced, rest = np.empty_like(at.information), np.empty_like(at.vector)
+    for k in range(len(rest)):
+        without_pose_error(at.information[k], at.vector[k], at.gain[k], at.share[k], reduced[k], rest[k])
+    rest -= np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
+    rows = at.jacobian
+    if size == 4:
+        rows = np.zeros((len(rows), 4, at.jacobian.shape[2] + 1))
+        rows[:, :3, :-1] = at.jacobian
+        rows[:, 3, -1] = 1.0
+    hessians = np.swapaxes(rows, 1, 2) @ reduced @ rows
+    return OwnEquations(rows, reduced, hessians, -np.einsum("kip,ki->kp", rows, rest))
+
+
 def _noise(data: ChainData, state: ChainState, sigmas: Sigmas) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of each capture's centre by the errors of robot and table, and its inverse."""
     levers = None if data.table is None else prediction(data, state).levers

@@ -134,6 +134,10 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
     except MotionError as error:
         raise with_failures(error, observed.failed) from None
+    if any(capture.kind == "sweep" for capture in given.captures):
+        from calib_core.chain.sweeps import with_shared_pose_errors
+
+        solution = with_shared_pose_errors(solution, observed.observations, sphere)
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.session.frame_uncertainty import with_calibration_uncertainty
 

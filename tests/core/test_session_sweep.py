@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import RigidTransform
@@ -53,6 +54,17 @@ def test_the_truth_lies_within_the_stated_uncertainty(seed):
     result = solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
     assert error_in_sigmas(result, simulated.truth) < 22.5  # χ² of 6 at 0.1 %
     assert np.sqrt(np.linalg.norm(np.diag(result.covariance)[3:])) < 0.15
+
+
+def test_profiles_that_share_a_pose_error_do_not_count_as_so_many_poses():
+    # Counted as poses of their own, some 17 profiles in each sweep would make the mean about 40.
+    squares = []
+    for seed in range(8):
+        simulated = simulate("tcp-sweep-shared", seed)
+        result = solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
+        squares.append(error_in_sigmas(result, simulated.truth))
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * len(squares)) / len(squares)
+    assert low < np.mean(squares) < high
 
 
 def test_a_sweep_is_one_row_with_its_profiles_counted(simulated, result):
