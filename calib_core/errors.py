@@ -40,6 +40,10 @@ class CalibrationError(Exception):
             place = self.where
         return type(self)(self.need, self.got, self.to_do, place)
 
+    def adding(self, sentence: str) -> "CalibrationError":
+        """Return the same error with a sentence more on what to do."""
+        return type(self)(self.need, self.got, f"{self.to_do} {sentence}", self.where)
+
 
 class InputError(CalibrationError):
     """A file, a record or a number that cannot be used as it is."""

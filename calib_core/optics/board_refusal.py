@@ -11,6 +11,8 @@ from calib_core.records import Board
 
 Grey = NDArray[np.uint8]
 
+COLOUR_NOTE = "The frame is in colour and was turned into grey."
+
 _SEARCHED_PIXELS = 1_400_000
 _LEAST_CONTRAST = 12.0  # grey values of 255 between the dark and the bright of a frame
 _NAMES = {
@@ -38,7 +40,7 @@ def grey_eight_bit(image: NDArray[Any]) -> tuple[Grey, tuple[str, ...]]:
     notes: tuple[str, ...] = ()
     if image.ndim == 3:
         image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_RGB2GRAY)
-        notes = ("The frame is in colour and was turned into grey.",)
+        notes = (COLOUR_NOTE,)
     if image.dtype == np.uint16:  # 10, 12 or 14 of its bits may be used: the frame's own range says
         low, high = (float(v) for v in np.percentile(image, [0.1, 99.9]))
         image = np.clip((image.astype(np.float32) - low) * (255.0 / max(high - low, 255.0)), 0, 255)

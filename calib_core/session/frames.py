@@ -53,7 +53,11 @@ def read_profile_frame(session: Session, capture: Capture, read: ReadFile) -> Fl
             "Give each its own capture.",
             capture.id,
         )
-    return profile_from_frame(read_frame(capture, read), calibration_of(session, read))
+    frame, calibration = read_frame(capture, read), calibration_of(session, read)
+    try:
+        return profile_from_frame(frame, calibration)
+    except InputError as error:
+        raise error.at(capture.files[0]) from None
 
 
 def calibration_of(session: Session, read: ReadFile) -> ProfileCalibration:

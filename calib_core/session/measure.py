@@ -71,7 +71,11 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     if capture.kind == "center":
         assert capture.center_mm is not None
         return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
-    points = _points(session, capture, read)
+    try:
+        points = _points(session, capture, read)
+    except MeasurementError as error:  # a frame without a stripe
+        reason = f"Need {error.need}, got {error.got}."
+        return Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do)
     if capture.step not in SPHERE_STEPS:
         return Measured(
             capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_refusal import COLOUR_NOTE
 from calib_core.optics.camera import CameraOptions, CameraSolution, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
@@ -185,6 +186,12 @@ def _taken_on_trust(given: "StageInput", views: dict[str, BoardView]) -> list[st
         sentences.append(
             "The board looks the same turned by 180°, so the camera is right but a board's pose may be turned: "
             "take a chessboard with an odd sum of columns and rows, or ChArUco, where that matters."
+        )
+    in_colour = [name for name, view in views.items() if COLOUR_NOTE in view.notes]
+    if in_colour:
+        sentences.append(
+            f"Frames in colour were turned into grey ({', '.join(in_colour[:5])}"
+            f"{' …' if len(in_colour) > 5 else ''}): a camera that interpolates colours blurs the corners."
         )
     if board.kind != "charuco":
         sentences.append(

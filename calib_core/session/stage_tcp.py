@@ -93,22 +93,25 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
     """
     from calib_core.chain.tcp_result import tcp_result
 
-    solved = solve_tcp_captures(given)
+    try:
+        solved = solve_tcp_captures(given)
+    except MeasurementError as error:
+        doubt = _doubt_of_pitch(given)
+        raise (error.adding(doubt) if doubt else error) from None
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
-    return _with_doubt_of_pitch(with_unused(result, given.captures, solved.unused), given)
+    result = with_unused(result, given.captures, solved.unused)
+    doubt = _doubt_of_pitch(given) if result.verdict == "fail" else None
+    return result.model_copy(update={"warnings": [*result.warnings, doubt]}) if doubt else result
 
 
-def _with_doubt_of_pitch(result: TcpResult, given: StageInput) -> TcpResult:
-    """Return the result; where frames do not fit the sphere, with what may be behind it: a board's wrong pitch."""
-    cell = given.session.cell
-    of_boards = cell.known.laser_plane is None and any(capture.kind == "frame" for capture in given.captures)
-    if result.verdict != "fail" or not of_boards or cell.board is None:
-        return result
-    doubt = (
-        f"The frames' lengths rest on the board's pitch, {cell.board.pitch_mm:g} mm: if it is wrong, arcs of the "
-        "sphere come out too large or too small. Check cell.board.pitch_mm."
-    )
-    return result.model_copy(update={"warnings": [*result.warnings, doubt]})
+def _doubt_of_pitch(given: StageInput) -> str | None:
+    """Return what frames that do not fit the sphere say of the board's pitch, None where no board gave lengths."""
+    if not any(capture.kind == "frame" for capture in given.captures):
+        return None
+    from calib_core.session.pitch import suspected_pitch
+
+    given.progress(0.99, "Asking the sphere for the board's pitch")
+    return suspected_pitch(given.session, given.captures, given.read)
 
 
 def solve_tcp_captures(given: StageInput) -> SolvedTcp:

@@ -75,7 +75,11 @@ def read_sweep(
 def sweep_profile(session: Session, name: str, read: ReadFile, may_be_blank: bool = False) -> NDArray[np.float64]:
     """Return the profile (N, 2), x and z in L, mm, of one of a sweep's files; raises as `read_sweep` does."""
     if PurePosixPath(name).suffix.lower() in IMAGES:
-        return profile_from_frame(decode_image(read(name), name), calibration_of(session, read))
+        frame, calibration = decode_image(read(name), name), calibration_of(session, read)
+        try:
+            return profile_from_frame(frame, calibration)
+        except InputError as error:
+            raise error.at(name) from None
     return parse_profile(read(name), name, may_be_blank)
 
 

@@ -1,15 +1,17 @@
 """Bad frames of boards: a clear sentence each, and what no frame can tell is said."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import pytest
 
-from calib_core.errors import InputError, TooLargeError
+from calib_core.errors import InputError, MeasurementError, TooLargeError
 from calib_core.records import CameraResult, Capture, Session, TcpResult
 from calib_core.session.measure import measure_capture
 from calib_core.session.pipeline import solve_stage
+from calib_core.session.pitch import suspected_pitch
 from calib_core.simulation import SimulatedSession, simulate
 
 
@@ -90,6 +92,34 @@ def test_mixed_sizes_are_named(simulated: SimulatedSession) -> None:
         solve_stage(simulated.session, "camera", files.__getitem__)
 
 
+def with_first_frame(
+    simulated: SimulatedSession, step: str, change: Callable[[np.ndarray], np.ndarray]
+) -> tuple[dict[str, bytes], str]:
+    """The session's files with the first frame of a step changed, and that frame's name."""
+    name = next(c for c in simulated.session.captures if c.step == step).files[0]
+    image = cv2.imdecode(np.frombuffer(simulated.files[name], np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return {**simulated.files, name: encoded(change(np.asarray(image)))}, name
+
+
+def test_colour_is_told_with_the_camera(simulated: SimulatedSession) -> None:
+    files, _ = with_first_frame(simulated, "camera", lambda image: np.dstack([image] * 3))
+    camera = solve_stage(simulated.session, "camera", files.__getitem__)
+    assert any("in colour" in words and "c01" in words for words in camera.warnings)
+
+
+def test_frames_of_the_sphere_of_another_size_or_white_all_over_are_named(simulated: SimulatedSession) -> None:
+    ball = next(c for c in simulated.session.captures if c.step == "tcp")
+    files, name = with_first_frame(simulated, "tcp", lambda image: cv2.resize(image, (800, 600)))
+    with pytest.raises(InputError, match=f"{name}.*640×480.*800×600"):
+        measure_capture(simulated.session, ball, files.__getitem__)
+    files, _ = with_first_frame(simulated, "tcp", lambda image: np.full_like(image, 255))
+    measured = measure_capture(simulated.session, ball, files.__getitem__)
+    assert measured.verdict == "fail"
+    assert "white all over" in (measured.reason or "")
+    assert "Shorten the exposure" in (measured.to_do or "")
+
+
 def test_what_a_chessboard_cannot_tell_is_said_and_the_sphere_tells_of_a_wrong_pitch(
     simulated: SimulatedSession,
 ) -> None:
@@ -103,4 +133,24 @@ def test_what_a_chessboard_cannot_tell_is_said_and_the_sphere_tells_of_a_wrong_p
     tcp = solve_stage(session, "tcp", simulated.files.__getitem__)
     assert isinstance(tcp, TcpResult)
     assert tcp.verdict == "fail"
-    assert any("Check cell.board.pitch_mm" in words for words in tcp.warnings)
+    assert any("the pitch looks like 9.0 mm, you said 10 mm" in words for words in tcp.warnings)
+
+
+def test_a_pitch_far_off_is_told_where_no_sphere_is_found(simulated: SimulatedSession) -> None:
+    record = simulated.session.model_dump(mode="json")
+    record["cell"]["board"]["pitch_mm"] = 18.0  # it is 9: every arc is larger than the sphere
+    session = Session.model_validate(record)
+    with pytest.raises(MeasurementError, match=r"looks like 9\.0 mm, you said 18 mm"):
+        solve_stage(session, "tcp", simulated.files.__getitem__)
+
+
+def test_where_the_captures_do_not_tell_the_pitch_that_is_said(simulated: SimulatedSession) -> None:
+    record = simulated.session.model_dump(mode="json")
+    record["cell"]["board"]["pitch_mm"] = 10.0
+    balls = [c for c in record["captures"] if c["step"] == "tcp"]
+    record["captures"] = [c for c in record["captures"] if c["step"] != "tcp"] + balls[:4]  # one orientation
+    session = Session.model_validate(record)
+    captures = [c for c in session.captures if c.step == "tcp"]
+    words = suspected_pitch(session, captures, simulated.files.__getitem__)
+    assert words is not None
+    assert "cannot be told from these captures" in words

@@ -3,10 +3,13 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from calib_core.records import CameraResult, parse_session
 from calib_core.session.pipeline import solve_stage
+
+_REFERENCE_SIGMA_PX = 1.3
 
 
 def solve(folder: Path) -> CameraResult:
@@ -35,7 +38,12 @@ def test_boards_of_laser_plane_captures_serve_the_camera(data_folder: Path) -> N
     assert len(used) >= 13
     assert all(row.reason for row in result.residuals if not row.used)
     assert result.reprojection_rms_px <= 0.2  # the reference: 0.435
-    # The reference is a plain fit to fewer views and to corners of 2.4 times our residuals; its own standard
-    # deviation of f is about 1.3 px.
-    assert result.camera_matrix[0][0] == pytest.approx(644.9, abs=6)
-    assert result.camera_matrix[1][1] == pytest.approx(644.2, abs=6)
+    # The reference is a plain fit to fewer views and to a detector's corners of 2.4 times our residuals; its own
+    # standard deviation of f is about 1.3 px.  The detector's corners bring f to 643.8 here too, at an RMS of
+    # 0.241 px; those fitted to the grey values to 640.9, and plane of light and stripes leave it there (640.9).
+    # So it is the corners that differ, which no weight of the stripe changes; both deviations say by how much.
+    sigma = dict(zip(result.parameters, np.sqrt(np.diag(result.covariance)), strict=True))
+    for name, place, reference in (("fx", 0, 644.9), ("fy", 1, 644.2)):
+        assert sigma[name] < 3.0
+        together = np.hypot(sigma[name], _REFERENCE_SIGMA_PX)
+        assert abs(result.camera_matrix[place][place] - reference) < 2 * together
