@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainLinearisation, pose_spread
+from calib_core.chain.likelihood import ChainLinearisation, own_equations, pose_spread
 from calib_core.chain.model import ChainData, ChainState, prediction
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.sides import with_better_sides
@@ -167,22 +167,9 @@ class WithoutOne:
 
 def without_each(at: ChainLinearisation) -> WithoutOne:
     """Return what the unknowns become without each capture, from the linearisation at the minimum."""
-    from calib_core.kernels.chain import without_pose_error
-
-    size = at.information.shape[1]
-    reduced, rest = np.empty_like(at.information), np.empty_like(at.vector)
-    for k in range(len(rest)):
-        without_pose_error(at.information[k], at.vector[k], at.gain[k], at.share[k], reduced[k], rest[k])
-    rest -= np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
-    rows = at.jacobian
-    if size == 4:
-        rows = np.zeros((len(rows), 4, at.jacobian.shape[2] + 1))
-        rows[:, :3, :-1] = at.jacobian
-        rows[:, 3, -1] = 1.0
-    own_hessian = np.swapaxes(rows, 1, 2) @ reduced @ rows
-    own_gradient = -np.einsum("kip,ki->kp", rows, rest)
-    covariances = np.array([covariance_of(at.hessian - h) for h in own_hessian])
-    steps = np.einsum("kpq,kq->kp", covariances, own_gradient - at.gradient)
+    own = own_equations(at)
+    covariances = np.array([covariance_of(at.hessian - h) for h in own.hessians])
+    steps = np.einsum("kpq,kq->kp", covariances, own.gradients - at.gradient)
     return WithoutOne(steps, covariances)
 
 
