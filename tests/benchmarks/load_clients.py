@@ -21,6 +21,7 @@ class Sent:
     durations_s: list[float] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
     late_s: float = 0.0
+    processor_s: float = 0.0
 
 
 class Connection:
@@ -104,7 +105,9 @@ async def client(load: Load, number: int, session: str) -> None:
 async def send(sessions: list[str], **arguments: Any) -> Sent:
     """Let a client for each session send, all at once."""
     load = Load(**arguments)
+    before_s = time.process_time()
     await asyncio.gather(*(client(load, number, session) for number, session in enumerate(sessions)))
+    load.sent.processor_s = time.process_time() - before_s
     return load.sent
 
 

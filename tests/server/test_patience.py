@@ -59,17 +59,46 @@ def test_heads_that_do_not_come_end_the_connection_and_streams_go_on(start: Any)
             assert any("changed" in line for line in lines)
 
 
-def test_a_head_without_end_is_cut_off(client: httpx.Client) -> None:
+CHUNKED = b"POST /api/v1/sessions HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n"
+ENDLESS = {
+    "header": (HEAD + b"X-Long: ", b"a" * 100_000),
+    "headers": (HEAD, b"X: y\r\n" * 20_000),
+    "address": (b"GET /", b"a" * 100_000),
+    "trailer": (CHUNKED + b"2\r\n{}\r\n0\r\nX-Long: ", b"a" * 100_000),
+    "trailers": (CHUNKED + b"2\r\n{}\r\n0\r\n", b"X: y\r\n" * 20_000),
+    "size of a chunk": (CHUNKED + b"2;name=", b"a" * 100_000),
+}
+
+
+@pytest.mark.parametrize("what", ENDLESS)
+def test_what_is_no_body_has_an_end(client: httpx.Client, what: str) -> None:
+    begin, more = ENDLESS[what]
     with connected(client) as connection:
-        connection.sendall(HEAD + b"X-Long: ")
+        connection.sendall(begin)
         sent = 0
         try:
             while sent < 20_000_000:
-                connection.sendall(b"a" * 100_000)
-                sent += 100_000
+                connection.sendall(more)
+                sent += len(more)
             assert connection.recv(65536).startswith(b"HTTP/1.1 400")
         except OSError:  # the other side has closed
             assert sent < 20_000_000
+    assert client.get("/health").status_code == 200
+
+
+def test_a_long_head_is_refused_also_where_it_comes_at_once(client: httpx.Client) -> None:
+    with connected(client) as connection:
+        connection.sendall(HEAD + b"X-Long: " + b"a" * 66_000 + b"\r\n\r\n")
+        assert connection.recv(65536).startswith(b"HTTP/1.1 400")
+    with connected(client) as connection:
+        connection.sendall(HEAD + b"X-Long: " + b"a" * 60_000 + b"\r\n\r\n")
+        assert connection.recv(65536).startswith(b"HTTP/1.1 200")
+
+
+def test_a_body_in_small_chunks_may_be_long(client: httpx.Client) -> None:
+    pieces = [json.dumps({"cell": {"pose_convention": "ur"}}).encode(), *[b" "] * 30_000]
+    head = {"Content-Type": "application/json"}
+    assert client.post("/sessions", content=iter(pieces), headers=head).status_code == 201
 
 
 def test_connections_have_an_end(start: Any) -> None:
