@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from sqlalchemy import Text, cast, delete, func, select
+from sqlalchemy import Text, cast, delete, func, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
@@ -244,9 +244,8 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
         query = query.where(SessionRow.name_folded.contains(folded(search), autoescape=True))
     if cursor is not None:
         created, last_id = after_cursor(cursor, str, str)
-        query = query.where(
-            (SessionRow.created < created) | ((SessionRow.created == created) & (SessionRow.id < last_id))
-        )
+        # As a row: either database then begins in the index where the page before ended.
+        query = query.where(tuple_(SessionRow.created, SessionRow.id) < (created, last_id))
     query = query.order_by(SessionRow.created.desc(), SessionRow.id.desc()).limit(limit + 1)
     rows = list(db.scalars(query))
     ids = [row.id for row in rows]
