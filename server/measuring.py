@@ -9,6 +9,9 @@ from calib_core.records import Capture, Measured, Session
 
 log = logging.getLogger("scancell")
 
+Measure = Callable[[Session, Capture, Callable[[str], bytes]], Measured]
+"""What `measure` does, here or in a process of its own (`Measuring.measure`)."""
+
 
 def warm_up() -> None:
     """Measure a simulated capture, so that the first real one does not wait for imports and compiling."""

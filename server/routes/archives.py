@@ -11,7 +11,7 @@ from starlette.datastructures import UploadFile
 
 from calib_core.errors import CalibrationError, InputError
 from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
-from server.deps import OnceDep, SessionId, StoreDep
+from server.deps import MeasuringDep, OnceDep, SessionId, StoreDep
 from server.downloads import Download
 from server.schemas import StoredSession
 from server.store.kept import kept_files
@@ -96,7 +96,7 @@ def get_archive(
 
 
 @router.post("/archives", status_code=201, response_model=StoredSession, openapi_extra=_BODY)
-def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep) -> Response:
+def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep, measuring: MeasuringDep) -> Response:
     """Make a session from an archive, with its captures and results; what is wrong with it leaves nothing behind.
 
     What else it holds (scene, report, truth, notes) is kept as it came: GET …/kept.
@@ -107,7 +107,7 @@ def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep) -> Respo
     answered = once.answered(store, content)
     if answered is not None:
         return answered
-    found = read_import(archive, store.blobs)
+    found = read_import(archive, store.blobs, measuring.measure)
 
     def act(db: Any) -> Data:
         return session_data(db, add_import(db, found))

@@ -19,12 +19,13 @@ from server.deps import (
     JobsDep,
     LastEventId,
     Limit,
+    MeasuringDep,
     OnceDep,
     SessionId,
     StoreDep,
 )
 from server.events import follow, to_sse
-from server.measuring import check_poses, measure
+from server.measuring import Measure, check_poses
 from server.schemas import NewSession, PoseLine, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
 from server.sources.simulated import simulated_session
 from server.store.calibrations import calibrated, needs_calibration
@@ -100,7 +101,12 @@ def get(session_id: SessionId, store: StoreDep) -> Response:
 
 @router.patch("/{session_id}", response_model=StoredSession)
 def change(
-    session_id: SessionId, body: SessionChanges, store: StoreDep, backlog: BacklogDep, if_match: IfMatch = None
+    session_id: SessionId,
+    body: SessionChanges,
+    store: StoreDep,
+    backlog: BacklogDep,
+    measuring: MeasuringDep,
+    if_match: IfMatch = None,
 ) -> Response:
     """Change a session's name or cell; captures are measured anew where the cell's change bears on them.
 
@@ -118,7 +124,7 @@ def change(
         check_poses(session, capture)
     anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
     at_once = anew and len(session.captures) <= _MEASURED_AT_ONCE
-    measured = _measured_anew(replace(before, session=session)) if at_once else {}
+    measured = _measured_anew(replace(before, session=session), measuring.measure) if at_once else {}
     with store.write() as db:
         row = locked_session(db, session_id)
         require_revision(row, if_match)
@@ -196,7 +202,7 @@ async def events(
         yield to_sse(event)
 
 
-def _measured_anew(stored: StoredAs) -> dict[str, Data]:
+def _measured_anew(stored: StoredAs, measure: Measure) -> dict[str, Data]:
     frames = calibrated(stored)
     measured = {c.id: measure(frames.session, c, stored.read) for c in stored.session.captures}
     raw = {c.id for c in stored.session.captures if needs_calibration(c)}

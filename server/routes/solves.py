@@ -14,8 +14,9 @@ from server.deps import HubDep, JobId, JobsDep, LastEventId, OnceDep, SessionId,
 from server.events import follow, to_sse
 from server.schemas import Job
 from server.schemas_results import StoredResult
+from server.store.history import latest_numbers
 from server.store.models import Data
-from server.store.sessions import load_session, locked_session
+from server.store.sessions import load_session, locked_session, session_row
 from server.store.solves import ENDED, create_job, job_data, job_row
 from server.strict_json import StrictRoute
 
@@ -73,6 +74,9 @@ async def job_events(
 def list_results(session_id: SessionId, store: StoreDep) -> Response:
     """Return each stage's latest result; `stale` where captures or cell changed since."""
     with store.read() as db:
+        session_row(db, session_id)
+        if not latest_numbers(db, session_id):  # pages ask with every capture, mostly before there are any
+            return JSONResponse({})
         stored = load_session(db, store.blobs, session_id)
     return JSONResponse(stored.results_with_stale())
 

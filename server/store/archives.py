@@ -24,7 +24,7 @@ from calib_core.session.folder import SESSION_FILE, to_json_bytes
 from calib_core.session.pipeline import STAGES
 from calib_core.session.stored_clouds import REFERENCE_FILE
 from calib_core.session.stored_results import output_names
-from server.measuring import check_poses, measure
+from server.measuring import Measure, check_poses, measure
 from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
 from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
@@ -93,7 +93,9 @@ def pack_stored(
     pack_files(stored.session, payload, out, stored.id)
 
 
-def read_import(file: IO[bytes], blobs: Blobs, limits: ArchiveLimits = LIMITS) -> Import:
+def read_import(
+    file: IO[bytes], blobs: Blobs, measured_by: Measure = measure, limits: ArchiveLimits = LIMITS
+) -> Import:
     """Check an archive as a whole, measure its captures, and then store its files as blobs.
 
     Raises
@@ -109,7 +111,7 @@ def read_import(file: IO[bytes], blobs: Blobs, limits: ArchiveLimits = LIMITS) -
         session = without_captures(archived.session, archived.results)
         for capture in archived.session.captures:
             check_poses(session, capture)
-            found.measured[capture.id] = measure(session, capture, archived.read)
+            found.measured[capture.id] = measured_by(session, capture, archived.read)
         for name in dict.fromkeys(name for capture in archived.session.captures for name in capture.files):
             content = archived.read(name)
             found.digests[name], found.sizes[name] = blobs.put(content), len(content)
