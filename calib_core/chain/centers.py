@@ -81,9 +81,12 @@ def _approached(
     from calib_core.kernels.centers import approach_centers
 
     rotation, translation, center = start.tool_rotation.copy(), start.tool_translation.copy(), start.center.copy()
-    found = approach_centers(
-        data.rotations, data.translations, weights, measured, rotation, translation, center, _STEP_LIMIT, _NEAR
-    )
+    try:
+        found = approach_centers(
+            data.rotations, data.translations, weights, measured, rotation, translation, center, _STEP_LIMIT, _NEAR
+        )
+    except np.linalg.LinAlgError:  # turned about one axis only: along it nothing is known
+        return None
     if not found:
         return None
     return replace(start, tool_rotation=rotation, tool_translation=translation, center=center)

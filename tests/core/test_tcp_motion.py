@@ -63,6 +63,25 @@ def test_rotations_about_the_sphere_leave_the_scanners_rotation_open(options: Tc
     assert any("the scanner's rotation about" in w and "without turning it" in w for w in warnings)
 
 
+@OPTIONS
+@pytest.mark.parametrize("seed", [2, 6, 8])  # where the normal equations are singular to the last digit
+def test_turns_about_one_axis_leave_the_position_along_it_open(seed: int, options) -> None:
+    rng = np.random.default_rng([seed, 4])
+    about_z = np.zeros((12, 3))
+    about_z[4:, 2] = rng.uniform(-0.6, 0.6, 8)
+    observations = [
+        replace(
+            o,
+            center_in_laser_mm=o.center_in_laser_mm + rng.normal(0, 0.05, 3),
+            center_covariance=0.02**2 * np.eye(3),
+        )
+        for o in exact_cell(seed, about_z).centers()
+    ]
+    verdict, warnings = tcp_verdict(solve_tcp(observations, SPHERE, options))
+    assert verdict == "fail"
+    assert any("the scanner's position along the flange's z axis" in w for w in warnings)
+
+
 def assert_motion_error(observations: list[SphereObservation], need: str, to_do: str) -> None:
     with pytest.raises(MotionError) as caught:
         solve_tcp(observations, SPHERE, GIVEN)
