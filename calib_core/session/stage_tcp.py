@@ -33,6 +33,7 @@ StoreFile = Callable[[str, Iterable[bytes | memoryview]], object]
 SOFTWARE = f"scancell {__version__}"
 
 _MEASURING_SHARE = 0.3
+_SUSPICIOUS_SCATTER_MM = 1.0  # arms that are read rightly stay below
 
 
 @dataclass(eq=False)
@@ -99,9 +100,21 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         doubt = _doubt_of_pitch(given)
         raise (error.adding(doubt) if doubt else error) from None
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
-    result = with_unused(result, given.captures, solved.unused)
+    result = _with_likely_mistake(with_unused(result, given.captures, solved.unused), given, solved)
     doubt = _doubt_of_pitch(given) if result.verdict == "fail" else None
     return result.model_copy(update={"warnings": [*result.warnings, doubt]}) if doubt else result
+
+
+def _with_likely_mistake(result: TcpResult, given: StageInput, solved: SolvedTcp) -> TcpResult:
+    """Return the result; where the poses do not fit the scans but would if read otherwise, that is said first."""
+    scatter_mm = solved.solution.start_scatter_mm
+    if scatter_mm < _SUSPICIOUS_SCATTER_MM:
+        return result
+    from calib_core.session.pose_doubts import likely_mistake
+
+    given.progress(0.97, "Reading the poses in other ways")
+    said = likely_mistake(given.session.cell, given.captures, solved.observations, solved.sphere, scatter_mm)
+    return result.model_copy(update={"verdict": "fail", "warnings": [said, *result.warnings]}) if said else result
 
 
 def _doubt_of_pitch(given: StageInput) -> str | None:
