@@ -16,6 +16,7 @@ from calib_core.robot_pose.rotations import (
 )
 
 _UNIT_TOLERANCE = 1e-2
+_FARTHEST_MM = 1e7  # no arm stands so far from its base: such numbers come of damaged files
 
 
 def convention_named(name: str) -> Convention:
@@ -50,7 +51,8 @@ def parse_pose(convention: str, numbers: Sequence[float], where: str = "") -> Ri
     Raises
     ------
     InputError
-        If the convention is unknown, the count is wrong, a number is not finite, or the orientation is not one.
+        If the convention is unknown, the count is wrong, a number is not finite, the position is out of
+        all reach, or the orientation is not one.
     """
     known = convention_named(convention)
     if len(numbers) != known.count:
@@ -70,9 +72,9 @@ def parse_pose(convention: str, numbers: Sequence[float], where: str = "") -> Ri
             where,
         )
     try:
-        if known.form == "matrix":
-            return RigidTransform.from_rounded(values.reshape(4, 4), "base", "tool0")
-        return RigidTransform.of(_rotation(known, values[3:]), values[:3] * known.mm_per_unit, "base", "tool0")
+        pose = _pose(known, values)
+        _require_reachable(pose)
+        return pose
     except InputError as error:
         raise (error.at(where) if where else error) from None
 
@@ -92,6 +94,22 @@ def to_pose(convention: str, base_from_tool0: RigidTransform) -> list[float]:
         return base_from_tool0.matrix.ravel().tolist()
     position = base_from_tool0.translation_mm / known.mm_per_unit
     return [*position.tolist(), *_orientation(known, base_from_tool0).tolist()]
+
+
+def _pose(known: Convention, values: FloatArray) -> RigidTransform:
+    if known.form == "matrix":
+        return RigidTransform.from_rounded(values.reshape(4, 4), "base", "tool0")
+    return RigidTransform.of(_rotation(known, values[3:]), values[:3] * known.mm_per_unit, "base", "tool0")
+
+
+def _require_reachable(base_from_tool0: RigidTransform) -> None:
+    farthest_mm = float(np.abs(base_from_tool0.translation_mm).max())
+    if farthest_mm > _FARTHEST_MM:
+        raise InputError(
+            f"a flange within {_FARTHEST_MM / 1e6:g} km of the base",
+            f"one {farthest_mm / 1e6:.3g} km away",
+            "Read the pose from the controller again.",
+        )
 
 
 def _rotation(known: Convention, values: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ def parse_table(data: bytes, where: str, columns: Sequence[int], example: str) -
             width = len(lines[start].split(separator))
             if width not in columns:
                 raise InputError(
-                    f"{' or '.join(map(str, columns))} columns a line ({example})",
+                    f"{_counts(columns)} columns a line ({example})",
                     f"{width} in line {lines_before + start + 1}",
                     "Write one point a line.",
                     where,
@@ -85,6 +85,11 @@ def _decode(data: bytes, where: str, example: str) -> str:
             f"lines of numbers as text ({example})", "bytes that are no text", "Export it as text.", where
         )
     return text
+
+
+def _counts(columns: Sequence[int]) -> str:
+    few = len(columns) < 4
+    return " or ".join(map(str, columns)) if few else f"{min(columns)} to {max(columns)}"
 
 
 def _blocks(text: str) -> Iterator[str]:

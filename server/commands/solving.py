@@ -129,6 +129,10 @@ def report(path: Path, out: Path) -> int:
     from server.report.report import report_html
     from server.report.stale import stale_stages
 
+    if out.suffix.lower() == ".pdf":
+        raise InputError(
+            "a name for an HTML page", "one for a PDF", "Write HTML; a browser prints it as PDF.", str(out)
+        )
     with opened(path) as folder:
         session, read = load_session(folder)
         results = stored_results(folder) or solved_if_possible(session, read)

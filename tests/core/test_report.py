@@ -263,3 +263,9 @@ def test_the_command_writes_the_page(solved_folder, tmp_path, capsys):
     session, results = load_session(solved_folder)[0], stored_results(solved_folder)
     assert file.read_text(encoding="utf-8") == report_html(session, results)
     assert main(["report", str(tmp_path / "none"), "--out", str(file)]) == 2
+
+
+def test_a_pdf_is_refused_and_nothing_is_written_under_its_name(solved_folder, tmp_path, capsys):
+    assert main(["report", str(solved_folder), "--out", str(tmp_path / "r.PDF")]) == 2
+    assert "a browser prints it as PDF" in capsys.readouterr().err
+    assert list(tmp_path.glob("*.PDF")) == []
