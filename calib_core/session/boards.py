@@ -15,6 +15,7 @@ from calib_core.session.measure import ReadFile
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 _REMEMBERED = 256
+_DARK_SHARE = 0.15  # of the brightest pixel: a frame whose median is below shows no lit board
 _lock = threading.Lock()
 _found: dict[str, BoardView | MeasurementError] = {}
 
@@ -31,10 +32,19 @@ def board_of(cell: Cell) -> Board:
     return cell.board
 
 
-def shows_stripe_alone(cell: Cell, capture: Capture) -> bool:
-    """Return whether a capture may show the stripe on a dark board: then the camera's stage does not miss it."""
-    told = capture.board_of is not None or capture.pose is not None
-    return capture.step == "laser-plane" and len(capture.files) == 1 and told and cell.board is not None
+def shows_stripe_alone(cell: Cell, capture: Capture, read: ReadFile) -> bool:
+    """Return whether a capture shows the stripe on a dark board: then the camera's stage does not miss it.
+
+    One that names its board in `board_of` does; else its robot pose is given, and its frame is dark but a line.
+    """
+    if capture.step != "laser-plane" or len(capture.files) != 1 or cell.board is None:
+        return False
+    if capture.board_of is not None:
+        return True
+    if capture.pose is None:
+        return False
+    frame = read_frame(capture, read)
+    return float(np.median(frame[::4, ::4])) < _DARK_SHARE * float(frame.max())
 
 
 def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:

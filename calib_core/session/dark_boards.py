@@ -49,7 +49,7 @@ class PlaneViews:
         try:
             view = board_in(capture, self._board, self._read)
         except MeasurementError as error:
-            if not shows_stripe_alone(self._session.cell, capture):
+            if not shows_stripe_alone(self._session.cell, capture, self._read):
                 raise
             return self._dark(capture, error)
         return PlaneView(capture.id, view, self._stripe(capture))

@@ -36,7 +36,7 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         if capture.step == "laser-plane":
             pixels = stripe_of(capture, read).pixels
     except MeasurementError as error:
-        if view is None and shows_stripe_alone(session.cell, capture):
+        if view is None and shows_stripe_alone(session.cell, capture, read):
             return _measured_alone(session, capture, read)
         return Measured(
             capture=capture.id,

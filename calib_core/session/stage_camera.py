@@ -224,7 +224,7 @@ def _rows(
             reason = f"a capture of kind '{capture.kind}', not a frame"
         elif capture.excluded:
             reason = "excluded by the user"
-        elif capture.id in failed and shows_stripe_alone(given.session.cell, capture):
+        elif capture.id in failed and shows_stripe_alone(given.session.cell, capture, given.read):
             reason = f"{_STRIPE_ALONE}: it serves the plane of light, the board is not seen"
         elif capture.id in failed:
             error = failed[capture.id]

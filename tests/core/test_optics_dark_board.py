@@ -1,5 +1,6 @@
 """Frames of the stripe alone: the dark board's place comes from another frame, or from the robot's pose."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -159,6 +160,14 @@ def test_what_comes_in_says_where_the_board_is_taken_from(beside: SimulatedSessi
     named = dark.model_copy(update={"board_of": "c01"})
     seen = measure_capture(beside.session, named, beside.files.__getitem__)
     assert seen.reason == "The stripe alone: the board is taken from c01."
+
+
+def test_a_lit_board_that_is_not_found_is_no_dark_one(beside: SimulatedSession) -> None:
+    dark = next(c for c in beside.session.captures if c.step == "laser-plane")
+    blank = cv2.imencode(".png", np.full((480, 640), 90, np.uint8))[1].tobytes()
+    seen = measure_capture(beside.session, dark, {dark.files[0]: blank}.__getitem__)
+    assert seen.verdict == "fail"
+    assert "a blank frame, grey 90 to 90" in (seen.reason or "")
 
 
 def test_the_guide_says_that_a_fixed_board_may_be_dark() -> None:
