@@ -9,6 +9,8 @@ from calib_core.frames import FloatArray
 SMALLEST_CIRCLE = 0.1
 """Smallest circle, as a share of the sphere's radius, that a profile is taken to cut from the sphere."""
 
+_CLEARLY_LARGER = 1.2  # nearer than that, a diameter that is a few per cent off is likelier than one halved
+
 
 def points_as_rows(points: ArrayLike, columns: int, what: str) -> FloatArray:
     """Return points as a float array (N, columns).
@@ -82,7 +84,7 @@ def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> Measure
         return MeasurementError(
             need, got, "The points look like metres: give them in mm (multiply by 1000, or state the unit m)."
         )
-    if radius_mm > stated_mm and _explains(radius_mm, diameter_mm, shape):
+    if radius_mm > _CLEARLY_LARGER * stated_mm and _explains(radius_mm, diameter_mm, shape):
         return MeasurementError(
             need,
             got,

@@ -73,6 +73,12 @@ def test_the_radius_given_for_the_diameter_is_named() -> None:
         fit_arc(arc(), 19.05)
 
 
+def test_a_diameter_a_few_per_cent_too_small_is_not_taken_for_the_radius() -> None:
+    with pytest.raises(MeasurementError, match="larger than stated: correct the diameter") as error:
+        fit_arc(arc(radius=16.0), 31.0)
+    assert "may be the sphere's radius" not in error.value.to_do
+
+
 def test_the_far_side_is_refused_where_the_side_is_known() -> None:
     with pytest.raises(MeasurementError, match="far side"):
         fit_arc(arc(), 38.1, z_axis="toward")
