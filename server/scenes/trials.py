@@ -1,5 +1,7 @@
 """The address by which a page shows poses in the scene before they are stored."""
 
+from typing import Annotated
+
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
@@ -11,10 +13,15 @@ trials_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
 _MOST = 300
 
 
+_Number = Annotated[float, Field(ge=-1e7, le=1e7)]
+_Row = Annotated[list[_Number], Field(min_length=4, max_length=4)]
+_Matrix = Annotated[list[_Row], Field(min_length=4, max_length=4)]
+
+
 class Trial(BaseModel):
     """Poses of the flange in the base, 4×4, rows, mm; none takes away those that are shown."""
 
-    poses: list[list[list[float]]] = Field(
+    poses: list[_Matrix] = Field(
         max_length=_MOST, examples=[[[[1, 0, 0, -195.8], [0, 1, 0, 1363.3], [0, 0, 1, 524.8], [0, 0, 0, 1]]]]
     )
 
