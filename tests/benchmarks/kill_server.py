@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,10 +32,12 @@ class ServerProcess:
     ) -> None:
         command = [sys.executable, *program, "serve", "--port", "0", "--data", str(data)]
         root = str(Path(__file__).resolve().parents[2])
+        # Not a pipe: one that nobody reads stops the server when it is full.
+        self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115
         self.process = subprocess.Popen(
             command,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=self._said,
             text=True,
             env={**os.environ, "PYTHONPATH": root, "SCANCELL_WARM_UP": "false", **(environment or {})},
             cwd=root,
@@ -46,10 +49,15 @@ class ServerProcess:
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
         if "http://" not in line:
-            _, said = self.process.communicate()
-            raise AssertionError(f"the server did not start: {said[-2000:]}")
+            self.process.communicate()
+            raise AssertionError(f"the server did not start: {self.said()[-2000:]}")
         self.address = "http://" + line.split("http://")[1].split()[0]
         return self
+
+    def said(self) -> str:
+        """Return what it has written to standard error."""
+        self._said.seek(0)
+        return self._said.read()
 
     def client(self, timeout_s: float = 30.0) -> httpx.Client:
         """Return a client of its API."""
