@@ -505,6 +505,7 @@ export interface MergeResult {
   overlap_pairs: number;
   registered_overlap_rms_mm?: number | null;
   registration_shift_rms_mm?: number | null;
+  self_calibration?: SharedShift | null;
   surface_sigma_mm?: number | null;
   calibrated_by?: "known" | "tcp" | "turntable" | "chain" | null;
   tool0_from_laser?: number[][] | null;
@@ -520,6 +521,7 @@ export interface MergeSettings {
   voxel_mm?: number;
   mesh?: "poisson" | "grid" | "none";
   registration?: boolean;
+  self_calibration?: boolean;
   memory_mb?: number;
 }
 
@@ -698,6 +700,12 @@ export interface SessionSummary {
   verdicts: Record<string, "pass" | "warn" | "fail">;
 }
 
+export interface SharedShift {
+  directions: number;
+  shift: number[];
+  covariance: number[][];
+}
+
 export interface Side {
   session: string;
   name?: string;
@@ -874,6 +882,7 @@ export interface StoredMergeResult {
   overlap_pairs: number;
   registered_overlap_rms_mm?: number | null;
   registration_shift_rms_mm?: number | null;
+  self_calibration?: SharedShift | null;
   surface_sigma_mm?: number | null;
   calibrated_by?: "known" | "tcp" | "turntable" | "chain" | null;
   tool0_from_laser?: number[][] | null;

@@ -68,10 +68,16 @@ class Patches:
         """Return the patches after each scan's move (S, 6): rx ry rz about `centre_mm`, tx ty tz."""
         from calib_core.frames import rotation_from_vector
 
-        rotations = np.array([rotation_from_vector(move[:3]) for move in moves])[self.scans]
-        offset = self.points_mm - centre_mm
-        points = np.einsum("nij,nj->ni", rotations, offset) + centre_mm + moves[self.scans, 3:]
-        return replace(self, points_mm=points, normals=np.einsum("nij,nj->ni", rotations, self.normals))
+        ways = np.tile(np.eye(4), (len(moves), 1, 1))
+        ways[:, :3, :3] = [rotation_from_vector(move[:3]) for move in moves]
+        ways[:, :3, 3] = centre_mm - ways[:, :3, :3] @ centre_mm + moves[:, 3:]
+        return self.transformed(ways)
+
+    def transformed(self, turntable_from_scan: FloatArray) -> "Patches":
+        """Return the patches after a transform of each scan's points, (S, 4, 4)."""
+        ways = turntable_from_scan[self.scans]
+        points = np.einsum("nij,nj->ni", ways[:, :3, :3], self.points_mm) + ways[:, :3, 3]
+        return replace(self, points_mm=points, normals=np.einsum("nij,nj->ni", ways[:, :3, :3], self.normals))
 
     def turned(self, angles_rad: FloatArray) -> "Patches":
         """Return the patches after each scan's turn (S,) about T's z axis, put into voxels anew."""

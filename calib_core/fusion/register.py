@@ -64,7 +64,7 @@ def register(
     centre = seen.points_mm.mean(axis=0)
     prior = np.kron(np.eye(count), np.diag([turn_sigma_rad**2] * 3 + [position_sigma_mm**2] * 3))
     if errors is not None:
-        prior = _prior(errors, centre) + 1e-6 * prior
+        prior = covariance_of_moves(errors, centre) + 1e-6 * prior
     information: FloatArray = np.linalg.inv(prior).astype(float)
     before = overlap(seen, errors)
     moves = np.zeros((count, 6))
@@ -86,7 +86,7 @@ def register(
     return Registration(matrices, shift_mm, turn_rad, before, overlap(now, left), now, left)
 
 
-def _prior(errors: PoseErrors, centre: FloatArray) -> FloatArray:
+def covariance_of_moves(errors: PoseErrors, centre: FloatArray) -> FloatArray:
     """Return the covariance (6S, 6S) of all scans' moves about a centre, out of those about T's origin."""
     about = np.eye(6)
     about[3:, :3] = -skew(centre)  # the centre moves by ω × centre + v
@@ -111,14 +111,20 @@ def _left(information: FloatArray, centre: FloatArray) -> PoseErrors:
 
 def _ways(seen: Patches, moves: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the scans' moves (S, 6) as transforms (S, 4, 4), and how far each scan's middle moves (S,), mm."""
-    matrices = np.tile(np.eye(4), (len(moves), 1, 1))
+    matrices = transforms_of_moves(moves, centre)
     shift_mm = np.zeros(len(moves))
-    for number, move in enumerate(moves):
-        rotation = rotation_from_vector(move[:3])
-        matrices[number, :3, :3] = rotation
-        matrices[number, :3, 3] = centre - rotation @ centre + move[3:]
+    for number, matrix in enumerate(matrices):
         mine = seen.points_mm[seen.scans == number]
         if len(mine):
             middle = mine.mean(axis=0)
-            shift_mm[number] = np.linalg.norm(rotation @ (middle - centre) + centre + move[3:] - middle)
+            shift_mm[number] = np.linalg.norm(matrix[:3, :3] @ middle + matrix[:3, 3] - middle)
     return matrices, shift_mm
+
+
+def transforms_of_moves(moves: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return moves (S, 6) about a centre as transforms (S, 4, 4)."""
+    matrices = np.tile(np.eye(4), (len(moves), 1, 1))
+    for matrix, move in zip(matrices, moves, strict=True):
+        matrix[:3, :3] = rotation_from_vector(move[:3])
+        matrix[:3, 3] = centre - matrix[:3, :3] @ centre + move[3:]
+    return matrices

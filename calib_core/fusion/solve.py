@@ -15,6 +15,7 @@ from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, sheet
 from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap, patches
 from calib_core.fusion.register import Registration, register
 from calib_core.fusion.scan import Scan
+from calib_core.fusion.self_calibration import SelfCalibration, self_calibration
 
 Progress = Callable[[float, str], None]
 
@@ -32,6 +33,8 @@ class MergeOptions:
     mesh : {"poisson", "grid", "none"}
     registration : bool
         Whether the scans may be moved after the overlap was measured.
+    self_calibration : bool
+        Whether tool and table, which the scans share, may be; where both are asked, the registration moves them.
     clean : CleanOptions
     patch_mm : float, optional
         Voxels in which scans are compared; three times `voxel_mm` if left out.
@@ -42,6 +45,7 @@ class MergeOptions:
     voxel_mm: float = 0.5
     mesh: Literal["poisson", "grid", "none"] = "poisson"
     registration: bool = False
+    self_calibration: bool = False
     clean: CleanOptions = field(default_factory=CleanOptions)
     patch_mm: float | None = None
     most_bytes: int = 1_000_000_000
@@ -84,6 +88,7 @@ class MergeSolution:
     errors : PoseErrors
         What is left uncertain of the scans' places in the end.
     registration : Registration or None
+    self_calibration : SelfCalibration or None
     used : tuple of str
         Scans that were merged, in order.
     failed : dict
@@ -101,6 +106,7 @@ class MergeSolution:
     patches: Patches
     errors: PoseErrors
     registration: Registration | None
+    self_calibration: SelfCalibration | None
     used: tuple[str, ...]
     failed: dict[str, MeasurementError]
     counts: dict[str, ScanCounts]
@@ -140,6 +146,7 @@ def solve_merge(
     if not scans:
         raise InputError("at least one scan", "none", "Scan the object and add the captures.", "captures")
     grid = VoxelGrid(o.voxel_mm, normals=True, store=store, most_bytes=o.most_bytes)
+    moving = o.registration or o.self_calibration
     failed: dict[str, MeasurementError] = {}
     counts: dict[str, ScanCounts] = {}
     used: list[int] = []
@@ -160,7 +167,7 @@ def solve_merge(
                 continue
             used.append(number)
             counts[scan.name] = _counted(clean)
-            if not o.registration:
+            if not moving:
                 take(clean)
             yield clean
 
@@ -173,12 +180,17 @@ def solve_merge(
     if errors is not None:
         errors = PoseErrors(errors.common[used], errors.own[used])
     apart = overlap(seen, errors)
-    registration, left = None, errors or PoseErrors.none(len(used))
-    if o.registration:
+    registration, common, left = None, None, errors or PoseErrors.none(len(used))
+    if moving:
         tell(0.6, "Registering the scans to each other")
         registration = register(seen, errors)
-        seen, left = registration.moved, registration.errors
-        for done, (number, move) in enumerate(zip(used, registration.turntable_from_scan, strict=True)):
+        common = self_calibration(registration, left) if o.self_calibration and left.common.any() else None
+        if not o.registration:
+            ways, left = (common.turntable_from_scan, common.errors) if common else (_no_moves(len(used)), left)
+            seen, registration = seen.transformed(ways), None
+        else:
+            ways, seen, left = registration.turntable_from_scan, registration.moved, registration.errors
+        for done, (number, move) in enumerate(zip(used, ways, strict=True)):
             scan = scans[number]
             tell(0.62 + 0.13 * done / len(used), f"Merging {scan.name}{_on_disk(grid)}")
             take(clean_scan(_moved(scan, move), o.clean))
@@ -196,6 +208,7 @@ def solve_merge(
         patches=seen,
         errors=left,
         registration=registration,
+        self_calibration=common,
         used=tuple(counts),
         failed=failed,
         counts=counts,
@@ -211,6 +224,10 @@ def _counted(clean: CleanScan) -> ScanCounts:
     removed = clean.removed()
     kept = int(np.count_nonzero(clean.verdicts == KEPT))
     return ScanCounts(kept + sum(removed.values()), kept, removed)
+
+
+def _no_moves(count: int) -> FloatArray:
+    return np.tile(np.eye(4), (count, 1, 1))
 
 
 def _moved(scan: Scan, turntable_from_scan: FloatArray) -> Scan:

@@ -103,11 +103,15 @@ class Known(Record):
 
 
 class MergeSettings(Record):
-    """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile."""
+    """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile.
+
+    `registration` may move each scan, `self_calibration` tool and table alone, by what the scans' overlap says.
+    """
 
     voxel_mm: Positive = 0.5
     mesh: Literal["poisson", "grid", "none"] = "poisson"
     registration: bool = False
+    self_calibration: bool = False
     memory_mb: Positive = 1000.0
 
 

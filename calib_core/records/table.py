@@ -147,6 +147,19 @@ class MergeResidual(CaptureResidual):
     turn_deg: float | None = None
 
 
+class SharedShift(Record):
+    """What the scans' overlap adds to the calibration that they share.
+
+    `shift` is that of tool0_from_laser, then of base_from_turntable: rx ry rz tx ty tz each, rotation perturbing
+    on the right, rad and mm; `covariance` (12, 12) is theirs after it.  `directions` counts those that the overlap
+    determines 4.5 times better than the captures did; no other is moved.
+    """
+
+    directions: int
+    shift: list[float]
+    covariance: list[list[float]]
+
+
 class MergeResult(Result):
     """All scans in one frame, and how far they lie apart where they overlap, before any registration.
 
@@ -170,6 +183,7 @@ class MergeResult(Result):
     overlap_pairs: int
     registered_overlap_rms_mm: float | None = None
     registration_shift_rms_mm: float | None = None
+    self_calibration: SharedShift | None = None
     surface_sigma_mm: float | None = None
     calibrated_by: Literal["known", "tcp", "turntable", "chain"] | None = None
     tool0_from_laser: Matrix4 | None = None

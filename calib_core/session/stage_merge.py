@@ -10,12 +10,14 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.majority import NO_SCAN, HeaviestScans
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
+from calib_core.fusion.self_calibration import SelfCalibration
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
 from calib_core.records import (
     Cell,
     ChainResult,
     MergeResidual,
     MergeResult,
+    SharedShift,
     TcpResult,
     TurntableResult,
     VarianceComponents,
@@ -93,7 +95,11 @@ def plan_merge(given: StageInput) -> MergePlan:
     calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
     settings = given.session.cell.merge
     options = MergeOptions(
-        settings.voxel_mm, settings.mesh, settings.registration, most_bytes=int(1e6 * settings.memory_mb)
+        settings.voxel_mm,
+        settings.mesh,
+        settings.registration,
+        settings.self_calibration,
+        most_bytes=int(1e6 * settings.memory_mb),
     )
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
     return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options)
@@ -187,8 +193,7 @@ def _errors(given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibr
 
     A sweep counts with its middle pose: the robot's error is taken to be the same along one sweep.
     """
-    values, vectors = np.linalg.eigh(calibration.covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0))
+    root = _root(calibration)
     common: list[FloatArray] = []
     own: list[FloatArray] = []
     for group in groups:
@@ -199,6 +204,23 @@ def _errors(given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibr
         common.append(moves @ root)
         own.append(mine)
     return PoseErrors(np.array(common), np.array(own))
+
+
+def _root(calibration: _Calibration) -> FloatArray:
+    """Return the changes (12, 12) of tool and table by one sigma of independent errors, in columns."""
+    values, vectors = np.linalg.eigh(calibration.covariance)
+    return vectors * np.sqrt(np.maximum(values, 0))
+
+
+def _shared_shift(calibration: _Calibration, found: SelfCalibration | None) -> SharedShift | None:
+    if found is None:
+        return None
+    root = _root(calibration)
+    return SharedShift(
+        directions=found.directions,
+        shift=(root @ found.shift).tolist(),
+        covariance=(root @ found.covariance @ root.T).tolist(),
+    )
 
 
 def _moves(
@@ -237,13 +259,15 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
     warnings = [
         *calibration.warnings,
         *solution.warnings,
+        *_no_self_calibration(given, solution),
         *merge_doubts(plan.groups, calibration.placement, solution),
     ]
     verdict: Verdict = "warn" if warnings else "pass"
     registered, table = solution.registration, calibration.placement.base_from_turntable
     return MergeResult(
         method="chain, cleaning on the scan's grid, voxel means weighted by 1/σ²"
-        + (", point-to-plane registration" if registered else ""),
+        + (", point-to-plane registration" if registered else "")
+        + (", tool and table moved by the scans' overlap" if solution.self_calibration and not registered else ""),
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         verdict=verdict,
@@ -259,6 +283,7 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         overlap_pairs=apart.pairs,
         registered_overlap_rms_mm=_number(registered.after.rms_mm) if registered else None,
         registration_shift_rms_mm=float(np.sqrt(np.mean(registered.shift_mm**2))) if registered else None,
+        self_calibration=_shared_shift(calibration, solution.self_calibration),
         surface_sigma_mm=_number(solution.surface_sigma_mm),
         calibrated_by=calibration.by,
         tool0_from_laser=calibration.placement.tool0_from_laser.to_rows(),
@@ -269,6 +294,15 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         high_mm=solution.extent.high_mm.tolist(),
         residuals=_rows(given, plan.groups, solution),
     )
+
+
+def _no_self_calibration(given: StageInput, solution: MergeSolution) -> list[str]:
+    if not given.session.cell.merge.self_calibration or solution.self_calibration is not None:
+        return []
+    return [
+        "No self-calibration: tool and table are given as known exactly. Solve them from captures of this "
+        "session, or set cell.merge.self_calibration to false."
+    ]
 
 
 def _rows(given: StageInput, groups: Sequence[ScanGroup], solution: MergeSolution) -> list[MergeResidual]:
