@@ -18,7 +18,7 @@ from calib_core.chain.start_search import Sought, random_few, random_rotations
 from calib_core.frames import FloatArray
 
 _STARTS = 240
-_KEPT = 60
+_KEPT = 200
 _SEARCH_CAPTURES = 40  # more do not make the search safer, only slower
 # Two wrong captures of eight hide the answer from a search by all.  Among so many searches by so few captures
 # some are by good ones alone.
