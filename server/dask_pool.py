@@ -16,7 +16,7 @@ from distributed import Client, KilledWorker
 
 from calib_core.errors import InputError
 from server import worker
-from server.pools import Listen, Pool
+from server.pool import Listen, Pool
 from server.settings import Settings
 
 log = logging.getLogger("scancell")

@@ -10,10 +10,11 @@ from functools import partial
 from typing import Any
 
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
-from calib_core.session.measure import BOARD_STEPS
+from calib_core.session.capture_content import BOARD_STEPS
 from server import worker
 from server.errors import problem, problem_of_status
-from server.pools import Pool, open_pool
+from server.pool import Pool
+from server.pools import open_pool
 from server.settings import Settings
 from server.store.calibrations import measure_frames_anew
 from server.store.database import Store

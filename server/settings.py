@@ -9,7 +9,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from calib_core.errors import InputError
 from calib_core.records import input_error
-from server.store.blobs import BlobPlace
+from server.store.blob_places import BlobPlace
 
 MEBIBYTE = 1024 * 1024
 

@@ -13,7 +13,8 @@ from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calib_core.errors import InputError
-from server.store.blobs import Blobs, open_blobs
+from server.store.blob_places import open_blobs
+from server.store.blobs import Blobs
 from server.store.sessions import Output
 
 if TYPE_CHECKING:
@@ -109,8 +110,8 @@ def solve(
     """
     progress = started(job_id)
     from calib_core.records import parse_session
-    from calib_core.session.frames import recall
     from calib_core.session.pipeline import solve_stage
+    from calib_core.session.solved_optics import recall
     from server.strict_json import plain_json
 
     recall(solved)

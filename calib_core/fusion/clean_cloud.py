@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray
-from calib_core.fusion.clean import BLANK, GRAZING, KEPT, STRAY, CleanOptions, CleanScan
+from calib_core.fusion.clean_scan import BLANK, GRAZING, KEPT, STRAY, CleanOptions, CleanScan
 from calib_core.fusion.scan import Scan
 
 _NEIGHBOURS = 24

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
-from calib_core.fusion.clean import KEPT, CleanScan
+from calib_core.fusion.clean_scan import KEPT, CleanScan
 from calib_core.fusion.merge import VoxelCloud
 
 _FEWEST_POINTS = 50

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, skew
-from calib_core.fusion.clean import KEPT, CleanScan
+from calib_core.fusion.clean_scan import KEPT, CleanScan
 from calib_core.fusion.merge import VoxelGrid
 
 _FEWEST_POINTS = 3

@@ -9,7 +9,8 @@ import numpy as np
 from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.certainty import surface_sigma_mm
-from calib_core.fusion.clean import KEPT, CleanOptions, CleanScan, clean_scan
+from calib_core.fusion.clean import clean_scan
+from calib_core.fusion.clean_scan import KEPT, CleanOptions, CleanScan
 from calib_core.fusion.merge import SpillStore, VoxelGrid
 from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, sheet
 from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap, patches

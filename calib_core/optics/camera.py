@@ -7,13 +7,15 @@ from typing import Literal
 import numpy as np
 
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray, RigidTransform
-from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State, shape_start, shared_vector
+from calib_core.frames import FloatArray
+from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera_choice import Candidate, choose_model
-from calib_core.optics.camera_evidence import Coverage, summarise
-from calib_core.optics.camera_model import COEFFICIENTS, CameraModel, Model, Segment
+from calib_core.optics.camera_choice import choose_model
+from calib_core.optics.camera_evidence import summarise
+from calib_core.optics.camera_layout import Layout, restart
+from calib_core.optics.camera_model import Model
 from calib_core.optics.camera_segments import depth_bands
+from calib_core.optics.camera_solution import CameraSolution, Fit
 from calib_core.optics.camera_start import (
     homographies,
     homography_misfits_px,
@@ -60,94 +62,6 @@ class CameraOptions:
     refine_board: bool = False
     folds: int = 5
     segments: int = 4
-
-
-@dataclass(frozen=True, eq=False)
-class CameraSolution:
-    """A calibrated camera with its evidence.
-
-    Attributes
-    ----------
-    camera : CameraModel
-    parameters : tuple of str
-        What the rows of `covariance` stand for.
-    covariance : (C, C)
-        Scaled by the residuals, and by `inflation`.
-    camera_from_board : tuple of RigidTransform or None
-        One a view; None where the view was rejected.
-    pose_covariances : dict
-        View index to (6, 6), order rx ry rz tx ty tz.
-    reprojection_rms_px : float
-        Of the corners' 2-D distances, over used views.
-    corner_sigma_px : float
-        Standard deviation of one coordinate, from the residuals.
-    view_rms_px : (V,)
-        NaN where the view was never fitted.
-    residuals_px : tuple of (N, 2)
-        Seen minus predicted, one array a view.
-    rejected : dict
-        View index to the reason.
-    rejected_corners : int
-        Corners left out in used views.
-    candidates : tuple of Candidate
-        Held-out errors of the models that were compared.
-    tilt_correlation : float or None
-        Largest |correlation| between a tilt and the principal point.
-    board_shape_mm : (7,) or None
-        Deviation from the plane, if it was refined: x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
-    bend_mm, bend_gain : float or None
-        How far from its plane the board seems to be bent, highest to lowest point, and by what share the residuals
-        shrink if it may be; None where there are too few views to tell.
-    inflation : float
-        By how much the covariance has grown for errors that a view's corners share; 1 for independent ones.
-    coverage : Coverage
-    converged : bool
-    """
-
-    camera: CameraModel
-    parameters: tuple[str, ...]
-    covariance: FloatArray
-    camera_from_board: tuple[RigidTransform | None, ...]
-    pose_covariances: dict[int, FloatArray]
-    reprojection_rms_px: float
-    corner_sigma_px: float
-    view_rms_px: FloatArray
-    residuals_px: tuple[FloatArray, ...]
-    rejected: dict[int, str]
-    rejected_corners: int
-    candidates: tuple[Candidate, ...]
-    tilt_correlation: float | None
-    board_shape_mm: FloatArray | None
-    bend_mm: float | None
-    bend_gain: float | None
-    inflation: float
-    coverage: Coverage
-    converged: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Which shared parameters a model frees, and its bands of depth."""
-
-    model: Model
-    nears: FloatArray
-    fars: FloatArray
-    free: np.ndarray
-
-    @property
-    def bands(self) -> tuple[FloatArray, FloatArray]:
-        """The bands' near and far ends, (B,), mm."""
-        return self.nears, self.fars
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters."""
-        return tuple(parameter_name(int(i), len(self.nears)) for i in self.free)
-
-    def with_bent_board(self) -> "Layout":
-        """Return the layout with the board's shape free too."""
-        start = shape_start(len(self.nears))
-        return replace(self, free=np.concatenate([self.free, np.arange(start, start + 7)]))
 
 
 def whole_depth(model: Model) -> Layout:
@@ -224,19 +138,6 @@ def calibrate_camera(
         final = _robust_fit(corners, layout, restart(final.adjusted.state, layout), final.rejected)
     bent = None if options.refine_board else _bent_fit(corners, layout, final)
     return summarise(final, layout, image_size, candidates, bent)
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """An adjustment of the views that remained: which, why others did not, and the corners with their weights."""
-
-    all_corners: Corners
-    corners: Corners
-    adjusted: Adjusted
-    used: list[int]
-    rejected: dict[int, str]
-    view_rms_px: FloatArray
-    sigma_px: float
 
 
 def _no_boards(corners: Corners, image_size: tuple[int, int]) -> dict[int, str]:
@@ -324,51 +225,11 @@ def robust_sigma(residuals_px: FloatArray) -> float:
     return float(1.4826 * np.median(np.abs(residuals_px)))
 
 
-def restart(state: State, layout: Layout) -> State:
-    """Return a state laid out for another model: the same camera, its distortion in every band."""
-    matrix = np.array([[state.shared[0], 0, state.shared[2]], [0, state.shared[1], state.shared[3]], [0, 0, 1.0]])
-    lens = np.zeros(14)
-    own = [int(place) - 4 for place in layout.free if 4 <= place < 18]
-    lens[own] = state.shared[4:18][own]
-    bands = np.tile(lens, (len(layout.nears), 1))
-    return State(shared_vector(matrix, bands), state.rotations, state.translations)
-
-
 def _poses_of(corners: Corners, state: State) -> tuple[FloatArray, FloatArray]:
     """Return start poses of all views for a camera, where a state holds those of some only."""
     s = state.shared
     matrix = np.array([[s[0], 0, s[2]], [0, s[1], s[3]], [0, 0, 1.0]])
     return poses_from_homographies(homographies(corners), matrix)
-
-
-def camera_of(shared: FloatArray, layout: Layout, image_size: tuple[int, int]) -> CameraModel:
-    """Return the camera that a shared vector describes."""
-    matrix = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1.0]])
-    count = len(layout.nears)
-    bands = shared[4 : 4 + 14 * count].reshape(count, 14).copy()
-    if layout.model != "segmental":
-        return CameraModel(matrix, bands[0], layout.model, image_size)
-    segments = tuple(
-        Segment(float(a), float(b), d) for a, b, d in zip(layout.nears, layout.fars, bands, strict=True)
-    )
-    return CameraModel(matrix, bands[count // 2], "segmental", image_size, segments)
-
-
-def parameter_places(names: Sequence[str]) -> np.ndarray:
-    """Return the places (C,) in the shared vector of named parameters; those of the board are left out."""
-    band_count = max([int(name.partition("@")[2] or 1) for name in names], default=1)
-    places = {parameter_name(i, band_count): i for i in range(shape_start(band_count))}
-    return np.array([places[name] for name in names if not name.startswith("board")], dtype=np.int64)
-
-
-def parameter_name(place: int, bands: int) -> str:
-    """Return the name of a place in the shared vector; coefficients of bands end in their number, from near."""
-    if place < 4:
-        return ("fx", "fy", "cx", "cy")[place]
-    if place < shape_start(bands):
-        band, j = divmod(place - 4, 14)
-        return COEFFICIENTS[j] if bands == 1 else f"{COEFFICIENTS[j]}@{band + 1}"
-    return f"board{place - shape_start(bands) + 1}"
 
 
 def _tell_nobody(_fraction: float, _what: str) -> None:

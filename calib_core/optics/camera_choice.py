@@ -10,7 +10,7 @@ from calib_core.optics.adjust import Adjustment, Corners, State, fit_poses
 from calib_core.optics.camera_model import Model
 
 if TYPE_CHECKING:
-    from calib_core.optics.camera import Layout
+    from calib_core.optics.camera_layout import Layout
 
 _LEAST_GAIN = 0.03  # of the mean squared error; less is not worth a parameter
 _SIGNIFICANT = 2.5  # standard errors of the views' mean gain
@@ -79,7 +79,7 @@ def held_out_errors(
 
     Views are dealt to the folds by their depth in turn, so that every fold spans the depths.
     """
-    from calib_core.optics.camera import restart
+    from calib_core.optics.camera_layout import restart
 
     order = np.argsort(state.translations[:, 2], kind="stable")
     folds = max(2, min(folds, corners.views // 2))

@@ -1,6 +1,5 @@
 """What a camera's solution says about itself: covariance, correlations, coverage, and warnings in sentences."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +9,11 @@ from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_segments import corner_depths
+from calib_core.optics.camera_solution import Coverage
 
 if TYPE_CHECKING:
-    from calib_core.optics.camera import CameraSolution, Fit, Layout
+    from calib_core.optics.camera_layout import Layout
+    from calib_core.optics.camera_solution import CameraSolution, Fit
 
 _CELLS = (8, 6)
 _ADVISED_VIEWS = 10
@@ -21,28 +22,6 @@ _LARGE_RMS_PX = 1.0
 _UNSURE_FOCAL = 0.005
 _NOTABLE_BEND_GAIN = 0.15
 _ADVISED_TILT_RAD = 0.26
-
-
-@dataclass(frozen=True, eq=False)
-class Coverage:
-    """Where the boards were seen.
-
-    Attributes
-    ----------
-    counts : (6, 8)
-        Corners in each cell of the image, rows from the top.
-    depth_mm : (near, far)
-        Of all corners.
-    covered : float
-        Share of the cells with a corner.
-    largest_tilt_rad : float
-        Between a board and the image plane.
-    """
-
-    counts: np.ndarray
-    depth_mm: tuple[float, float]
-    covered: float
-    largest_tilt_rad: float
 
 
 def coverage(fit: "Fit", image_size: tuple[int, int]) -> Coverage:
@@ -71,7 +50,8 @@ def summarise(
 ) -> "CameraSolution":
     """Return the solution of a finished fit; `bent` is the same with a board that may be bent."""
     from calib_core.optics.adjust import shape_start
-    from calib_core.optics.camera import CameraSolution, camera_of
+    from calib_core.optics.camera_layout import camera_of
+    from calib_core.optics.camera_solution import CameraSolution
 
     end, state = fit.adjusted, fit.adjusted.state
     weight = float(fit.corners.weights.max())

@@ -18,8 +18,8 @@ from calib_core.session.bag_zip import LIMITS, ArchiveLimits
 from calib_core.session.files import require_file_size
 from calib_core.session.folder import MAX_SESSION_BYTES, SESSION_FILE, folder_of, load_session, parse_json
 from calib_core.session.formats import to_present_format
-from calib_core.session.measure import ReadFile
 from calib_core.session.plain_json import require_plain
+from calib_core.session.stage import ReadFile
 from calib_core.session.stored_results import require_result
 
 SCENE_FILE: Final = "scene.html"

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError, MeasurementError
 from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.records import Board, Capture, Cell
 from calib_core.session.images import decode_image
-from calib_core.session.measure import ReadFile
+from calib_core.session.stage import ReadFile
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -83,3 +84,31 @@ def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
     if isinstance(found, MeasurementError):
         raise MeasurementError(found.need, found.got, found.to_do, found.where)
     return found
+
+
+def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
+    """Return the stripe in a laser-plane capture: in its second frame where it has two, the lit board first.
+
+    Where the stripe's frame is as bright as the board's own, the board's is taken off.
+
+    Raises
+    ------
+    InputError
+        If there are more than two files or one is of no use.
+    MeasurementError
+        If there is no stripe.
+    """
+    if len(capture.files) > 2:
+        raise InputError(
+            "one or two frames in a laser-plane capture, the board lit and the stripe on it",
+            f"{len(capture.files)} files",
+            "Give each pose of the board its own capture.",
+            capture.id,
+        )
+    frame = read_frame(capture, read, -1)
+    if len(capture.files) == 1:
+        return find_stripe(frame)
+    lit = read_frame(capture, read, 0)
+    if lit.shape == frame.shape and float(np.median(frame[::4, ::4])) > 0.5 * float(np.median(lit[::4, ::4])) > 5:
+        return find_stripe(frame, dark=lit)
+    return find_stripe(frame)

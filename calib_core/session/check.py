@@ -5,15 +5,17 @@ from collections.abc import Iterator, Sequence
 from calib_core.errors import CalibrationError
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Finding, Measured, Session
+from calib_core.session.capture_content import pose_of, sphere_of
 from calib_core.session.guide_motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
-from calib_core.session.measure import ReadFile, measure_capture, pose_of, sphere_of
-from calib_core.session.pipeline import STAGES, stage_captures
+from calib_core.session.measure import measure_capture
 from calib_core.session.poses import (
     angles_look_like_radians,
     base_from_tool0_by_capture,
     duplicates,
     same_place,
 )
+from calib_core.session.stage import ReadFile
+from calib_core.session.stages import STAGES, stage_captures
 from calib_core.session.sweep import sweep_poses
 
 _LEAST_CAPTURES = 5

@@ -13,9 +13,9 @@ from calib_core.optics.laser_plane_solve import PlaneView, board_poses, view_of_
 from calib_core.optics.stripe import StripeCenters
 from calib_core.records import Capture, Session
 from calib_core.robot_pose import parse_pose
-from calib_core.session.boards import board_in, board_of, read_frame, shows_stripe_alone
-from calib_core.session.frames import stripe_of
-from calib_core.session.measure import BOARD_STEPS, ReadFile
+from calib_core.session.boards import board_in, board_of, read_frame, shows_stripe_alone, stripe_of
+from calib_core.session.capture_content import BOARD_STEPS
+from calib_core.session.stage import ReadFile
 
 
 class PlaneViews:

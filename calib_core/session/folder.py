@@ -15,7 +15,7 @@ from calib_core.errors import ConflictError, InputError
 from calib_core.records import Record, Session, parse_session
 from calib_core.session.files import MAX_FILE_BYTES, require_file_size
 from calib_core.session.formats import to_present_format
-from calib_core.session.measure import ReadFile
+from calib_core.session.stage import ReadFile
 
 SESSION_FILE = "session.json"
 MAX_SESSION_BYTES = 32_000_000

@@ -16,7 +16,7 @@ from calib_core.optics.camera_model import COEFFICIENTS, CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import LaserPlaneResult, Session
 from calib_core.session.frames import calibration_of, plane_of
-from calib_core.session.measure import ReadFile
+from calib_core.session.stage import ReadFile
 from calib_core.session.sweep import of_frames
 
 FloatArray = NDArray[np.float64]

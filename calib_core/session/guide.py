@@ -17,7 +17,7 @@ from calib_core.session.guide_frames import camera_now, laser_plane_now
 from calib_core.session.guide_scan import scan_captures, scan_now
 from calib_core.session.guide_tcp import tcp_now
 from calib_core.session.guide_turntable import turntable_now, wants_turntable
-from calib_core.session.pipeline import STAGES, stage_captures
+from calib_core.session.stages import STAGES, stage_captures
 
 StepName = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan", "merge"]
 STEPS: tuple[StepName, ...] = get_args(StepName)

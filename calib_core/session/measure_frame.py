@@ -9,9 +9,9 @@ from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
 from calib_core.optics.stripe import find_stripe
 from calib_core.records import Capture, Measured, Session, Verdict
-from calib_core.session.boards import Image, board_in, board_of, read_frame, shows_stripe_alone
-from calib_core.session.frames import stripe_of
-from calib_core.session.measure import SPHERE_STEPS, ReadFile, pose_of
+from calib_core.session.boards import Image, board_in, board_of, read_frame, shows_stripe_alone, stripe_of
+from calib_core.session.capture_content import SPHERE_STEPS, pose_of
+from calib_core.session.stage import ReadFile
 from calib_core.session.sweep import sweep_poses
 
 _PREVIEW_POINTS = 200

@@ -1,15 +1,12 @@
 """The paper's calibrations in their order: which captures each stage takes, and what solves it."""
 
-import hashlib
-import json
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import get_args
 
 from calib_core.errors import InputError
-from calib_core.records import Capture, Known, Result, Session, Stage, Step
-from calib_core.session.measure import ReadFile
-from calib_core.session.stage_tcp import Kept, Progress, StageInput, StoreFile, solve_tcp_stage
+from calib_core.records import Capture, Result, Session
+from calib_core.session.stage import Kept, Progress, ReadFile, StageInput, StoreFile
+from calib_core.session.stage_tcp import solve_tcp_stage
+from calib_core.session.stages import STAGES, inputs_sha256, stage_captures, stage_entry
 
 _TO_CAPTURE = {
     "camera": "Capture the board, tilted differently in each frame, and add the frames to the session.",
@@ -17,23 +14,6 @@ _TO_CAPTURE = {
     "merge": "Scan the object from around, with the robot's pose and the table's angle of each scan.",
     "laser-plane": "Capture the board with the stripe on it, near and far, and add the frames to the session.",
 }
-_OF_FRAMES: tuple[Step, ...] = ("camera", "laser-plane")  # what raw frames of later stages rest on
-
-
-@dataclass(frozen=True)
-class StageEntry:
-    """One stage: the steps whose captures it takes, what it gives that a user may bring, and its solver.
-
-    `tool_from` and `table_from` are the steps that its tool and its table come from, where the user brings none;
-    with `every_step` it is solved only where there are captures of all its steps.
-    """
-
-    steps: tuple[Step, ...]
-    known: Callable[[Known], object | None]
-    solve: Callable[[StageInput], Result]
-    tool_from: tuple[Step, ...] = ()
-    table_from: tuple[Step, ...] = ()
-    every_step: bool = False
 
 
 def _solve_camera(given: StageInput) -> Result:
@@ -66,22 +46,13 @@ def _solve_merge(given: StageInput) -> Result:
     return solve_merge_stage(given)
 
 
-STAGES: dict[Stage, StageEntry] = {
-    "camera": StageEntry(("camera", "laser-plane"), lambda known: known.camera, _solve_camera),
-    "laser-plane": StageEntry(("laser-plane",), lambda known: known.laser_plane, _solve_laser_plane),
-    "tcp": StageEntry(("tcp",), lambda known: known.tool0_from_laser, solve_tcp_stage),
-    "turntable": StageEntry(
-        ("turntable",), lambda known: known.base_from_turntable, _solve_turntable, tool_from=("tcp",)
-    ),
-    "chain": StageEntry(
-        ("tcp", "turntable"),
-        lambda known: known.tool0_from_laser or known.base_from_turntable,
-        _solve_chain,
-        every_step=True,
-    ),
-    "merge": StageEntry(
-        ("scan",), lambda _known: None, _solve_merge, tool_from=("tcp",), table_from=("turntable",)
-    ),
+_SOLVERS: dict[str, Callable[[StageInput], Result]] = {
+    "camera": _solve_camera,
+    "laser-plane": _solve_laser_plane,
+    "tcp": solve_tcp_stage,
+    "turntable": _solve_turntable,
+    "chain": _solve_chain,
+    "merge": _solve_merge,
 }
 
 
@@ -145,7 +116,26 @@ def solve_stage(
     CalibrationError
         What the stage's solver says.
     """
-    entry = _entry(stage)
+    given = stage_input(session, stage, read, progress, store, kept)
+    return _SOLVERS[stage](given)
+
+
+def stage_input(
+    session: Session,
+    stage: str,
+    read: ReadFile,
+    progress: Progress | None = None,
+    store: StoreFile | None = None,
+    kept: Kept | None = None,
+) -> StageInput:
+    """Return what the solver of a stage gets; parameters as of `solve_stage`.
+
+    Raises
+    ------
+    InputError
+        If the stage is unknown, brought by the user, or has no captures.
+    """
+    entry = stage_entry(stage)
     if entry.known(session.cell.known) is not None:
         raise InputError(
             f"a stage to solve, not '{stage}'",
@@ -157,66 +147,23 @@ def solve_stage(
     _require_captures(captures, stage)
     inputs = inputs_sha256(session, stage, read)
     tell: Progress = progress or (lambda _fraction, _message: None)
-    return entry.solve(StageInput(session, captures, read, inputs, tell, store, kept or Kept()))
+    solved = kept or Kept()
 
+    def solve_other(other: str, progress: Progress) -> Result:
+        return solve_stage(session, other, read, progress, kept=solved)
 
-def stage_captures(session: Session, stage: str) -> list[Capture]:
-    """Return the captures that a stage takes, the excluded ones too."""
-    steps = _entry(stage).steps
-    return [capture for capture in session.captures if capture.step in steps]
-
-
-def inputs_sha256(session: Session, stage: str, read: ReadFile, digest: Callable[[str], str] | None = None) -> str:
-    """Return the hash of all that a stage's result depends on: cell, captures, and their files' contents.
-
-    A stored result is stale where this differs from the one it carries.  Where a store knows the SHA-256 of its
-    files, `digest` gives it by a file's name, and nothing is read.
-    """
-    digest = digest or (lambda name: hashlib.sha256(read(name)).hexdigest())
-    captures = _captures_it_rests_on(session, stage)
-    names = [name for capture in captures if not capture.excluded for name in capture.files]
-    inputs = {
-        "stage": stage,
-        "cell": session.cell.model_dump(mode="json", exclude_defaults=True),
-        "captures": [capture.model_dump(mode="json", exclude_defaults=True) for capture in captures],
-        "files": {name: digest(name) for name in names},
-    }
-    text = json.dumps(inputs, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _captures_it_rests_on(session: Session, stage: str) -> list[Capture]:
-    """Return a stage's captures, and those that tell how its raw frames become points."""
-    entry = _entry(stage)
-    steps: set[Step] = {*entry.steps}
-    if entry.tool_from and session.cell.known.tool0_from_laser is None:
-        steps |= {*entry.tool_from}
-    if entry.table_from and session.cell.known.base_from_turntable is None:
-        steps |= {*entry.table_from}
-    captures = [capture for capture in session.captures if capture.step in steps]
-    if stage != "camera" and any(capture.kind in ("frame", "sweep") for capture in captures):
-        steps |= {*_OF_FRAMES}
-        return [capture for capture in session.captures if capture.step in steps]
-    return captures
+    return StageInput(session, captures, read, inputs, tell, store, solved, solve_other)
 
 
 def _has_captures(session: Session, stage: str) -> bool:
     steps = {capture.step for capture in session.captures}
-    entry = _entry(stage)
+    entry = stage_entry(stage)
     return (all if entry.every_step else any)(step in steps for step in entry.steps)
-
-
-def _entry(stage: str) -> StageEntry:
-    for name, entry in STAGES.items():
-        if name == stage:
-            return entry
-    got = f"'{stage}', which a later version will solve" if stage in get_args(Stage) else f"'{stage}'"
-    raise InputError("a stage among all, " + ", ".join(STAGES), got, "Name one of these.", "stage")
 
 
 def _require_captures(captures: list[Capture], stage: str) -> None:
     if not captures:
-        steps = " or ".join(f"'{step}'" for step in _entry(stage).steps)
+        steps = " or ".join(f"'{step}'" for step in stage_entry(stage).steps)
         raise InputError(
             f"captures with step {steps}",
             "none",

@@ -13,8 +13,10 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.records import Capture, Session
+from calib_core.session.capture_content import pose_of, sphere_of
 from calib_core.session.frames import read_profile_frame
-from calib_core.session.measure import ReadFile, arc_observation, pose_of, sphere_of
+from calib_core.session.observe import arc_observation
+from calib_core.session.stage import ReadFile
 from calib_core.sphere.arc import fit_arc
 
 _LEAST_CAPTURES = 6

@@ -9,7 +9,8 @@ from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell
 from calib_core.robot_pose import CONVENTIONS
-from calib_core.session.measure import ReadFile, pose_of
+from calib_core.session.capture_content import pose_of
+from calib_core.session.stage import ReadFile
 from calib_core.session.sweep import sweep_poses
 
 _NEARER_THAN_A_ROBOT_CAN_MM = 10.0

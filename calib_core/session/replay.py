@@ -9,9 +9,9 @@ from pydantic import Field
 from calib_core.errors import CalibrationError, InputError
 from calib_core.records import Record, Session
 from calib_core.session.folder import result_data
-from calib_core.session.measure import ReadFile
-from calib_core.session.pipeline import inputs_sha256, solve_stage
-from calib_core.session.stage_tcp import SOFTWARE, Progress
+from calib_core.session.pipeline import solve_stage
+from calib_core.session.stage import SOFTWARE, Progress, ReadFile
+from calib_core.session.stages import inputs_sha256
 
 TOLERANCE: Final = 1e-9
 """Two numbers are equal where they differ by less than this, relative to the larger."""

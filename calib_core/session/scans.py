@@ -12,10 +12,11 @@ from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, as_rows
 from calib_core.records import Capture, Session
 from calib_core.session.binary_table import parse_npy
+from calib_core.session.capture_content import pose_of
 from calib_core.session.files import parse_cloud
 from calib_core.session.frames import read_profile_frame
-from calib_core.session.measure import ReadFile, pose_of
 from calib_core.session.point_files import parse_pcd
+from calib_core.session.stage import ReadFile
 from calib_core.session.sweep import read_sweep, sweep_poses
 from calib_core.session.text_table import parse_table
 

@@ -8,9 +8,10 @@ import numpy as np
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_refusal import COLOUR_NOTE
-from calib_core.optics.camera import CameraOptions, CameraSolution, calibrate_camera
+from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
+from calib_core.optics.camera_solution import CameraSolution
 from calib_core.records import (
     Board,
     CameraCandidate,
@@ -23,11 +24,11 @@ from calib_core.records import (
     Verdict,
 )
 from calib_core.session.boards import board_in, board_of, shows_stripe_alone
-from calib_core.session.frames import remembered
-from calib_core.session.stage_tcp import SOFTWARE
+from calib_core.session.solved_optics import remembered
+from calib_core.session.stage import SOFTWARE
 
 if TYPE_CHECKING:
-    from calib_core.session.stage_tcp import StageInput
+    from calib_core.session.stage import StageInput
 
 _FAIL_RMS_PX = 3.0
 _FINDING_SHARE = 0.7

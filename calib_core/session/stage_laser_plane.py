@@ -26,9 +26,10 @@ from calib_core.records import (
     Verdict,
 )
 from calib_core.session.boards import board_in, board_of
+from calib_core.session.camera_source import camera_of
 from calib_core.session.dark_boards import PlaneViews
-from calib_core.session.frames import camera_of, remembered
-from calib_core.session.stage_tcp import SOFTWARE, StageInput
+from calib_core.session.solved_optics import remembered
+from calib_core.session.stage import SOFTWARE, StageInput
 
 _FINDING_SHARE = 0.6
 _FAIL_NORMAL_SIGMA_DEG = 2.0
@@ -98,7 +99,7 @@ def _uncertainty(given: StageInput, result: CameraResult | None, lent: set[str])
     """
     if result is None:
         return None
-    from calib_core.optics.camera import parameter_places
+    from calib_core.optics.camera_layout import parameter_places
 
     own = [i for i, name in enumerate(result.parameters) if not name.startswith("board")]
     covariance = np.array(result.covariance)[np.ix_(own, own)]

@@ -27,7 +27,7 @@ from calib_core.session.merge_doubts import merge_doubts
 from calib_core.session.point_writers import Pieces, ply_pieces, ply_pieces_of
 from calib_core.session.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.session.spill import FileSpill
-from calib_core.session.stage_tcp import SOFTWARE, StageInput
+from calib_core.session.stage import SOFTWARE, StageInput
 from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 
 _CALIBRATION_SHARE = 0.2
@@ -125,8 +125,6 @@ def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
 
 def _calibration(given: StageInput, with_table: bool) -> _Calibration:
     """Return tool and table: brought by the user, or solved from the session's own captures."""
-    from calib_core.session.pipeline import solve_stage
-
     known, steps = given.session.cell.known, {c.step for c in given.session.captures if not c.excluded}
     table_to_solve = known.base_from_turntable is None and "turntable" in steps
     if with_table and known.base_from_turntable is None and not table_to_solve:
@@ -150,7 +148,7 @@ def _calibration(given: StageInput, with_table: bool) -> _Calibration:
             "Capture the still sphere from several robot poses, or give tool0_from_laser with the cell.",
             "captures",
         )
-    result = given.kept.results.get(stage) or solve_stage(given.session, stage, given.read, tell, kept=given.kept)
+    result = given.kept.results.get(stage) or given.solve_other(stage, tell)
     assert isinstance(result, TcpResult | TurntableResult | ChainResult)
     return _calibration_of(given.session.cell, result)
 

@@ -1,83 +1,32 @@
 """The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from calib_core import __version__
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.records import (
     Capture,
     ChainResult,
-    Result,
-    Session,
     TcpResidual,
     TcpResult,
     TurntableResidual,
     TurntableResult,
 )
-from calib_core.session.measure import ReadFile, observe_capture, sphere_of
+from calib_core.session.capture_content import sphere_of
+from calib_core.session.observe import observe_capture
 from calib_core.session.poses import base_from_tool0_by_capture, duplicates, same_place
+from calib_core.session.stage import SOFTWARE, Observed, Progress, ReadFile, SolvedTcp, StageInput
 from calib_core.session.sweep_rows import mark_sweeps, one_row_each
 
 if TYPE_CHECKING:
-    from calib_core.chain.tcp import TcpSolution  # brings numba and scipy
-    from calib_core.session.stage_turntable import SolvedTable
+    pass
 
-Progress = Callable[[float, str], None]
-StoreFile = Callable[[str, Iterable[bytes | memoryview]], object]
-
-SOFTWARE = f"scancell {__version__}"
 
 _MEASURING_SHARE = 0.3
 _SUSPICIOUS_SCATTER_MM = 1.0  # arms that are read rightly stay below
-
-
-@dataclass(eq=False)
-class Kept:
-    """What the stages of one run have solved already of the same captures, so that nothing is solved twice."""
-
-    tcp: "SolvedTcp | None" = None
-    table: "SolvedTable | None" = None
-    results: dict[str, Result] = field(default_factory=dict[str, Result])
-
-
-@dataclass(frozen=True, eq=False)
-class StageInput:
-    """What a stage's solver gets: the session, the stage's captures, their files, and whom to tell progress.
-
-    `store` takes files that a stage makes beside its result, by name and in pieces; without one they are not made.
-    """
-
-    session: Session
-    captures: list[Capture]
-    read: ReadFile
-    inputs_sha256: str
-    progress: Progress
-    store: StoreFile | None = None
-    kept: Kept = field(default_factory=Kept)
-
-
-@dataclass(frozen=True, eq=False)
-class Observed:
-    """A stage's captures as the solvers take them, and by id why others are of no use."""
-
-    observations: list[SphereObservation]
-    failed: dict[str, MeasurementError]
-    unused: dict[str, str]
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedTcp:
-    """The tcp captures' solution and what it was solved from."""
-
-    solution: "TcpSolution"
-    observations: list[SphereObservation]
-    sphere: SphereSize
-    unused: dict[str, str]
 
 
 def solve_tcp_stage(given: StageInput) -> TcpResult:

@@ -1,7 +1,7 @@
 """The turntable stage and the whole chain: the tool first, then the captures of the sphere on the table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,31 +10,14 @@ from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell, ChainResult, TurntableResult
-from calib_core.session.measure import sphere_of
-from calib_core.session.stage_tcp import (
-    SOFTWARE,
-    Progress,
-    SolvedTcp,
-    StageInput,
-    observe_stage,
-    solve_tcp_captures,
-    with_failures,
-    with_unused,
-)
+from calib_core.session.capture_content import sphere_of
+from calib_core.session.stage import SOFTWARE, Progress, SolvedTable, SolvedTcp, StageInput
+from calib_core.session.stage_tcp import observe_stage, solve_tcp_captures, with_failures, with_unused
 
 if TYPE_CHECKING:
-    from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution
+    from calib_core.chain.turntable import KnownTool, TurntableOptions
 
 _TCP_SHARE, _TABLE_SHARE = 0.4, 0.7
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedTable:
-    """The table captures' solution and what it was solved from."""
-
-    solution: "TurntableSolution"
-    observations: list[TableObservation]
-    unused: dict[str, str]
 
 
 def solve_turntable_stage(given: StageInput) -> TurntableResult:

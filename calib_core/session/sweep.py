@@ -14,7 +14,7 @@ from calib_core.robot_pose import parse_pose
 from calib_core.session.files import parse_profile
 from calib_core.session.frames import calibration_of
 from calib_core.session.images import decode_image
-from calib_core.session.measure import ReadFile
+from calib_core.session.stage import ReadFile
 
 IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
 

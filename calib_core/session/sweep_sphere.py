@@ -11,7 +11,9 @@ from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Measured, Session, Still
-from calib_core.session.measure import SPHERE_STEPS, ReadFile, arc_observation, sphere_of, thinned, thinning
+from calib_core.session.capture_content import SPHERE_STEPS, sphere_of, thinned, thinning
+from calib_core.session.observe import arc_observation
+from calib_core.session.stage import ReadFile
 from calib_core.session.standstill import doubt_of, still_of
 from calib_core.session.sweep import sweep_poses, sweep_profile
 from calib_core.sphere.arc import ArcFit, fit_arc

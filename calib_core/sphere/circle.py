@@ -62,12 +62,12 @@ def circle_step(points: FloatArray, circle: FloatArray) -> CircleFit:
 def _solved(normal_matrix: FloatArray, gradient: FloatArray, longest: float) -> FloatArray:
     """Return the step (3,), the shortest one where several fit equally well."""
     try:
-        step = np.linalg.solve(normal_matrix, gradient)
+        step = np.asarray(np.linalg.solve(normal_matrix, gradient), dtype=np.float64)
     except np.linalg.LinAlgError:
         step = np.full(3, np.inf)
     if np.abs(step).max() < longest:
         return step
-    return np.linalg.lstsq(normal_matrix, gradient, rcond=1e-14)[0]
+    return np.asarray(np.linalg.lstsq(normal_matrix, gradient, rcond=1e-14)[0], dtype=np.float64)
 
 
 def fit_circle(points: FloatArray, start: FloatArray) -> CircleFit:

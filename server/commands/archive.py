@@ -12,9 +12,9 @@ from calib_core.session import archive
 from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.session.bag import Content
 from calib_core.session.folder import folder_of, load_session, to_json_bytes
-from calib_core.session.measure import ReadFile
 from calib_core.session.replay import Replay, StageReplay
 from calib_core.session.replay import replay as replay_session
+from calib_core.session.stage import ReadFile
 from calib_core.session.stored_results import stored_results
 from server.commands.progress import progress_bar
 from server.commands.solving import solved_if_possible

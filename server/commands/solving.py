@@ -30,10 +30,10 @@ from calib_core.session.folder import (
     write_atomically,
     write_result,
 )
-from calib_core.session.measure import ReadFile
-from calib_core.session.pipeline import inputs_sha256
 from calib_core.session.pipeline import run as run_stages
 from calib_core.session.point_writers import write_pieces
+from calib_core.session.stage import ReadFile
+from calib_core.session.stages import inputs_sha256
 from calib_core.session.stored_clouds import MEDIA_TYPES
 from calib_core.session.stored_results import stored_results
 from server.commands.merge_summary import merge_summary

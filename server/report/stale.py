@@ -5,8 +5,8 @@ from typing import Any
 
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
-from calib_core.session.measure import ReadFile
-from calib_core.session.pipeline import inputs_sha256
+from calib_core.session.stage import ReadFile
+from calib_core.session.stages import inputs_sha256
 
 
 def stale_stages(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> list[str]:

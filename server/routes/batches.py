@@ -14,6 +14,7 @@ from server.backlog import to_wait
 from server.batches import Raw, bunches, parsed
 from server.deps import BacklogDep, OnceDep, SessionId, SettingsDep, StoreDep
 from server.errors import problem
+from server.json_text import JsonText
 from server.schemas import BatchAnswer
 from server.store.arrivals import Arrival, add_captures, is_stored, session_record
 from server.store.database import Store
@@ -118,7 +119,9 @@ def _store_bunch(
     return [next(stored) if item is None else item for item in items]
 
 
-def _stored(db: Transaction, session_id: str, arrival: Arrival, answer: Data | CalibrationError) -> Data:
+def _stored(
+    db: Transaction, session_id: str, arrival: Arrival, answer: Data | JsonText | CalibrationError
+) -> Data:
     if not isinstance(answer, CalibrationError):
         return {"id": arrival.capture.id, "status": 201}
     if is_stored(db, session_id, arrival):

@@ -22,9 +22,7 @@ from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["history"], route_class=StrictRoute)
 
-ResultNumber = Annotated[
-    int, Path(ge=1, lt=2**53, description="A `number` in the history.", examples=[1])
-]
+ResultNumber = Annotated[int, Path(ge=1, lt=2**53, description="A `number` in the history.", examples=[1])]
 _SIDE = "SESSION or SESSION:NUMBER, a session's `id` with a result's `number`; without it the latest."
 SideName = Annotated[str, Query(max_length=100, description=_SIDE)]
 

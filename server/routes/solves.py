@@ -26,7 +26,7 @@ router = APIRouter(tags=["solves"], route_class=StrictRoute)
 @router.post("/sessions/{session_id}/solve/{stage}", status_code=202, response_model=Job)
 def solve(session_id: SessionId, stage: StageName, once: OnceDep, store: StoreDep, jobs: JobsDep) -> Response:
     """Start solving a stage; answers at once with the job, whose end brings the result."""
-    from calib_core.session.pipeline import stage_captures
+    from calib_core.session.stages import stage_captures
 
     def act(db: Transaction) -> Data:
         stage_captures(load_session(db, store.blobs, session_id).session, stage)  # refuses an unknown stage

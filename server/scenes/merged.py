@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import MergeResult, Result, Session
-from calib_core.session.measure import ReadFile
+from calib_core.session.stage import ReadFile
 
 MAX_SCAN_POINTS = 500_000
 """At most this many points of cloud or scans are sent as a whole; with captures and details it stays below 1M."""

@@ -22,7 +22,8 @@ from calib_core.records import (
     TurntableResult,
 )
 from calib_core.session.frames import with_solved_calibration
-from calib_core.session.measure import ReadFile, observe_capture
+from calib_core.session.observe import observe_capture
+from calib_core.session.stage import ReadFile
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.facts import SceneInput
 from server.scenes.merged import ReadOutput, merged_cloud, merged_scans

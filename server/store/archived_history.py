@@ -11,8 +11,8 @@ from calib_core.records import Record, input_error, parse_session
 from calib_core.session.bag import Bag
 from calib_core.session.files import require_file_size
 from calib_core.session.folder import parse_json, to_json_bytes
-from calib_core.session.pipeline import STAGES
 from calib_core.session.plain_json import require_plain
+from calib_core.session.stages import STAGES
 from calib_core.session.stored_results import require_result
 from server.store.history import PastResult, past_results
 from server.store.models import CaptureRow, Data, ResultRow

@@ -21,7 +21,7 @@ from calib_core.session.archive import (
 from calib_core.session.bag import PAYLOAD, Bag, Content, open_bag
 from calib_core.session.bag_zip import LIMITS, ArchiveLimits
 from calib_core.session.folder import SESSION_FILE, to_json_bytes
-from calib_core.session.pipeline import STAGES
+from calib_core.session.stages import STAGES
 from calib_core.session.stored_clouds import REFERENCE_FILE
 from calib_core.session.stored_results import output_names
 from server.measuring import Measure, check_poses, measure

@@ -20,7 +20,8 @@ from calib_core.session.folder import parse_json, to_json_bytes, write_atomicall
 from server.auth.secrets import copy_key
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
-from server.store.blobs import CHUNK_BYTES, Blobs, open_blobs
+from server.store.blob_places import open_blobs
+from server.store.blobs import CHUNK_BYTES, Blobs
 from server.store.doctor import Progress, referring, rows_of
 from server.store.engine import engine_of, reading
 from server.store.folder import owned

@@ -3,12 +3,10 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from hashlib import sha256
-from pathlib import Path
 from typing import IO
 
-from calib_core.errors import DamagedError, InputError, NotFoundError
+from calib_core.errors import DamagedError, NotFoundError
 
 Pieces = Iterable[bytes | memoryview]
 YOUNG_S = 3600.0
@@ -16,19 +14,6 @@ YOUNG_S = 3600.0
 CHUNK_BYTES = 1 << 20
 AT_ONCE = 16
 """How many files are on their way to the disk at once."""
-_S3 = "s3://"
-
-
-@dataclass(frozen=True)
-class BlobPlace:
-    """Where blobs are; it goes to worker processes, which open it for themselves.
-
-    `folder` holds the blobs, or, where `bucket` (``s3://bucket/prefix``) does, only what is on its way.
-    """
-
-    folder: Path
-    bucket: str | None = None
-    endpoint: str | None = None
 
 
 class Blobs(ABC):
@@ -84,27 +69,6 @@ class Blobs(ABC):
     @abstractmethod
     def clean(self) -> None:
         """Remove what interrupted uploads left; called at start-up, before anything arrives."""
-
-
-def open_blobs(place: BlobPlace, make: bool = True) -> Blobs:
-    """Return the blobs at a place; a folder that is missing is made, where that is wanted.
-
-    Raises
-    ------
-    InputError
-        If the place is of no known kind, or there is no such bucket.
-    """
-    if place.bucket is None:
-        from server.store.blob_folder import FolderBlobs
-
-        return FolderBlobs(place.folder, make)
-    if not place.bucket.startswith(_S3):
-        to_do = "Write SCANCELL_BLOBS=s3://bucket or s3://bucket/prefix; leave it out for the data folder."
-        raise InputError("an S3 address", repr(place.bucket), to_do, "blobs")
-    from server.store.blob_bucket import BucketBlobs
-
-    bucket, _, prefix = place.bucket.removeprefix(_S3).partition("/")
-    return BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder, make)
 
 
 def copied(pieces: Pieces, file: IO[bytes]) -> tuple[str, int]:

@@ -7,9 +7,9 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import Capture, Measured, Session, parse_capture
+from calib_core.session.capture_content import BOARD_STEPS
 from calib_core.session.frames import with_solved_calibration
-from calib_core.session.measure import BOARD_STEPS
-from calib_core.session.pipeline import inputs_sha256
+from calib_core.session.stages import inputs_sha256
 from calib_core.session.sweep import of_frames
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, ResultRow

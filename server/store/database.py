@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from server.settings import Settings
 from server.store.audit import acting, note_act
-from server.store.blobs import open_blobs
+from server.store.blob_places import open_blobs
 from server.store.engine import engine_of, reading
 from server.store.models import EventRow, SessionRow, now
 from server.store.schema import upgrade

@@ -12,7 +12,8 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.records import Measured, parse_session
 from calib_core.session.stored_results import require_result
 from server.settings import Settings
-from server.store.blobs import Blobs, open_blobs
+from server.store.blob_places import open_blobs
+from server.store.blobs import Blobs
 from server.store.engine import engine_of, reading
 from server.store.schema import head_revision, stored_revision
 

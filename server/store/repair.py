@@ -7,7 +7,7 @@ import sqlalchemy as sa
 from calib_core.errors import DamagedError, NotFoundError
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
-from server.store.blobs import open_blobs
+from server.store.blob_places import open_blobs
 from server.store.claim import claimed
 from server.store.doctor import Examination, each_damaged, referring
 from server.store.engine import engine_of, reading

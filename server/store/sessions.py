@@ -56,7 +56,7 @@ class StoredSession:
 
     def results_with_stale(self) -> dict[str, Data]:
         """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""
-        from calib_core.session.pipeline import inputs_sha256
+        from calib_core.session.stages import inputs_sha256
 
         results: dict[str, Data] = {}
         for stage, result in self.results.items():

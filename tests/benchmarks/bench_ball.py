@@ -12,9 +12,8 @@ from harness import Row
 from calib_core.frames import FloatArray
 from calib_core.fusion.certainty import sphere_covariance
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
-from calib_core.session.pipeline import stage_captures
+from calib_core.session.pipeline import stage_input
 from calib_core.session.stage_merge import plan_merge
-from calib_core.session.stage_tcp import StageInput
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.sphere.cloud import fit_sphere
 
@@ -56,10 +55,7 @@ def ball_of(solution: MergeSolution, truth: dict[str, object]) -> Ball:
 
 def one(seed: int, simulated: SimulatedSession | None = None) -> Run:
     simulated = simulated or simulate("ball", seed)
-    captures = stage_captures(simulated.session, "merge")
-    plan = plan_merge(
-        StageInput(simulated.session, captures, simulated.files.__getitem__, "", lambda _fraction, _what: None)
-    )
+    plan = plan_merge(stage_input(simulated.session, "merge", simulated.files.__getitem__))
     options = MergeOptions(voxel_mm=0.5, mesh="none")
     before = solve_merge(plan.scans, plan.errors, options)
     after = solve_merge(plan.scans, plan.errors, replace(options, registration=True))

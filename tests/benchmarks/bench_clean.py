@@ -4,7 +4,8 @@ import numpy as np
 import open3d as o3d
 from harness import Row, interleaved_medians_s
 
-from calib_core.fusion.clean import KEPT, clean_scan
+from calib_core.fusion.clean import clean_scan
+from calib_core.fusion.clean_scan import KEPT
 from calib_core.fusion.scan import Scan
 
 SIGMA_MM = 0.02

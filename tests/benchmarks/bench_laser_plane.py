@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera import CameraOptions, calibrate_camera, parameter_places
+from calib_core.optics.camera import CameraOptions, calibrate_camera
+from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel, Model
 from calib_core.optics.laser_plane import points_on_board
 from calib_core.optics.laser_plane_joint import CameraUncertainty
@@ -179,8 +180,7 @@ def _views(camera: CameraModel, seed: int, corner_px: float = 0.05, stripe_px: f
 def _real_views() -> list[PlaneView]:
     """Return the boards of a real set on which both board and stripe are found, the stripe's strays left out."""
     from calib_core.records import parse_session
-    from calib_core.session.boards import board_in
-    from calib_core.session.frames import stripe_of
+    from calib_core.session.boards import board_in, stripe_of
 
     session = parse_session(json.loads((_REAL / "session.json").read_text()))
     assert session.cell.board is not None

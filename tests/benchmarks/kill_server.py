@@ -88,7 +88,7 @@ def old_store(data: Path, sessions: int) -> list[str]:
 
     import server.store
     from server.settings import Settings
-    from server.store.blobs import open_blobs
+    from server.store.blob_places import open_blobs
     from server.store.engine import engine_of
 
     settings = Settings(data=data)

@@ -7,7 +7,8 @@ import pytest
 
 from calib_core.frames import RigidTransform
 from calib_core.records import parse_session
-from calib_core.session.pipeline import inputs_sha256, run
+from calib_core.session.pipeline import run
+from calib_core.session.stages import inputs_sha256
 from calib_core.simulation import chain_bound, simulate
 
 SEEDS = range(12)

@@ -5,7 +5,8 @@ import pytest
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import RigidTransform
-from calib_core.fusion.clean import GRAZING, KEPT, MIXED, STRAY, CleanOptions, clean_scan
+from calib_core.fusion.clean import clean_scan
+from calib_core.fusion.clean_scan import GRAZING, KEPT, MIXED, STRAY, CleanOptions
 from calib_core.fusion.scan import Scan, scan_of_cloud
 
 SIGMA_MM = 0.02

@@ -8,7 +8,7 @@ import pytest
 
 from calib_core.records import Capture, Guide, Measured, Session, parse_cell
 from calib_core.session.guide import guide
-from calib_core.session.pipeline import stage_captures
+from calib_core.session.stages import stage_captures
 from calib_core.simulation import SimulatedSession, simulate
 
 

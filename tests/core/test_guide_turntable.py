@@ -6,7 +6,7 @@ import pytest
 
 from calib_core.records import Guide, Measured, Session
 from calib_core.session.guide import guide
-from calib_core.session.pipeline import stage_captures
+from calib_core.session.stages import stage_captures
 from calib_core.simulation import simulate
 
 

@@ -8,8 +8,9 @@ from scipy.stats import chi2
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera import CameraOptions, calibrate_camera, parameter_places
+from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
+from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel, Model, Segment
 from calib_core.records import CameraResult, parse_session
 from calib_core.session.pipeline import solve_stage

@@ -8,7 +8,8 @@ import pytest
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera import CameraOptions, calibrate_camera, parameter_places
+from calib_core.optics.camera import CameraOptions, calibrate_camera
+from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import BoardLine, fit_plane, plane_warnings, rotation_sigma_deg, straight_part
 from calib_core.optics.laser_plane_joint import CameraUncertainty

@@ -10,7 +10,7 @@ from calib_core.chain.start import centers_of, find_start
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from calib_core.robot_pose import parse_pose, to_pose
-from calib_core.session.measure import observe_capture
+from calib_core.session.observe import observe_capture
 from calib_core.session.pipeline import run
 from calib_core.session.pose_doubts import likely_mistake
 from calib_core.simulation import SimulatedSession, simulate

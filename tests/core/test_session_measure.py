@@ -3,7 +3,8 @@ import pytest
 
 from calib_core.errors import InputError, MeasurementError
 from calib_core.records import parse_capture, parse_session
-from calib_core.session.measure import measure_capture, observe_capture
+from calib_core.session.measure import measure_capture
+from calib_core.session.observe import observe_capture
 
 DIAMETER_MM = 40.0
 SIGMA_MM = 0.02

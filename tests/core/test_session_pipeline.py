@@ -11,7 +11,8 @@ from calib_core.records import Session, parse_session
 from calib_core.robot_pose import CONVENTIONS, parse_pose
 from calib_core.session.check import check_session
 from calib_core.session.export import export
-from calib_core.session.pipeline import inputs_sha256, run, solve_stage
+from calib_core.session.pipeline import run, solve_stage
+from calib_core.session.stages import inputs_sha256
 from calib_core.simulation import simulate
 from server.cli import main
 

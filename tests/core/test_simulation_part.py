@@ -6,7 +6,8 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from calib_core.fusion.clean import KEPT, clean_scan
+from calib_core.fusion.clean import clean_scan
+from calib_core.fusion.clean_scan import KEPT
 from calib_core.fusion.merge import VoxelGrid
 from calib_core.fusion.scan import Scan
 from calib_core.robot_pose import parse_pose

@@ -15,7 +15,7 @@ from server.settings import Settings
 from server.store import claim
 from server.store.backup import MANIFEST, back_up, restore
 from server.store.blob_folder import FolderBlobs
-from server.store.blobs import open_blobs
+from server.store.blob_places import open_blobs
 from server.store.database import Store
 from server.store.doctor import Examination, examine
 from server.store.engine import engine_of

@@ -1,0 +1,75 @@
+"""Which parameters of a camera model are free, and where they lie in the vector that is adjusted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+from calib_core.optics.adjust import State, shape_start, shared_vector
+from calib_core.optics.camera_model import COEFFICIENTS, CameraModel, Model, Segment
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Which shared parameters a model frees, and its bands of depth."""
+
+    model: Model
+    nears: FloatArray
+    fars: FloatArray
+    free: np.ndarray
+
+    @property
+    def bands(self) -> tuple[FloatArray, FloatArray]:
+        """The bands' near and far ends, (B,), mm."""
+        return self.nears, self.fars
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(parameter_name(int(i), len(self.nears)) for i in self.free)
+
+    def with_bent_board(self) -> "Layout":
+        """Return the layout with the board's shape free too."""
+        start = shape_start(len(self.nears))
+        return replace(self, free=np.concatenate([self.free, np.arange(start, start + 7)]))
+
+
+def restart(state: State, layout: Layout) -> State:
+    """Return a state laid out for another model: the same camera, its distortion in every band."""
+    matrix = np.array([[state.shared[0], 0, state.shared[2]], [0, state.shared[1], state.shared[3]], [0, 0, 1.0]])
+    lens = np.zeros(14)
+    own = [int(place) - 4 for place in layout.free if 4 <= place < 18]
+    lens[own] = state.shared[4:18][own]
+    bands = np.tile(lens, (len(layout.nears), 1))
+    return State(shared_vector(matrix, bands), state.rotations, state.translations)
+
+
+def camera_of(shared: FloatArray, layout: Layout, image_size: tuple[int, int]) -> CameraModel:
+    """Return the camera that a shared vector describes."""
+    matrix = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1.0]])
+    count = len(layout.nears)
+    bands = shared[4 : 4 + 14 * count].reshape(count, 14).copy()
+    if layout.model != "segmental":
+        return CameraModel(matrix, bands[0], layout.model, image_size)
+    segments = tuple(
+        Segment(float(a), float(b), d) for a, b, d in zip(layout.nears, layout.fars, bands, strict=True)
+    )
+    return CameraModel(matrix, bands[count // 2], "segmental", image_size, segments)
+
+
+def parameter_places(names: Sequence[str]) -> np.ndarray:
+    """Return the places (C,) in the shared vector of named parameters; those of the board are left out."""
+    band_count = max([int(name.partition("@")[2] or 1) for name in names], default=1)
+    places = {parameter_name(i, band_count): i for i in range(shape_start(band_count))}
+    return np.array([places[name] for name in names if not name.startswith("board")], dtype=np.int64)
+
+
+def parameter_name(place: int, bands: int) -> str:
+    """Return the name of a place in the shared vector; coefficients of bands end in their number, from near."""
+    if place < 4:
+        return ("fx", "fy", "cx", "cy")[place]
+    if place < shape_start(bands):
+        band, j = divmod(place - 4, 14)
+        return COEFFICIENTS[j] if bands == 1 else f"{COEFFICIENTS[j]}@{band + 1}"
+    return f"board{place - shape_start(bands) + 1}"

@@ -1,0 +1,108 @@
+"""A calibrated camera with its evidence, and the fit that it comes from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.optics.adjust import Adjusted, Corners
+from calib_core.optics.camera_choice import Candidate
+from calib_core.optics.camera_model import CameraModel
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Where the boards were seen.
+
+    Attributes
+    ----------
+    counts : (6, 8)
+        Corners in each cell of the image, rows from the top.
+    depth_mm : (near, far)
+        Of all corners.
+    covered : float
+        Share of the cells with a corner.
+    largest_tilt_rad : float
+        Between a board and the image plane.
+    """
+
+    counts: np.ndarray
+    depth_mm: tuple[float, float]
+    covered: float
+    largest_tilt_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class CameraSolution:
+    """A calibrated camera with its evidence.
+
+    Attributes
+    ----------
+    camera : CameraModel
+    parameters : tuple of str
+        What the rows of `covariance` stand for.
+    covariance : (C, C)
+        Scaled by the residuals, and by `inflation`.
+    camera_from_board : tuple of RigidTransform or None
+        One a view; None where the view was rejected.
+    pose_covariances : dict
+        View index to (6, 6), order rx ry rz tx ty tz.
+    reprojection_rms_px : float
+        Of the corners' 2-D distances, over used views.
+    corner_sigma_px : float
+        Standard deviation of one coordinate, from the residuals.
+    view_rms_px : (V,)
+        NaN where the view was never fitted.
+    residuals_px : tuple of (N, 2)
+        Seen minus predicted, one array a view.
+    rejected : dict
+        View index to the reason.
+    rejected_corners : int
+        Corners left out in used views.
+    candidates : tuple of Candidate
+        Held-out errors of the models that were compared.
+    tilt_correlation : float or None
+        Largest |correlation| between a tilt and the principal point.
+    board_shape_mm : (7,) or None
+        Deviation from the plane, if it was refined: x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
+    bend_mm, bend_gain : float or None
+        How far from its plane the board seems to be bent, highest to lowest point, and by what share the residuals
+        shrink if it may be; None where there are too few views to tell.
+    inflation : float
+        By how much the covariance has grown for errors that a view's corners share; 1 for independent ones.
+    coverage : Coverage
+    converged : bool
+    """
+
+    camera: CameraModel
+    parameters: tuple[str, ...]
+    covariance: FloatArray
+    camera_from_board: tuple[RigidTransform | None, ...]
+    pose_covariances: dict[int, FloatArray]
+    reprojection_rms_px: float
+    corner_sigma_px: float
+    view_rms_px: FloatArray
+    residuals_px: tuple[FloatArray, ...]
+    rejected: dict[int, str]
+    rejected_corners: int
+    candidates: tuple[Candidate, ...]
+    tilt_correlation: float | None
+    board_shape_mm: FloatArray | None
+    bend_mm: float | None
+    bend_gain: float | None
+    inflation: float
+    coverage: Coverage
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An adjustment of the views that remained: which, why others did not, and the corners with their weights."""
+
+    all_corners: Corners
+    corners: Corners
+    adjusted: Adjusted
+    used: list[int]
+    rejected: dict[int, str]
+    view_rms_px: FloatArray
+    sigma_px: float

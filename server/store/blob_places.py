@@ -1,0 +1,42 @@
+"""Where files by their SHA-256 are kept: a folder, or a bucket of an S3 store."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib_core.errors import InputError
+from server.store.blobs import Blobs
+
+_S3 = "s3://"
+
+
+@dataclass(frozen=True)
+class BlobPlace:
+    """Where blobs are; it goes to worker processes, which open it for themselves.
+
+    `folder` holds the blobs, or, where `bucket` (``s3://bucket/prefix``) does, only what is on its way.
+    """
+
+    folder: Path
+    bucket: str | None = None
+    endpoint: str | None = None
+
+
+def open_blobs(place: BlobPlace, make: bool = True) -> Blobs:
+    """Return the blobs at a place; a folder that is missing is made, where that is wanted.
+
+    Raises
+    ------
+    InputError
+        If the place is of no known kind, or there is no such bucket.
+    """
+    if place.bucket is None:
+        from server.store.blob_folder import FolderBlobs
+
+        return FolderBlobs(place.folder, make)
+    if not place.bucket.startswith(_S3):
+        to_do = "Write SCANCELL_BLOBS=s3://bucket or s3://bucket/prefix; leave it out for the data folder."
+        raise InputError("an S3 address", repr(place.bucket), to_do, "blobs")
+    from server.store.blob_bucket import BucketBlobs
+
+    bucket, _, prefix = place.bucket.removeprefix(_S3).partition("/")
+    return BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder, make)
