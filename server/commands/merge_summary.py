@@ -1,5 +1,7 @@
 """What `scancell run` prints of a merge."""
 
+from math import hypot
+
 from calib_core.records import MergeResult
 
 
@@ -16,6 +18,12 @@ def merge_summary(result: MergeResult) -> str:
         lines.append(
             f"  scans lie {result.overlap_rms_mm:.4f} mm apart before any registration (RMS; "
             f"{result.expected_overlap_rms_mm:.4f} mm expected)"
+        )
+    if result.self_calibration is not None:
+        moved = hypot(*result.self_calibration.shift[3:6])
+        lines.append(
+            f"  the overlap determines {result.self_calibration.directions} directions of tool and table better "
+            f"than the captures did; the tool moved by {moved:.3f} mm"
         )
     if result.registered_overlap_rms_mm is not None:
         lines.append(

@@ -54,6 +54,7 @@ function figures(result) {
       pair(t("merge.expected"), small(result.expected_overlap_rms_mm)),
       result.registered_overlap_rms_mm !== null && result.registered_overlap_rms_mm !== undefined && pair(t("merge.registered"), small(result.registered_overlap_rms_mm)),
       pair(t("merge.pairs"), integer(result.overlap_pairs)),
+      result.self_calibration && pair(t("merge.improved"), integer(result.self_calibration.directions)),
     ),
     h("p", { class: "soft small" }, t("merge.apart_what")),
     h("h3", {}, t("merge.cloud")),
