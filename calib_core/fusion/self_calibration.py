@@ -23,6 +23,13 @@ from calib_core.fusion.register import Registration, covariance_of_moves, transf
 LARGEST_VARIANCE = 0.05
 """Of a direction that is moved, beside 1 before: known 4.5 times better by the overlap."""
 
+CAUTION = 5.0
+"""What the variance of a moved direction is stated larger by.
+
+On simulated parts with edges and few scans the mean squared error was 4.6 times what the registration says of itself,
+on a ball 1.1 times.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class SelfCalibration:
@@ -68,7 +75,8 @@ def self_calibration(registration: Registration, errors: PoseErrors) -> SelfCali
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     known = vectors[:, values < LARGEST_VARIANCE].astype(float)
     shift: FloatArray = (known @ (known.T @ (gain @ moves.ravel()))).astype(float)
-    after = np.eye(len(shift)) - known @ known.T + (known * values[values < LARGEST_VARIANCE]) @ known.T
+    left_over = CAUTION * values[values < LARGEST_VARIANCE]
+    after = np.eye(len(shift)) - known @ known.T + (known * left_over) @ known.T
     root = np.linalg.cholesky(after + 1e-12 * np.eye(len(after)))
     return SelfCalibration(
         shift,

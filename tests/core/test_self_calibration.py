@@ -5,10 +5,15 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from scipy import stats
 
+from calib_core.frames import RigidTransform
 from calib_core.fusion.certainty import sphere_covariance
 from calib_core.fusion.overlap import PoseErrors
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
+from calib_core.records import MergeResult, MergeSettings
+from calib_core.session.pipeline import solve_stage
+from calib_core.simulation import simulate
 from calib_core.sphere.cloud import fit_sphere
 from tests.core.test_session_merge import session, solve
 
@@ -55,3 +60,24 @@ def test_a_tool_that_is_known_exactly_is_not_moved_and_that_is_said():
     result = solve(session(self_calibration=True))
     assert result.self_calibration is None
     assert any("No self-calibration" in warning for warning in result.warnings)
+
+
+def test_the_tools_stated_covariance_holds_on_a_part_with_edges():
+    seeds, squares = (3, 5, 8), 0.0  # two of the worst of eight, and a usual one
+    for seed in seeds:
+        simulated = simulate("cell", seed)
+        settings = MergeSettings(mesh="none", self_calibration=True)
+        cell = simulated.session.cell.model_copy(update={"merge": settings})
+        asked = simulated.session.model_copy(update={"cell": cell})
+        result = solve_stage(asked, "merge", simulated.files.__getitem__)
+        assert isinstance(result, MergeResult)
+        assert result.self_calibration is not None
+        assert result.self_calibration.directions >= 2
+        chain, truth = (
+            RigidTransform(np.array(rows), "tool0", "laser")
+            for rows in (result.tool0_from_laser, simulated.truth["tool0_from_laser"])
+        )
+        error = chain.difference(truth) - np.array(result.self_calibration.shift)[:6]
+        covariance = np.array(result.self_calibration.covariance)[:6, :6]
+        squares += float(error @ np.linalg.solve(covariance, error))
+    assert squares < stats.chi2.ppf(0.999, 6 * len(seeds))
