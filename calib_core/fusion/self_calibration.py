@@ -26,8 +26,8 @@ LARGEST_VARIANCE = 0.05
 CAUTION = 5.0
 """What the variance of a moved direction is stated larger by.
 
-On simulated parts with edges and few scans the mean squared error was 4.6 times what the registration says of itself,
-on a ball 1.1 times.
+On simulated parts with edges and few scans the mean squared error was 4.6 times what the registration says of
+itself, on a ball 1.1 times.
 """
 
 
