@@ -11,6 +11,9 @@ import { loadSteps } from "./steps/index.js";
 const EVENTS = ["capture", "result", "job", "session"];
 const WHOLE = /** @type {const} */ (["session", "captures", "guide", "results"]);
 const GATHER_MS = 40;
+// After a load so many times its duration passes before events cause the next: a page never burdens a busy service.
+const REST = 5;
+const LONGEST_REST_MS = 1000;
 
 export class SessionState extends EventTarget {
   /** @type {SessionOut | null} */ session = null;
@@ -27,6 +30,7 @@ export class SessionState extends EventTarget {
   /** @type {Set<string>} */ #staleCaptures = new Set();
   /** Removed while an answer that still has them may be under way. @type {Set<string>} */ #gone = new Set();
   #timer = 0;
+  #restsUntilMs = 0;
   /** @type {Promise<void> | null} */ #running = null;
   /** @type {(() => void) | null} */ #stop = null;
 
@@ -61,21 +65,23 @@ export class SessionState extends EventTarget {
   async reload() {
     for (const part of WHOLE) this.#stale.add(part);
     this.#gone.clear();
-    await this.#catchUp();
+    while (this.#stale.size) await this.#catchUp();
   }
 
-  /** One load at a time, so that an answer asked for earlier never comes last; what changes meanwhile is loaded next. */
+  /** One load at a time, so that an answer asked for earlier never comes last; what changes meanwhile is loaded later. */
   #catchUp() {
     this.#running ??= this.#loadStale().finally(() => { this.#running = null; });
     return this.#running;
   }
 
   async #loadStale() {
-    while (this.#stale.size) {
-      const stale = this.#stale;
-      this.#stale = new Set();
-      await this.#load(stale);
-    }
+    const stale = this.#stale;
+    this.#stale = new Set();
+    const startMs = performance.now();
+    await this.#load(stale);
+    const nowMs = performance.now();
+    this.#restsUntilMs = nowMs + Math.min(REST * (nowMs - startMs), LONGEST_REST_MS);
+    if (this.#stale.size) this.#later();
   }
 
   /** The end of a job may have been told while nobody listened. */
@@ -175,7 +181,8 @@ export class SessionState extends EventTarget {
   #later(...parts) {
     for (const part of parts) this.#stale.add(part);
     window.clearTimeout(this.#timer);
-    this.#timer = window.setTimeout(() => void this.#catchUp(), GATHER_MS);
+    const waitMs = Math.max(GATHER_MS, this.#restsUntilMs - performance.now());
+    this.#timer = window.setTimeout(() => void this.#catchUp(), waitMs);
   }
 
   /** @param {Set<Part>} parts */
