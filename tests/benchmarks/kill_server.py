@@ -50,14 +50,12 @@ class ServerProcess:
         line = self.process.stdout.readline()
         if "http://" not in line:
             self.process.communicate()
-            raise AssertionError(f"the server did not start: {self.said()[-2000:]}")
+            self._said.seek(0)
+            said = self._said.read()
+            self._said.close()
+            raise AssertionError(f"the server did not start: {said[-2000:]}")
         self.address = "http://" + line.split("http://")[1].split()[0]
         return self
-
-    def said(self) -> str:
-        """Return what it has written to standard error."""
-        self._said.seek(0)
-        return self._said.read()
 
     def client(self, timeout_s: float = 30.0) -> httpx.Client:
         """Return a client of its API."""
@@ -67,11 +65,13 @@ class ServerProcess:
         """End it as a power cut would: without a chance to say anything."""
         self.process.send_signal(signal.SIGKILL)
         self.process.communicate()
+        self._said.close()
 
     def stop(self) -> int:
         """End it as an administrator would; returns the exit status."""
         self.process.send_signal(signal.SIGTERM)
         self.process.communicate(timeout=30)
+        self._said.close()
         return self.process.returncode
 
 
