@@ -15,6 +15,7 @@ def run(full: bool) -> list[Row]:
     camera = CameraModel(MATRIX, DISTORTION, "plain", (1280, 1024))
     calibration = ProfileCalibration.of(camera, [0.02, np.cos(0.5), np.sin(0.5)], 150.0)
     rows: list[Row] = []
+    _handle_a_frame()
     for what, count, rounds in (("a frame's 1280 points", 1280, 201), ("20 000 points", 20_000, 41)):
         pixels = np.random.default_rng(1).uniform([0, 0], [1279, 1023], (count, 2))
         jobs = {"ours": lambda p=pixels: calibration.points(p), "peer": lambda p=pixels: _peer(p, calibration)}
@@ -31,6 +32,14 @@ def run(full: bool) -> list[Row]:
         *rows,
         Row("largest difference from an exact iteration", "≤ 0.02 µm", f"{error:.1e} µm", error <= 0.02),
     ]
+
+
+def _handle_a_frame() -> None:
+    """Take and free a frame's memory, as any process that has points to triangulate did.
+
+    The C library then keeps freed memory for the next array instead of giving it back to the system each time.
+    """
+    np.ones((1024, 1280), np.float32)
 
 
 def _peer(pixels: np.ndarray, calibration: ProfileCalibration) -> np.ndarray:
