@@ -54,8 +54,15 @@ export class ResultElement extends StateElement {
       if (drawing !== this.#drawing) return;
       start = performance.now();
     }
+    const open = new Set(this.#details().filter((one) => one.open).map(title));
     this.replaceChildren(...drawn);
+    for (const one of this.#details()) one.open ||= open.has(title(one)); // what somebody has opened stays open
     this.#markPicked();
+  }
+
+  /** @returns {HTMLDetailsElement[]} */
+  #details() {
+    return [...this.querySelectorAll("details")];
   }
 
   /** @param {string} stage @param {import("../model.js").StageResult} result @returns {Generator<HTMLElement | null>} */
@@ -83,5 +90,8 @@ export class ResultElement extends StateElement {
     }
   }
 }
+
+/** @param {HTMLDetailsElement} details */
+const title = (details) => details.querySelector("summary")?.textContent ?? "";
 
 customElements.define("sc-result", ResultElement);
