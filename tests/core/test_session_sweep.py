@@ -57,7 +57,7 @@ def test_the_truth_lies_within_the_stated_uncertainty(seed):
 
 
 def test_profiles_that_share_a_pose_error_do_not_count_as_so_many_poses():
-    # Counted as poses of their own, some 17 profiles in each sweep would make the mean about 40.
+    # Counted as poses of their own, some 17 profiles in each sweep would make it several times larger.
     squares = []
     for seed in range(8):
         simulated = simulate("tcp-sweep-shared", seed)
