@@ -11,21 +11,24 @@ from starlette.concurrency import run_in_threadpool
 from starlette.middleware.gzip import GZipMiddleware
 
 from calib_core import __version__
-from server import errors, openapi
-from server.auth.door import Door
 from server.auth.logins import Logins
+from server.auth.middleware import Door
 from server.auth.refusals import Refusals
-from server.backlog import Backlog
-from server.drain import Drain
-from server.events import Hub
-from server.gone import Gone
-from server.guard import Guard
 from server.housekeeping import Housekeeping
-from server.jobs import Jobs
-from server.measuring_processes import Measuring
+from server.http import errors, openapi
+from server.http.access_log import Watch
+from server.http.body_draining import Drain
+from server.http.disconnects import Gone
+from server.http.events import Hub
+from server.http.security_headers import Guard
+from server.http.timeouts import Patience
+from server.http.uploads import Room
+from server.jobs.backlog import Backlog
+from server.jobs.jobs import Jobs
+from server.jobs.measuring_processes import Measuring
 from server.metrics import Metrics
-from server.patience import Patience
 from server.routes import (
+    archived_files,
     archives,
     batches,
     captures,
@@ -33,7 +36,6 @@ from server.routes import (
     folders,
     health,
     history,
-    kept,
     merged,
     pages,
     sessions,
@@ -48,12 +50,10 @@ from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene
 from server.scenes.trials import trials_router
 from server.settings import Settings
+from server.sources.folder_watch import session_watcher
 from server.sources.intake import Intake
-from server.sources.watching import session_watcher
 from server.store.database import Store
-from server.store.together import Together
-from server.uploads import Room
-from server.watch import Watch
+from server.store.group_commit import Together
 
 _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
 
@@ -134,7 +134,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         clouds,
         merged,
         archives,
-        kept,
+        archived_files,
         tokens,
         health,
     ):

@@ -6,7 +6,7 @@ import sys
 from datetime import UTC, datetime
 from typing import Literal
 
-from server.watch import request_id
+from server.http.access_log import request_id
 
 Form = Literal["json", "text", "auto"]
 

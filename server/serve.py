@@ -12,10 +12,10 @@ import uvicorn
 from server.app import create_app
 from server.auth.logins import require_admin
 from server.auth.slow_heads import SlowHeads
-from server.events import Hub
-from server.http_protocol import LimitedHttp
+from server.http.events import Hub
+from server.http.protocol import LimitedHttp
 from server.settings import Settings, is_loopback
-from server.store.claim import claimed
+from server.store.store_lock import claimed
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
 

@@ -4,7 +4,7 @@ import logging
 from math import ceil
 
 from server.auth.buckets import Buckets
-from server.errors import TooManyError
+from server.http.errors import TooManyError
 from server.store.audit import Act, note_refusal
 from server.store.database import Store
 

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from calib_core.archive import archive
+from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
+from calib_core.archive.bag import Content
+from calib_core.archive.folder import folder_of, load_session, to_json_bytes
+from calib_core.archive.stored_results import stored_results
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
-from calib_core.session import archive
-from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
-from calib_core.session.bag import Content
-from calib_core.session.folder import folder_of, load_session, to_json_bytes
-from calib_core.session.replay import Replay, StageReplay
-from calib_core.session.replay import replay as replay_session
-from calib_core.session.stage import ReadFile
-from calib_core.session.stored_results import stored_results
+from calib_core.review.replay import Replay, StageReplay
+from calib_core.review.replay import replay as replay_session
+from calib_core.stages.stage import ReadFile
 from server.commands.progress import progress_bar
 from server.commands.solving import solved_if_possible
 
@@ -64,8 +64,8 @@ def replay(path: Path, as_json: bool) -> int:
 
 
 def _report(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Content]:
-    from server.report.report import report_html
-    from server.report.stale import stale_stages
+    from server.render.report.report import report_html
+    from server.render.report.stale import stale_stages
 
     stale = stale_stages(session, read, results)
     for stage in stale:
@@ -81,7 +81,7 @@ def _report(session: Session, read: ReadFile, results: Mapping[str, Mapping[str,
 
 
 def _scene(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Content]:
-    from server.measuring import measure
+    from server.jobs.measuring import measure
     from server.scenes.offline import scene_html
     from server.scenes.stored import scene_input
 

@@ -5,15 +5,15 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from calib_core.archive.archive import opened
+from calib_core.archive.folder import load_results, load_session
+from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, in_format
 from calib_core.errors import InputError
+from calib_core.formats.point_writers import write_pieces
 from calib_core.records import Session
-from calib_core.session.archive import opened
-from calib_core.session.folder import load_results, load_session
-from calib_core.session.pipeline import solve_stage
-from calib_core.session.point_writers import write_pieces
-from calib_core.session.stage import ReadFile
-from calib_core.session.stages import inputs_sha256
-from calib_core.session.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, in_format
+from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.stage import ReadFile
 from server.commands.progress import progress_bar
 
 

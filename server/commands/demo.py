@@ -9,10 +9,10 @@ import numpy as np
 
 from calib_core.frames import RigidTransform
 from calib_core.records import ChainResult, MergeResult, Result, TcpResult, TurntableResult
-from calib_core.session.pipeline import run
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run
 from server.commands.progress import progress_bar
-from server.commands.summary import with_uncertainty
+from server.render.text.summary import with_uncertainty
 
 _SIGMAS_OF_95 = 1.96
 

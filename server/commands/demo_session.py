@@ -4,9 +4,9 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from calib_core.archive.archive import pack
+from calib_core.archive.folder import save_session, to_json_bytes, write_result
 from calib_core.records import Result
-from calib_core.session.archive import pack
-from calib_core.session.folder import save_session, to_json_bytes, write_result
 from calib_core.simulation.session import SimulatedSession
 
 
@@ -34,9 +34,9 @@ def keep_session(
     """
     from server.settings import Settings
     from server.store.archives import add_import, read_import
-    from server.store.claim import claimed
     from server.store.database import Store
     from server.store.sessions import list_sessions
+    from server.store.store_lock import claimed
 
     settings = Settings(data=data)
     name = simulated.session.name

@@ -3,9 +3,9 @@
 import json
 from typing import Any
 
+from calib_core.archive.stored_results import RESULT_RECORDS
 from calib_core.errors import InputError
 from calib_core.records import Record, Session
-from calib_core.session.stored_results import RESULT_RECORDS
 
 _RECORDS: dict[str, tuple[type[Record], str]] = {
     "session": (Session, "scancell session record, format scancell-session/1"),

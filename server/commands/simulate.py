@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from calib_core.session.folder import save_session, to_json_bytes
+from calib_core.archive.folder import save_session, to_json_bytes
 from calib_core.simulation import simulate as simulate_cell
 
 

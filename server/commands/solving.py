@@ -6,7 +6,21 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from calib_core.archive.archive import is_archive, opened
+from calib_core.archive.folder import (
+    folder_of,
+    load_results,
+    load_session,
+    result_data,
+    write_atomically,
+    write_result,
+)
+from calib_core.archive.stored_clouds import MEDIA_TYPES
+from calib_core.archive.stored_results import stored_results
 from calib_core.errors import CalibrationError, InputError
+from calib_core.exports.export import FORMATS
+from calib_core.exports.export import export as export_results
+from calib_core.formats.point_writers import write_pieces
 from calib_core.records import (
     CameraResult,
     ChainResult,
@@ -18,29 +32,15 @@ from calib_core.records import (
     TcpResult,
     TurntableResult,
 )
-from calib_core.session.archive import is_archive, opened
-from calib_core.session.check import check_session
-from calib_core.session.export import FORMATS
-from calib_core.session.export import export as export_results
-from calib_core.session.folder import (
-    folder_of,
-    load_results,
-    load_session,
-    result_data,
-    write_atomically,
-    write_result,
-)
-from calib_core.session.pipeline import run as run_stages
-from calib_core.session.point_writers import write_pieces
-from calib_core.session.stage import ReadFile
-from calib_core.session.stages import inputs_sha256
-from calib_core.session.stored_clouds import MEDIA_TYPES
-from calib_core.session.stored_results import stored_results
-from server.commands.merge_summary import merge_summary
-from server.commands.optics_summary import camera_summary, laser_plane_summary
+from calib_core.review.check import check_session
+from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.pipeline import run as run_stages
+from calib_core.stages.stage import ReadFile
 from server.commands.progress import progress_bar
-from server.commands.summary import tcp_summary
-from server.commands.table_summary import table_summary
+from server.render.text.merge_summary import merge_summary
+from server.render.text.optics_summary import camera_summary, laser_plane_summary
+from server.render.text.summary import tcp_summary
+from server.render.text.table_summary import table_summary
 
 
 def run(path: Path, stage: str, out: Path | None, as_json: bool) -> int:
@@ -126,8 +126,8 @@ def export(path: Path, name: str, out: Path | None = None) -> int:
 
 def report(path: Path, out: Path) -> int:
     """Write a session's report as one HTML page; a session without results is solved for it."""
-    from server.report.report import report_html
-    from server.report.stale import stale_stages
+    from server.render.report.report import report_html
+    from server.render.report.stale import stale_stages
 
     if out.suffix.lower() == ".pdf":
         raise InputError(

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.archive.folder import read_bytes
 from calib_core.errors import InputError, MeasurementError
-from calib_core.session.files import kind_of_file, parse_cloud, parse_profile
-from calib_core.session.folder import read_bytes
+from calib_core.formats.points import kind_of_file, parse_cloud, parse_profile
 from calib_core.sphere.arc import fit_arc
 from calib_core.sphere.cloud import fit_sphere
 

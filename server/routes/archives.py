@@ -9,16 +9,16 @@ from fastapi.responses import HTMLResponse
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 
+from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
 from calib_core.errors import CalibrationError, InputError
-from calib_core.session.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
-from server.deps import MeasuringDep, OnceDep, SessionId, StoreDep
-from server.downloads import Download
-from server.schemas import StoredSession
-from server.store.kept import kept_files
+from server.http.dependencies import MeasuringDep, OnceDep, SessionId, StoreDep
+from server.http.downloads import Download
+from server.http.schemas import StoredSession
+from server.http.strict_json import StrictRoute
+from server.store.archived_files import kept_files
 from server.store.models import Data
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
-from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["archives"], route_class=StrictRoute)
 
@@ -119,7 +119,7 @@ def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep, measurin
 @router.post("/archives/verify", response_model=ArchiveFacts, openapi_extra=_BODY)
 def verify_archive(archive: ArchiveDep, _: OnceDep) -> ArchiveFacts:
     """Check that an archive is whole, unaltered and a session; stores nothing."""
-    from calib_core.session.archive import verify
+    from calib_core.archive.archive import verify
 
     return verify(archive, "archive")
 
@@ -133,7 +133,7 @@ def get_report(session_id: SessionId, store: StoreDep) -> HTMLResponse:
 
 
 def _report(stored: SessionOfStore) -> str:
-    from server.report.report import report_html
+    from server.render.report.report import report_html
 
     results = stored.results_with_stale()
     return report_html(stored.session, stored.results, [name for name, r in results.items() if r["stale"]])

@@ -10,17 +10,17 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Session
-from server.backlog import to_wait
-from server.batches import Raw, bunches, parsed
-from server.deps import BacklogDep, OnceDep, SessionId, SettingsDep, StoreDep
-from server.errors import problem
-from server.json_text import JsonText
-from server.schemas import BatchAnswer
+from server.http.dependencies import BacklogDep, OnceDep, SessionId, SettingsDep, StoreDep
+from server.http.errors import problem
+from server.http.json_text import JsonText
+from server.http.schemas import BatchAnswer
+from server.http.strict_json import StrictRoute
+from server.jobs.backlog import to_wait
+from server.jobs.batches import Raw, bunches, parsed
 from server.store.arrivals import Arrival, add_captures, is_stored, session_record
 from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import empty_session
-from server.strict_json import StrictRoute
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
 

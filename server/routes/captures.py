@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError, ConflictError, DamagedError, InputError, TooLargeError
 from calib_core.records import Capture, Measured, Session, Step, parse_capture
-from server.deps import (
+from server.http.dependencies import (
     Again,
     CaptureId,
     Cursor,
@@ -26,12 +26,14 @@ from server.deps import (
     SettingsDep,
     StoreDep,
 )
-from server.downloads import Download
-from server.json_text import JsonText
-from server.measuring import check_poses
-from server.measuring_processes import Measuring
-from server.once import Once
-from server.schemas import CaptureChanges, CapturePage, StoredCapture
+from server.http.downloads import Download
+from server.http.idempotency import Once
+from server.http.json_text import JsonText
+from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
+from server.http.strict_json import StrictRoute, parse_json
+from server.http.uploads import digests_of, named_files
+from server.jobs.measuring import check_poses
+from server.jobs.measuring_processes import Measuring
 from server.sources.intake import MOST_BYTES, is_simple
 from server.sources.receiving import receive
 from server.sources.simulated import capture_again, next_capture
@@ -58,8 +60,6 @@ from server.store.sessions import (
     session_row,
     unused,
 )
-from server.strict_json import StrictRoute, parse_json
-from server.uploads import digests_of, named_files
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
 

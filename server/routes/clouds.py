@@ -7,11 +7,11 @@ from fastapi import APIRouter, Path, Query, Response
 from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
-from server.deps import SessionId, StoreDep
-from server.downloads import Download
-from server.schemas import StoredCloudFile, StoredCloudFiles
+from server.http.dependencies import SessionId, StoreDep
+from server.http.downloads import Download
+from server.http.schemas import StoredCloudFile, StoredCloudFiles
+from server.http.strict_json import StrictRoute
 from server.store.sessions import StoredSession, load_session
-from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["clouds"], route_class=StrictRoute)
 
@@ -32,7 +32,7 @@ CloudFormat = Annotated[
 @router.get("/sessions/{session_id}/clouds", response_model=StoredCloudFiles)
 def list_clouds(session_id: SessionId, store: StoreDep) -> StoredCloudFiles:
     """Return the clouds and meshes that there are, with the formats that each is given in."""
-    from calib_core.session.stored_clouds import MESH_FILE, OF_CLOUDS, OF_MESHES, REFERENCE_FILE
+    from calib_core.archive.stored_clouds import MESH_FILE, OF_CLOUDS, OF_MESHES, REFERENCE_FILE
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
@@ -57,7 +57,7 @@ def get_cloud(
     session_id: SessionId, name: CloudName, store: StoreDep, wanted: CloudFormat = None
 ) -> StreamingResponse:
     """Return the merged cloud or its mesh; as PLY it is what the merge stored, byte for byte."""
-    from calib_core.session.stored_clouds import MEDIA_TYPES, StoredFile, in_format, requested
+    from calib_core.archive.stored_clouds import MEDIA_TYPES, StoredFile, in_format, requested
 
     file, chosen = requested(name, wanted)
     with store.read() as db:

@@ -6,10 +6,10 @@ from fastapi import APIRouter, Depends, Request
 from pydantic import ConfigDict
 
 from calib_core.records import Record, Step
-from server.deps import SessionId, StoreDep
-from server.sources.watcher import Watcher
+from server.http.dependencies import SessionId, StoreDep
+from server.http.strict_json import StrictRoute
+from server.sources.folder_watcher import Watcher
 from server.store.sessions import session_row
-from server.strict_json import StrictRoute
 
 router = APIRouter(prefix="/sessions/{session_id}/sources/folder", tags=["captures"], route_class=StrictRoute)
 

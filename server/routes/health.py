@@ -8,12 +8,12 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from sqlalchemy import select
 
 from calib_core import __version__
-from server.deps import HubDep, JobsDep, MetricsDep, StoreDep
-from server.events import Hub
-from server.jobs import Jobs
-from server.schemas import Health
+from server.http.dependencies import HubDep, JobsDep, MetricsDep, StoreDep
+from server.http.events import Hub
+from server.http.schemas import Health
+from server.http.strict_json import StrictRoute
+from server.jobs.jobs import Jobs
 from server.store.database import Store
-from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["server"], route_class=StrictRoute)
 probes = APIRouter(tags=["server"], route_class=StrictRoute)

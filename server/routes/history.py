@@ -9,16 +9,16 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError
 from calib_core.records import Stage
-from calib_core.session.compare import Comparison
-from server.deps import JobId, JobsDep, OnceDep, SessionId, StageName, StoreDep
-from server.schemas import Job
-from server.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
-from server.schemas_results import StageResult
+from calib_core.review.compare import Comparison
+from server.http.dependencies import JobId, JobsDep, OnceDep, SessionId, StageName, StoreDep
+from server.http.schemas import Job
+from server.http.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
+from server.http.schemas_results import StageResult
+from server.http.strict_json import StrictRoute
 from server.store.history import PastResult, latest_numbers, moment, past_result, stage_history, timeline
 from server.store.models import Data
 from server.store.sessions import StoredSession, load_session, locked_session
 from server.store.solves import REPLAY, create_job, job_answer, job_data
-from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["history"], route_class=StrictRoute)
 
@@ -66,7 +66,7 @@ def compare(
     stage: Annotated[Stage, Path(examples=["tcp"])], left: SideName, right: SideName, store: StoreDep
 ) -> Response:
     """Return two results of a stage side by side, of one session or two: what differs, in units of its sigma."""
-    from calib_core.session.compare import Compared, compare_results
+    from calib_core.review.compare import Compared, compare_results
 
     sides: list[Compared] = []
     with store.read() as db:
@@ -133,7 +133,7 @@ def _summary(result: PastResult) -> Data:
 
 
 def _moment_data(stored: StoredSession, place: int, numbers: Any) -> Data:
-    from calib_core.session.guide import guide
+    from calib_core.stages.guide import guide
 
     results = stored.results_with_stale()
     captures = [{**c.to_json(), "measured": stored.measured[c.id].to_json()} for c in stored.session.captures]
@@ -150,7 +150,7 @@ def _moment_data(stored: StoredSession, place: int, numbers: Any) -> Data:
 
 def _frames(stored: StoredSession) -> Data | None:
     """Return tool and table as controllers write them, None where nothing is to be exported yet."""
-    from calib_core.session.export import export
+    from calib_core.exports.export import export
 
     try:
         return json.loads(export(stored.session, stored.results, "json")[0])

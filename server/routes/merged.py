@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
 from calib_core.records import MergeResult
-from server.deps import SessionId, StoreDep
+from server.http.dependencies import SessionId, StoreDep
+from server.http.schemas import CloudDeviations, CloudSection, ReferenceMesh
+from server.http.strict_json import StrictRoute
 from server.scenes.cloud_view import Against
 from server.scenes.deviation import CloudDeviation, cloud_deviation
 from server.scenes.deviation import ReferenceMesh as Reference
 from server.scenes.merged import MergedScans, merged_cloud, thinned
 from server.scenes.stored import output_reader, reference_mesh
-from server.schemas import CloudDeviations, CloudSection, ReferenceMesh
 from server.store.references import set_reference
 from server.store.sessions import Output, StoredSession, load_session, locked_session, unused
-from server.strict_json import StrictRoute
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["clouds"], route_class=StrictRoute)
 
@@ -105,8 +105,8 @@ def put_reference(
     ],
 ) -> ReferenceMesh:
     """Store the mesh that says what the object should be, in place of the one before."""
-    from calib_core.session.mesh_files import parse_mesh
-    from calib_core.session.point_writers import ply_pieces
+    from calib_core.formats.mesh_files import parse_mesh
+    from calib_core.formats.point_writers import ply_pieces
 
     with store.read() as db:
         merge = load_session(db, store.blobs, session_id).results.get("merge")

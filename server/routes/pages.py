@@ -4,7 +4,7 @@ from fastapi import APIRouter, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import FileResponse, HTMLResponse
 
-from server.deps import SettingsDep
+from server.http.dependencies import SettingsDep
 
 router = APIRouter(include_in_schema=False)
 

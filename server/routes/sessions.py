@@ -10,8 +10,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.records import Guide, Session, parse_session
-from server.backlog import to_wait
-from server.deps import (
+from server.http.dependencies import (
     BacklogDep,
     Cursor,
     HubDep,
@@ -24,9 +23,19 @@ from server.deps import (
     SessionId,
     StoreDep,
 )
-from server.events import follow, to_sse
-from server.measuring import Measure, check_poses
-from server.schemas import NewSession, PoseLine, PoseLines, PoseText, SessionChanges, SessionPage, StoredSession
+from server.http.events import follow, to_sse
+from server.http.schemas import (
+    NewSession,
+    PoseLine,
+    PoseLines,
+    PoseText,
+    SessionChanges,
+    SessionPage,
+    StoredSession,
+)
+from server.http.strict_json import StrictRoute, plain_json
+from server.jobs.backlog import to_wait
+from server.jobs.measuring import Measure, check_poses
 from server.sources.simulated import simulated_session
 from server.store.calibrations import calibrated, needs_calibration
 from server.store.models import Data
@@ -48,7 +57,6 @@ from server.store.sessions import (
 from server.store.sessions import StoredSession as StoredAs
 from server.store.solves import unfinished_jobs
 from server.store.waiting import measure_anew
-from server.strict_json import StrictRoute, plain_json
 
 router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=StrictRoute)
 
@@ -156,7 +164,7 @@ def delete(session_id: SessionId, store: StoreDep, jobs: JobsDep, if_match: IfMa
 @router.get("/{session_id}/guide", response_model=Guide)
 def guidance(session_id: SessionId, store: StoreDep) -> Response:
     """Return what to do now and why, how many captures are still needed, and each step's status."""
-    from calib_core.session.guide import guide
+    from calib_core.stages.guide import guide
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
@@ -167,7 +175,7 @@ def guidance(session_id: SessionId, store: StoreDep) -> Response:
 @router.post("/{session_id}/pose-lines", response_model=PoseLines)
 def pose_lines(session_id: SessionId, body: PoseText, _: OnceDep, store: StoreDep) -> Response:
     """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
-    from calib_core.robot_pose import parse_pose_lines
+    from calib_core.robots import parse_pose_lines
 
     with store.read() as db:
         convention = body.convention or session_row(db, session_id).record["cell"]["pose_convention"]

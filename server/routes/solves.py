@@ -10,15 +10,15 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
-from server.deps import HubDep, JobId, JobsDep, LastEventId, OnceDep, SessionId, StageName, StoreDep
-from server.events import follow, to_sse
-from server.schemas import Job
-from server.schemas_results import StoredResult
+from server.http.dependencies import HubDep, JobId, JobsDep, LastEventId, OnceDep, SessionId, StageName, StoreDep
+from server.http.events import follow, to_sse
+from server.http.schemas import Job
+from server.http.schemas_results import StoredResult
+from server.http.strict_json import StrictRoute
 from server.store.history import latest_numbers
 from server.store.models import Data
 from server.store.sessions import load_session, locked_session, session_row
 from server.store.solves import ENDED, create_job, job_data, job_row
-from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["solves"], route_class=StrictRoute)
 
@@ -26,7 +26,7 @@ router = APIRouter(tags=["solves"], route_class=StrictRoute)
 @router.post("/sessions/{session_id}/solve/{stage}", status_code=202, response_model=Job)
 def solve(session_id: SessionId, stage: StageName, once: OnceDep, store: StoreDep, jobs: JobsDep) -> Response:
     """Start solving a stage; answers at once with the job, whose end brings the result."""
-    from calib_core.session.stages import stage_captures
+    from calib_core.stages.graph import stage_captures
 
     def act(db: Transaction) -> Data:
         stage_captures(load_session(db, store.blobs, session_id).session, stage)  # refuses an unknown stage
@@ -104,7 +104,7 @@ def export_results(
     store: StoreDep,
 ) -> Response:
     """Return the calibrated tool and table in a format's own syntax."""
-    from calib_core.session.export import export
+    from calib_core.exports.export import export
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)

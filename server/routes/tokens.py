@@ -8,16 +8,16 @@ from fastapi import APIRouter, Depends, Path, Request, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
-from server.auth.door import cookie_name
 from server.auth.logins import Identity, Logins
+from server.auth.middleware import cookie_name
 from server.auth.refusals import Refusals
 from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecords
-from server.deps import Cursor, Limit, OnceDep, SettingsDep, StoreDep
-from server.errors import LoginError
+from server.http.dependencies import Cursor, Limit, OnceDep, SettingsDep, StoreDep
+from server.http.errors import LoginError
+from server.http.strict_json import StrictRoute
 from server.store.audit import acting, list_audit
 from server.store.models import Data
 from server.store.tokens import list_tokens, revoke_token, token_data
-from server.strict_json import StrictRoute
 
 router = APIRouter(tags=["access"], route_class=StrictRoute)
 

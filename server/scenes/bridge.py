@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
 from calib_core.errors import NotFoundError
-from server.origin import is_same_origin
+from server.http.same_origin import is_same_origin
 from server.scenes.live import SECRET_HEADER, LiveScene
 from server.scenes.manager import SceneManager
 from server.scenes.viewers import VIEWER_HEADER

@@ -9,11 +9,11 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, CaptureResidual, ChainResult, Measured, Result, Session, TcpResult
-from calib_core.robot_pose import parse_pose
+from calib_core.robots import parse_pose
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import MergedScans, scanner_on_flange
 from server.scenes.optics import OpticsFacts, optics_facts
-from server.scenes.table import TableFacts, expected_center_mm, table_facts
+from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
 
 LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]
@@ -149,7 +149,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
 
 
 def _next_pose(scene: SceneInput) -> RigidTransform | None:
-    from calib_core.session.guide import guide
+    from calib_core.stages.guide import guide
 
     rows = guide(scene.session, scene.measured, scene.results).current.suggested_pose
     return None if rows is None else RigidTransform.from_rounded(rows, "base", "tool0")
@@ -157,7 +157,7 @@ def _next_pose(scene: SceneInput) -> RigidTransform | None:
 
 def _shown_captures(session: Session) -> list[Capture]:
     """Return the captures that have a place of their own; of profiles that make one scan the first alone."""
-    from calib_core.session.scans import scan_groups
+    from calib_core.captures.scans import scan_groups
 
     scans = scan_groups([capture for capture in session.captures if capture.step == "scan"])
     first = {group.captures[0].id for group in scans}

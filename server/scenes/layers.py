@@ -15,8 +15,8 @@ from server.scenes.look import Look
 from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.signs import cross, short
-from server.scenes.table_layers import sphere_places, table_axis, table_circles, table_turned
 from server.scenes.trial import trial
+from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 _FAN_RAYS = 24

@@ -23,8 +23,8 @@ from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.merged import MergedScans
 from server.scenes.optics import OpticsFacts
-from server.scenes.table import TableFacts
-from server.scenes.table_layers import AXIS, mount_color
+from server.scenes.turntable import TableFacts
+from server.scenes.turntable_layers import AXIS, mount_color
 
 
 def legend_html(facts: SceneFacts, look: Look) -> str:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from calib_core.frames import RigidTransform
+from server.scenes.cache import PointCache
 from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.detail import Details
 from server.scenes.deviation import KeptDeviations
 from server.scenes.facts import SceneFacts, SceneInput, scene_facts
-from server.scenes.kept import PointCache
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
 from server.scenes.look import Look, look_at

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import MergeResult, Result, Session
-from calib_core.session.stage import ReadFile
+from calib_core.stages.stage import ReadFile
 
 MAX_SCAN_POINTS = 500_000
 """At most this many points of cloud or scans are sent as a whole; with captures and details it stays below 1M."""
@@ -59,7 +59,7 @@ class MergedScans:
 
 def merged_cloud(results: Mapping[str, Result], read: ReadOutput) -> MergedScans | None:
     """Return the cloud that the merge stored, evenly thinned; None where there is none."""
-    from calib_core.session.stored_clouds import read_stored_ply
+    from calib_core.archive.stored_clouds import read_stored_ply
 
     merge = results.get("merge")
     if not isinstance(merge, MergeResult) or merge.cloud is None:
@@ -92,7 +92,7 @@ def merged_scans(
     merge = results.get("merge")
     if not isinstance(merge, MergeResult):
         return None
-    from calib_core.session.scans import Placement, read_scan, scan_groups
+    from calib_core.captures.scans import Placement, read_scan, scan_groups
 
     tool = scanner_on_flange(session, results)
     if tool is None:
@@ -138,7 +138,7 @@ def scanner_on_flange(session: Session, results: Mapping[str, Result]) -> RigidT
 
 def _table(session: Session, results: Mapping[str, Result]) -> tuple[RigidTransform, int, float] | None:
     """Return the table's frame, its sense of turning and its scale."""
-    from server.scenes.table import table_facts
+    from server.scenes.turntable import table_facts
 
     table = table_facts(session, results)
     return None if table is None else (table.base_from_turntable, 1 if table.turns > 0 else -1, abs(table.turns))

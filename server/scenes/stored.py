@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from calib_core.captures.observe import observe_capture
+from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
 from calib_core.records import (
@@ -21,15 +23,13 @@ from calib_core.records import (
     TcpResult,
     TurntableResult,
 )
-from calib_core.session.frames import with_solved_calibration
-from calib_core.session.observe import observe_capture
-from calib_core.session.stage import ReadFile
+from calib_core.stages.stage import ReadFile
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.facts import SceneInput
 from server.scenes.merged import ReadOutput, merged_cloud, merged_scans
 
 if TYPE_CHECKING:
-    from server.events import Hub
+    from server.http.events import Hub
     from server.store.database import Store
     from server.store.models import EventRow
     from server.store.sessions import StoredSession
@@ -90,7 +90,7 @@ def scene_input(
 
 def reference_mesh(read_output: ReadOutput) -> ReferenceMesh | None:
     """Return the mesh that the user gave as a reference, None where there is none."""
-    from calib_core.session.stored_clouds import REFERENCE_FILE, read_stored_ply
+    from calib_core.archive.stored_clouds import REFERENCE_FILE, read_stored_ply
 
     data = read_output(REFERENCE_FILE)
     if data is None:

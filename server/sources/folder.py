@@ -151,7 +151,7 @@ def _lines_about(text: str, name: str) -> Iterator[str]:
 
 
 def _pose(text: str, note: str, session: Session) -> list[float]:
-    from calib_core.robot_pose import parse_pose_lines
+    from calib_core.robots import parse_pose_lines
 
     rows = parse_pose_lines(session.cell.pose_convention, text)
     if len(rows) != 1 or rows[0].numbers is None or rows[0].pose is None:

@@ -12,16 +12,16 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture
-from server.json_text import JsonText
-from server.measuring_processes import Measuring
-from server.once import Once
+from server.http.idempotency import Once
+from server.http.json_text import JsonText
+from server.http.uploads import digests_of
+from server.jobs.measuring_processes import Measuring
 from server.store.arrivals import Arrival, add_captures, session_record
 from server.store.calibrations import needs_calibration
 from server.store.database import Store
+from server.store.group_commit import Together
 from server.store.models import Data
 from server.store.sessions import empty_session
-from server.store.together import Together
-from server.uploads import digests_of
 
 MOST_BYTES = 256 * 1024
 """What has more has its own way in."""

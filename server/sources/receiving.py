@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 
 from calib_core.records import Capture
-from server.measuring_processes import Measuring
+from server.http.uploads import digests_of
+from server.jobs.measuring_processes import Measuring
 from server.store.arrivals import Arrival, require_free, session_record
 from server.store.calibrations import calibrated_session, needs_calibration
 from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import empty_session
-from server.uploads import digests_of
 
 
 def receive(

@@ -6,7 +6,7 @@ from sqlalchemy import delete, insert
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
-from server.json_text import JsonText
+from server.http.json_text import JsonText
 from server.store.models import AnswerRow, Data, now
 
 _KEPT = timedelta(days=7)

@@ -8,9 +8,7 @@ from typing import IO
 
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import CalibrationError, ConflictError, InputError
-from calib_core.records import FORMAT, Capture, Measured, Session
-from calib_core.session.archive import (
+from calib_core.archive.archive import (
     REPORT_FILE,
     SCENE_FILE,
     ArchivedSession,
@@ -18,18 +16,20 @@ from calib_core.session.archive import (
     plain_name,
     read_archive,
 )
-from calib_core.session.bag import PAYLOAD, Bag, Content, open_bag
-from calib_core.session.bag_zip import LIMITS, ArchiveLimits
-from calib_core.session.folder import SESSION_FILE, to_json_bytes
-from calib_core.session.stages import STAGES
-from calib_core.session.stored_clouds import REFERENCE_FILE
-from calib_core.session.stored_results import output_names
-from server.measuring import Measure, check_poses, measure
+from calib_core.archive.bag import PAYLOAD, Bag, Content, open_bag
+from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
+from calib_core.archive.folder import SESSION_FILE, to_json_bytes
+from calib_core.archive.stored_clouds import REFERENCE_FILE
+from calib_core.archive.stored_results import output_names
+from calib_core.errors import CalibrationError, ConflictError, InputError
+from calib_core.records import FORMAT, Capture, Measured, Session
+from calib_core.stages.graph import STAGES
+from server.jobs.measuring import Measure, check_poses, measure
+from server.store.archived_files import keep
 from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
 from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
 from server.store.calibrations import without_captures
-from server.store.kept import keep
 from server.store.models import Data, SessionRow
 from server.store.references import set_reference
 from server.store.sessions import STORE_FIELDS, Output, StoredSession, create_session

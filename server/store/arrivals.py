@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError
 from calib_core.records import Capture, Measured
-from server.json_text import JsonText
+from server.http.json_text import JsonText
 from server.store.calibrations import board_results
 from server.store.database import publish_later
 from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, WaitingRow, now

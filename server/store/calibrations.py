@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.captures.content import BOARD_STEPS
+from calib_core.captures.stripe_frames import with_solved_calibration
+from calib_core.captures.sweep import of_frames
 from calib_core.records import Capture, Measured, Session, parse_capture
-from calib_core.session.capture_content import BOARD_STEPS
-from calib_core.session.frames import with_solved_calibration
-from calib_core.session.stages import inputs_sha256
-from calib_core.session.sweep import of_frames
+from calib_core.stages.graph import inputs_sha256
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, ResultRow
 from server.store.sessions import StoredSession, load_session

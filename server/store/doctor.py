@@ -8,9 +8,9 @@ from typing import Any, Final, Literal
 import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError
 
+from calib_core.archive.stored_results import require_result
 from calib_core.errors import CalibrationError, InputError
 from calib_core.records import Measured, parse_session
-from calib_core.session.stored_results import require_result
 from server.settings import Settings
 from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs

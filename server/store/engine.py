@@ -9,7 +9,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
 from calib_core.errors import InputError
-from server.json_text import JsonText
+from server.http.json_text import JsonText
 
 
 def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine:

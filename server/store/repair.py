@@ -8,9 +8,9 @@ from calib_core.errors import DamagedError, NotFoundError
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
 from server.store.blob_places import open_blobs
-from server.store.claim import claimed
 from server.store.doctor import Examination, each_damaged, referring
 from server.store.engine import engine_of, reading
+from server.store.store_lock import claimed
 
 
 def repair(settings: Settings, found: Examination, backup: Path | None) -> list[str]:

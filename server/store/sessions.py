@@ -12,7 +12,7 @@ from sqlalchemy.orm import defer
 
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.records import Measured, Session, parse_session
-from server.errors import OutdatedError
+from server.http.errors import OutdatedError
 from server.store.blobs import Blobs
 from server.store.database import record_event
 from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded, now
@@ -56,7 +56,7 @@ class StoredSession:
 
     def results_with_stale(self) -> dict[str, Data]:
         """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""
-        from calib_core.session.stages import inputs_sha256
+        from calib_core.stages.graph import inputs_sha256
 
         results: dict[str, Data] = {}
         for stage, result in self.results.items():
@@ -69,7 +69,7 @@ class StoredSession:
         return results
 
     def _seen_from_poses(self, result: Data) -> Data:
-        from calib_core.session.workpiece import at_workpiece, turned_deg
+        from calib_core.exports.workpiece import at_workpiece, turned_deg
 
         try:
             at = [row.to_json() for row in at_workpiece(self.session, result)]

@@ -7,8 +7,8 @@ from harness import Row, interleaved_medians_s
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import ChainResult
-from calib_core.session.pipeline import solve_stage
 from calib_core.simulation import SimulatedSession, chain_bound, simulate
+from calib_core.stages.pipeline import solve_stage
 
 MOST = 1.1
 _FREE = [0, 1, 3, 4, 5]  # T's rotation about its own z follows from the tilts

@@ -11,10 +11,10 @@ from harness import Row
 from kill_load import Findings, check, load
 from kill_server import OLD_CONTENT, ServerProcess, old_store
 
-from calib_core.session.archive import pack
-from calib_core.session.folder import save_session, write_result
-from calib_core.session.pipeline import solve_stage
+from calib_core.archive.archive import pack
+from calib_core.archive.folder import save_session, write_result
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import solve_stage
 
 _MIGRATIONS_PER_LOAD = 4  # of five kills, one falls into a start that migrates an old store
 

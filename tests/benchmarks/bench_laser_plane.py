@@ -179,8 +179,8 @@ def _views(camera: CameraModel, seed: int, corner_px: float = 0.05, stripe_px: f
 
 def _real_views() -> list[PlaneView]:
     """Return the boards of a real set on which both board and stripe are found, the stripe's strays left out."""
+    from calib_core.captures.boards import board_in, stripe_of
     from calib_core.records import parse_session
-    from calib_core.session.boards import board_in, stripe_of
 
     session = parse_session(json.loads((_REAL / "session.json").read_text()))
     assert session.cell.board is not None

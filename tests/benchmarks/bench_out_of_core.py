@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from bench_merge import VOXEL_MM, peak_of, poses, status_mb, view
 from harness import Row
 
+from calib_core.archive.spill import FileSpill
 from calib_core.fusion.merge import VoxelGrid
-from calib_core.session.spill import FileSpill
 
 MOST_BYTES = 150_000_000
 MOST_MEMORY_MB = 1000.0

@@ -14,7 +14,7 @@ import httpx
 from harness import Row
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from calib_core.session.archive import pack_files
+from calib_core.archive.archive import pack_files
 from calib_core.simulation import TcpScenario, simulate_tcp
 from server.settings import Settings
 from tests.server.live_server import serving, simulated_session, wait_for

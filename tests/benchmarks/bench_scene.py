@@ -8,10 +8,10 @@ import numpy as np
 from harness import Row
 from playwright.sync_api import sync_playwright
 
-from calib_core.session.pipeline import run as solve
-from calib_core.session.point_writers import ply_pieces
-from calib_core.session.stored_clouds import CLOUD_FILE, read_stored_ply
+from calib_core.archive.stored_clouds import CLOUD_FILE, read_stored_ply
+from calib_core.formats.point_writers import ply_pieces
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run as solve
 from server.scenes.facts import SceneInput
 from server.scenes.merged import merged_cloud
 from server.scenes.stored import scene_input

@@ -15,10 +15,10 @@ from harness import Row
 from kill_server import ServerProcess
 
 from calib_core.simulation import simulate
-from server.measuring import measure
+from server.jobs.measuring import measure
 from server.settings import Settings
-from server.store.claim import claimed
 from server.store.models import folded
+from server.store.store_lock import claimed
 
 _TARGET_MS = 100.0
 _CAPTURES = 100  # of each session

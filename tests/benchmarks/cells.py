@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.session.observe import observe_capture
 from calib_core.simulation import SimulatedSession, simulate, tcp_bound
 
 SPHERE = SphereSize(40.0)

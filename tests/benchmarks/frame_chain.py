@@ -7,8 +7,8 @@ import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import CameraResult, LaserPlaneResult, TcpResult
-from calib_core.session.pipeline import run
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run
 
 
 @dataclass(frozen=True)

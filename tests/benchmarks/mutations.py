@@ -10,8 +10,8 @@ from functools import cache
 import cv2
 import numpy as np
 
-from calib_core.session.archive import pack_files
-from calib_core.session.point_writers import cloud_pieces
+from calib_core.archive.archive import pack_files
+from calib_core.formats.point_writers import cloud_pieces
 from calib_core.simulation import simulate
 from tests.core.archives import entries_of, resealed
 

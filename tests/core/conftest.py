@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from calib_core.session.archive import pack
-from calib_core.session.folder import load_session, save_session, to_json_bytes, write_result
-from calib_core.session.pipeline import run
+from calib_core.archive.archive import pack
+from calib_core.archive.folder import load_session, save_session, to_json_bytes, write_result
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run
 
 
 @pytest.fixture(scope="session")

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from calib_core.archive.archive import archive_name, opened, pack, unpack, verify
+from calib_core.archive.bag_zip import CHUNK_BYTES
+from calib_core.archive.folder import load_session
 from calib_core.errors import ConflictError, InputError
 from calib_core.records import Session
-from calib_core.session.archive import archive_name, opened, pack, unpack, verify
-from calib_core.session.bag_zip import CHUNK_BYTES
-from calib_core.session.folder import load_session
 from server.cli import main
 from tests.core.archives import tree
 

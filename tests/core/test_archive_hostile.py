@@ -12,10 +12,10 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from calib_core.archive.archive import unpack, verify
+from calib_core.archive.bag_names import MAX_DEPTH, folded, require_distinct_names, require_safe_name
+from calib_core.archive.bag_zip import ArchiveLimits
 from calib_core.errors import CalibrationError, InputError, TooLargeError
-from calib_core.session.archive import unpack, verify
-from calib_core.session.bag_names import MAX_DEPTH, folded, require_distinct_names, require_safe_name
-from calib_core.session.bag_zip import ArchiveLimits
 from server.cli import main
 from tests.core.archives import changed, entries_of, resealed, tree, with_entry, without, zipped
 

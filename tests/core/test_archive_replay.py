@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from calib_core.session.folder import load_session, to_json_bytes
-from calib_core.session.replay import MAX_LISTED, TOLERANCE, compare, replay
-from calib_core.session.stored_results import stored_results
+from calib_core.archive.folder import load_session, to_json_bytes
+from calib_core.archive.stored_results import stored_results
+from calib_core.review.replay import MAX_LISTED, TOLERANCE, compare, replay
 from server.cli import main
 
 

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from calib_core.robot_pose import parse_pose, to_pose
+from calib_core.robots import parse_pose, to_pose
 from server.cli import main
 
 

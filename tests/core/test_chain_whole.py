@@ -7,9 +7,9 @@ import pytest
 
 from calib_core.frames import RigidTransform
 from calib_core.records import parse_session
-from calib_core.session.pipeline import run
-from calib_core.session.stages import inputs_sha256
 from calib_core.simulation import chain_bound, simulate
+from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.pipeline import run
 
 SEEDS = range(12)
 

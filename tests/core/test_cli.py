@@ -12,7 +12,7 @@ from calib_core.simulation import simulate
 from server.cli import main
 from server.commands.bench import bench
 from server.commands.schema import PYTHON_CLIENT, SCHEMAS, schema_text
-from server.commands.summary import with_uncertainty
+from server.render.text.summary import with_uncertainty
 from tests.benchmarks.harness import Row
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calib_core.archive.folder import result_data
 from calib_core.errors import InputError
+from calib_core.exports.workpiece import at_workpiece, point_jacobian, turned_deg
 from calib_core.frames import RigidTransform
 from calib_core.records import Session, parse_session
-from calib_core.session.compare import Compared, changes, compare_results, frame_difference
-from calib_core.session.folder import result_data
-from calib_core.session.pipeline import solve_stage
-from calib_core.session.workpiece import at_workpiece, point_jacobian, turned_deg
+from calib_core.review.compare import Compared, changes, compare_results, frame_difference
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import solve_stage
 
 
 @pytest.fixture(scope="module")

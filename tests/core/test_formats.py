@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from calib_core.archive.archive import opened, pack, verify
+from calib_core.archive.folder import load_session, save_session
+from calib_core.archive.session_versions import to_present_format
 from calib_core.errors import InputError
 from calib_core.records import FORMAT
-from calib_core.session.archive import opened, pack, verify
-from calib_core.session.folder import load_session, save_session
-from calib_core.session.formats import to_present_format
 from calib_core.simulation import simulate
 
 

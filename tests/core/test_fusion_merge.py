@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calib_core.archive.spill import FileSpill
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.fusion.merge import VoxelCloud, VoxelGrid, fuse
 from calib_core.fusion.scan import Scan, as_rows, scan_of_cloud, scan_of_profiles
 from calib_core.kernels.fusion import pack_keys, unpack_keys
-from calib_core.session.spill import FileSpill
 
 
 def plain(points: np.ndarray, weights: np.ndarray, size: float) -> dict[tuple[int, int, int], np.ndarray]:

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.frames import RigidTransform, rotation_from_vector, vector_from_rotation
 from calib_core.records import Guide, Measured, Session
-from calib_core.robot_pose import parse_pose, to_pose
-from calib_core.session.guide import guide
-from calib_core.session.guide_motion import nearest_turn_rad
+from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import simulate
+from calib_core.stages.guide import guide
+from calib_core.stages.tcp.motion import nearest_turn_rad
 
 HOME = RigidTransform.of(
     Rotation.from_euler("xyz", [170, 5, 30], degrees=True).as_matrix(), [900, 100, 800], "base", "tool0"

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from calib_core.captures.measure import measure_capture
 from calib_core.frames import RigidTransform
-from calib_core.session.guide import guide
-from calib_core.session.measure import measure_capture
 from calib_core.simulation import simulate
+from calib_core.stages.guide import guide
 
 SHIFTS = 4
 SEEDS = range(6)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calib_core.records import Capture, Guide, Measured, Session, parse_cell
-from calib_core.session.guide import guide
-from calib_core.session.stages import stage_captures
 from calib_core.simulation import SimulatedSession, simulate
+from calib_core.stages.graph import stage_captures
+from calib_core.stages.guide import guide
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from calib_core.records import Guide, Measured, Session
-from calib_core.session.guide import guide
-from calib_core.session.stages import stage_captures
 from calib_core.simulation import simulate
+from calib_core.stages.graph import stage_captures
+from calib_core.stages.guide import guide
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ WEB_AND_STORE = {
     "multipart", "pydantic_settings",
 }  # fmt: skip
 FILES = {"pathlib", "os", "shutil", "tempfile", "glob", "zipfile", "tarfile", "fileinput", "subprocess", "socket"}
+FILE_ROOMS = ("calib_core/archive/", "calib_core/captures/", "calib_core/formats/")
 PURE_PATHS = {"PurePath", "PurePosixPath", "PureWindowsPath"}
 FILE_METHODS = {"read_text", "write_text", "read_bytes", "write_bytes", "tofile", "unlink", "mkdir"}
 FILE_FUNCTIONS = {"loadtxt", "genfromtxt", "savetxt", "save", "savez", "fromfile", "imread", "imwrite", "memmap"}
@@ -46,7 +47,7 @@ def name_of(file: Path) -> str:
 
 def test_the_rules_see_the_sources() -> None:
     names = {name_of(file) for file in SOURCES}
-    assert {"calib_core/frames.py", "calib_core/session/folder.py", "server/cli.py"} <= names
+    assert {"calib_core/frames.py", "calib_core/archive/folder.py", "server/cli.py"} <= names
     found = {module for module, _, _ in imports(ROOT / "calib_core" / "frames.py")}
     assert {"numpy", "calib_core.errors", "scipy.spatial.transform"} <= found  # the last within a function
 
@@ -75,15 +76,15 @@ def touches_files(file: Path) -> list[str]:
     return found
 
 
-def test_only_the_session_package_touches_files() -> None:
+def test_only_archive_captures_and_formats_touch_files() -> None:
     found = {
         name_of(file): touched
         for file in SOURCES
         if within(name_of(file), "calib_core") or name_of(file).startswith("calib_core/")
-        if not name_of(file).startswith("calib_core/session/") and (touched := touches_files(file))
+        if not name_of(file).startswith(FILE_ROOMS) and (touched := touches_files(file))
     }
     assert found == {}
-    assert touches_files(ROOT / "calib_core" / "session" / "folder.py")  # the rule does see what it forbids
+    assert touches_files(ROOT / "calib_core" / "archive" / "folder.py")  # the rule does see what it forbids
 
 
 def test_only_scenes_import_viser() -> None:
@@ -109,8 +110,8 @@ def test_the_simulator_shares_no_code_with_the_solvers() -> None:
 
 def test_no_solver_imports_the_simulator_or_the_session() -> None:
     """A step is a function of what it is given: who reads the session calls it, not the other way round."""
-    places = ("chain", "sphere", "optics", "kernels", "fusion", "robot_pose")
-    above = ("calib_core.session", "calib_core.simulation")
+    places = ("chain", "sphere", "optics", "kernels", "fusion", "robots")
+    above = tuple(f"calib_core.{room}" for room in ("archive", "captures", "stages", "review", "simulation"))
     files = [f for f in SOURCES if name_of(f).split("/")[1] in places]
     assert len(files) > 20
     assert [(name_of(f), m) for f in files for m, _, _ in imports(f) if within(m, *above)] == []
@@ -142,7 +143,7 @@ HEAVY = ("numba", "cv2", "open3d", "viser", "fastapi", "sqlalchemy", "uvicorn", 
     [
         ("server.cli", (*HEAVY, "numpy", "pydantic")),  # --help is printed by this alone
         ("calib_core.records", (*HEAVY, "scipy")),
-        ("calib_core.session.pipeline", HEAVY),
+        ("calib_core.stages.pipeline", HEAVY),
         ("calib_core.chain.tcp", HEAVY),
     ],
 )

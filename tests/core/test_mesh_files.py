@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.session.mesh_files import parse_mesh
-from calib_core.session.point_writers import ply_pieces, stl_pieces
+from calib_core.formats.mesh_files import parse_mesh
+from calib_core.formats.point_writers import ply_pieces, stl_pieces
 from calib_core.simulation.part import build_part
 
 BOX = trimesh.creation.box((30.0, 20.0, 10.0))

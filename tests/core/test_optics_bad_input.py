@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
+from calib_core.captures.measure import measure_capture
+from calib_core.captures.pitch import suspected_pitch
 from calib_core.errors import InputError, MeasurementError, TooLargeError
 from calib_core.records import CameraResult, Capture, Session, TcpResult
-from calib_core.session.measure import measure_capture
-from calib_core.session.pipeline import solve_stage
-from calib_core.session.pitch import suspected_pitch
 from calib_core.simulation import SimulatedSession, simulate
+from calib_core.stages.pipeline import solve_stage
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel, Model, Segment
 from calib_core.records import CameraResult, parse_session
-from calib_core.session.pipeline import solve_stage
+from calib_core.stages.pipeline import solve_stage
 
 SIZE = (1280, 1024)
 MATRIX = np.array([[2400.0, 0, 650], [0, 2390, 500], [0, 0, 1]])

@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
+from calib_core.captures.measure import measure_capture
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.hand_eye import solve_hand_eye
 from calib_core.records import CameraResult, LaserPlaneResult, Session
-from calib_core.session.guide_frames import laser_plane_now
-from calib_core.session.measure import measure_capture
-from calib_core.session.pipeline import run
 from calib_core.simulation import SimulatedSession, simulate
+from calib_core.stages.camera.guide import laser_plane_now
+from calib_core.stages.pipeline import run
 
 TOOL0_FROM_CAMERA = RigidTransform.of([0.3, -0.2, 1.1], [40.0, -75.0, 60.0], "tool0", "camera")
 BASE_FROM_BOARD = RigidTransform.of([0.1, 3.0, 0.2], [850.0, -120.0, 35.0], "base", "board")

@@ -5,12 +5,12 @@ import pytest
 
 from calib_core.optics.board import BoardView, find_board
 from calib_core.records import Board, CameraResult
-from calib_core.session.pipeline import solve_stage
 from calib_core.simulation import simulate
 from calib_core.simulation.frame_camera import SimulatedCamera
 from calib_core.simulation.frame_surfaces import BoardSurface
 from calib_core.simulation.frames import Exposure, render
 from calib_core.simulation.motion import pose, turn
+from calib_core.stages.pipeline import solve_stage
 
 CAMERA = SimulatedCamera()
 TURNS = [[0.3, -0.2, 0.1], [-0.4, 0.3, 0.5], [0.0, 0.0, 0.02]]

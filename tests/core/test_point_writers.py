@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import InputError
-from calib_core.kernels.checksum import crc32c_rows
-from calib_core.session.files import parse_cloud
-from calib_core.session.point_writers import (
+from calib_core.formats.point_writers import (
     cloud_pieces,
     pcd_pieces,
     ply_pieces,
@@ -18,6 +16,8 @@ from calib_core.session.point_writers import (
     write_pieces,
     xyz_pieces,
 )
+from calib_core.formats.points import parse_cloud
+from calib_core.kernels.checksum import crc32c_rows
 
 POINTS = np.random.default_rng(0).uniform(-300, 300, (20_000, 3)).astype(np.float32)
 NORMALS = POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True)

@@ -5,15 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from calib_core.captures.observe import observe_capture
+from calib_core.captures.pose_doubts import likely_mistake
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.start import centers_of, find_start
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
-from calib_core.robot_pose import parse_pose, to_pose
-from calib_core.session.observe import observe_capture
-from calib_core.session.pipeline import run
-from calib_core.session.pose_doubts import likely_mistake
+from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import SimulatedSession, simulate
+from calib_core.stages.pipeline import run
 
 SPHERE = SphereSize(40.0)
 

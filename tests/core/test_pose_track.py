@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calib_core.captures.sweep import read_sweep, sweep_poses
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.pose_track import interpolate_poses
 from calib_core.records import Session, parse_session
-from calib_core.session.sweep import read_sweep, sweep_poses
 
 SMALL = st.floats(-1, 1)
 

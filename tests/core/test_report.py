@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.archive.folder import load_session, result_data
+from calib_core.archive.stored_results import stored_results
 from calib_core.errors import InputError
+from calib_core.exports.export import tool_number_sigmas, tool_numbers
+from calib_core.exports.workpiece import at_workpiece
 from calib_core.frames import RigidTransform
 from calib_core.records import Session, TcpResidual
-from calib_core.robot_pose import CONVENTIONS
-from calib_core.session.export import tool_number_sigmas, tool_numbers
-from calib_core.session.folder import load_session, result_data
-from calib_core.session.pipeline import run
-from calib_core.session.stored_results import stored_results
-from calib_core.session.workpiece import at_workpiece
+from calib_core.robots import CONVENTIONS
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run
 from server.cli import main
-from server.report.numbers import number, with_decimals_of
-from server.report.plot import BAND, residual_plot
-from server.report.report import report_html
+from server.render.report.numbers import number, with_decimals_of
+from server.render.report.plot import BAND, residual_plot
+from server.render.report.report import report_html
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 

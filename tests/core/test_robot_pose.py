@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.records import PoseConvention
-from calib_core.robot_pose import CONVENTIONS, parse_pose, to_pose
+from calib_core.robots import CONVENTIONS, parse_pose, to_pose
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "golden" / "robot_poses.json").read_text(encoding="utf-8"))
 EULER = [name for name, c in CONVENTIONS.items() if c.form in ("ZYX", "XYZ", "ZYZ")]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import InputError
-from calib_core.robot_pose import parse_pose_lines
+from calib_core.robots import parse_pose_lines
 
 SIX = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]
 

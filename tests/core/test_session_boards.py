@@ -2,9 +2,9 @@
 
 import pytest
 
+from calib_core.captures.boards import board_in, board_of
 from calib_core.errors import MeasurementError
 from calib_core.records import Board
-from calib_core.session.boards import board_in, board_of
 from calib_core.simulation import simulate
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
-from calib_core.session.files import MAX_PROFILE_BYTES, kind_of_file, parse_cloud, parse_profile
+from calib_core.formats.points import MAX_PROFILE_BYTES, kind_of_file, parse_cloud, parse_profile
 
 PROFILE = np.array([[-1.5, 200.25], [0.0, 201.0], [2.5, 199.125]])
 CLOUD = np.array([[1.0, 2.0, 3.0], [-4.5, 5.25, 6.0], [7.0, 8.0, -9.75], [0.5, 0.25, 0.125]])

@@ -4,9 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from calib_core.errors import ConflictError, InputError
-from calib_core.records import Record, Session, parse_session
-from calib_core.session.folder import (
+from calib_core.archive.folder import (
     load_results,
     load_session,
     result_data,
@@ -15,6 +13,8 @@ from calib_core.session.folder import (
     write_atomically,
     write_result,
 )
+from calib_core.errors import ConflictError, InputError
+from calib_core.records import Record, Session, parse_session
 
 RECORD = {
     "format": "scancell-session/1",

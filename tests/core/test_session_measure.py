@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from calib_core.captures.measure import measure_capture
+from calib_core.captures.observe import observe_capture
 from calib_core.errors import InputError, MeasurementError
 from calib_core.records import parse_capture, parse_session
-from calib_core.session.measure import measure_capture
-from calib_core.session.observe import observe_capture
 
 DIAMETER_MM = 40.0
 SIGMA_MM = 0.02

@@ -7,18 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from calib_core.archive.stored_clouds import read_stored_ply
+from calib_core.captures.scans import Placement, read_scan, scan_groups
 from calib_core.errors import CalibrationError, InputError
+from calib_core.formats.point_writers import write_pieces
+from calib_core.formats.points import parse_cloud
 from calib_core.frames import RigidTransform
 from calib_core.fusion.overlap import move_of_pose_change
 from calib_core.records import MergeResult, Session
-from calib_core.session.files import parse_cloud
-from calib_core.session.pipeline import run
-from calib_core.session.point_writers import write_pieces
-from calib_core.session.scans import Placement, read_scan, scan_groups
-from calib_core.session.stage_merge import CLOUD_FILE, MESH_FILE, _Calibration, _moves
-from calib_core.session.stages import inputs_sha256
-from calib_core.session.stored_clouds import read_stored_ply
 from calib_core.simulation import simulate
+from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.merge.solve import CLOUD_FILE, MESH_FILE, _Calibration, _moves
+from calib_core.stages.pipeline import run
 
 sphere_scans = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("sphere_scans.py"))))
 

@@ -6,14 +6,14 @@ import pytest
 
 import calib_core.chain.tcp
 from calib_core.errors import ConflictError, InputError, MeasurementError
+from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
 from calib_core.records import Session, parse_session
-from calib_core.robot_pose import CONVENTIONS, parse_pose
-from calib_core.session.check import check_session
-from calib_core.session.export import export
-from calib_core.session.pipeline import run, solve_stage
-from calib_core.session.stages import inputs_sha256
+from calib_core.review.check import check_session
+from calib_core.robots import CONVENTIONS, parse_pose
 from calib_core.simulation import simulate
+from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.pipeline import run, solve_stage
 from server.cli import main
 
 

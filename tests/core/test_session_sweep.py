@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from calib_core.captures.measure import measure_capture
+from calib_core.captures.sweep_sphere import MOST_PROFILES, observe_sweep
 from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import RigidTransform
 from calib_core.records import Session, parse_session
-from calib_core.session.check import check_session
-from calib_core.session.measure import measure_capture
-from calib_core.session.pipeline import solve_stage
-from calib_core.session.sweep_sphere import MOST_PROFILES, observe_sweep
+from calib_core.review.check import check_session
 from calib_core.simulation import SWEEP_SCENARIOS, SweepScenario, simulate
 from calib_core.simulation.sweep_cell import simulate_sweeps
+from calib_core.stages.pipeline import solve_stage
 
 SEEDS = range(3)
 

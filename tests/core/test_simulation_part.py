@@ -6,19 +6,19 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from calib_core.formats.point_writers import write_pieces
+from calib_core.formats.points import parse_cloud
 from calib_core.fusion.clean import clean_scan
 from calib_core.fusion.clean_scan import KEPT
 from calib_core.fusion.merge import VoxelGrid
 from calib_core.fusion.scan import Scan
-from calib_core.robot_pose import parse_pose
-from calib_core.session.files import parse_cloud
-from calib_core.session.pipeline import run
-from calib_core.session.point_writers import write_pieces
-from calib_core.session.stage_merge import CLOUD_FILE, MESH_FILE
+from calib_core.robots import parse_pose
 from calib_core.simulation import simulate
 from calib_core.simulation.part import BALL_RADIUS_MM, HEIGHT_MM, HOLES, build_part, top_mm
 from calib_core.simulation.part_scan import PartScanner, PartScanOptions, in_turntable, view_poses
 from calib_core.sphere.cloud import fit_sphere
+from calib_core.stages.merge.solve import CLOUD_FILE, MESH_FILE
+from calib_core.stages.pipeline import run
 
 PART = build_part()
 MESH = trimesh.Trimesh(PART.points_mm, PART.triangles, process=False)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from calib_core.captures.measure import measure_capture
 from calib_core.records import parse_session
-from calib_core.session.measure import measure_capture
 from calib_core.simulation import TcpScenario
 from calib_core.simulation.profile_cell import build_world, measure, pose_numbers
 from calib_core.simulation.writing import profile_csv, session_record

@@ -10,12 +10,12 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calib_core.archive.folder import save_session
+from calib_core.archive.stored_clouds import MEDIA_TYPES, StoredFile, in_format, read_stored_ply, requested
 from calib_core.errors import InputError, NotFoundError
-from calib_core.session.e57_writer import e57_pieces
-from calib_core.session.files import parse_cloud
-from calib_core.session.folder import save_session
-from calib_core.session.point_writers import pcd_pieces, ply_pieces, stl_pieces, write_pieces, xyz_pieces
-from calib_core.session.stored_clouds import MEDIA_TYPES, StoredFile, in_format, read_stored_ply, requested
+from calib_core.formats.e57_writer import e57_pieces
+from calib_core.formats.point_writers import pcd_pieces, ply_pieces, stl_pieces, write_pieces, xyz_pieces
+from calib_core.formats.points import parse_cloud
 from server.cli import main
 from tests.core.test_session_merge import session
 

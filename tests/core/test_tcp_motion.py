@@ -11,7 +11,7 @@ from calib_core.chain.tcp import TcpOptions, solve_tcp
 from calib_core.chain.tcp_verdict import tcp_verdict
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform, rotation_from_vector
-from calib_core.robot_pose import parse_pose, to_pose
+from calib_core.robots import parse_pose, to_pose
 from tests.core.exact_sphere import exact_cell, turns
 
 OPTIONS = pytest.mark.parametrize("options", [GIVEN, ESTIMATED], ids=["given", "estimated"])

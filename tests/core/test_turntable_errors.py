@@ -5,8 +5,8 @@ import pytest
 
 from calib_core.errors import CalibrationError, InputError, MotionError
 from calib_core.records import parse_session
-from calib_core.session.pipeline import run
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run
 
 
 def solve(cell, change=None):

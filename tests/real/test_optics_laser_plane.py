@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calib_core.records import LaserPlaneResult, parse_session
-from calib_core.session.pipeline import solve_stage
+from calib_core.stages.pipeline import solve_stage
 
 
 def solved(folder: Path) -> LaserPlaneResult:

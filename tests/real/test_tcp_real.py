@@ -9,8 +9,8 @@ import pytest
 
 from calib_core.frames import RigidTransform
 from calib_core.records import TcpResult, parse_session
-from calib_core.robot_pose import to_pose
-from calib_core.session.pipeline import solve_stage
+from calib_core.robots import to_pose
+from calib_core.stages.pipeline import solve_stage
 
 # Scatter of the centres, and the independent solvers' tool as x y z W P R (mm, degrees).
 CELLS = {

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from calib_core.session.folder import load_session
-from calib_core.session.pipeline import run
+from calib_core.archive.folder import load_session
+from calib_core.stages.pipeline import run
 
 TILTS = ("+0.0", "-5.2", "-9.7", "-14.9", "-20.1", "-25.2", "-29.8")
 

@@ -12,7 +12,7 @@ from fastapi import FastAPI
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Measured, TcpResult, TwoStep, VarianceComponents, parse_session
-from server import errors
+from server.http import errors
 from server.scenes.facts import SceneInput
 from server.scenes.manager import SceneManager
 from server.scenes.router import scenes_router

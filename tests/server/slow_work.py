@@ -6,7 +6,7 @@ import signal
 import time
 from typing import Any
 
-from server import worker
+from server.jobs import worker
 
 
 def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:

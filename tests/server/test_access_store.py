@@ -9,7 +9,7 @@ from sqlalchemy.exc import DatabaseError
 
 from server.auth.logins import REMEMBERED_S, Logins
 from server.auth.secrets import KEY_FILE
-from server.errors import LoginError
+from server.http.errors import LoginError
 from server.settings import Settings
 from server.store.audit import Act, acting, list_audit
 from server.store.backup import back_up, restore

@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from calib_core.session.archive import verify
+from calib_core.archive.archive import verify
 from tests.core.archives import changed, entries_of, resealed, with_entry, without, zipped
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload, wait_for
 

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from server.measuring_processes import Measuring
+from server.jobs.measuring_processes import Measuring
 from tests.server.live_server import assert_problem, make_session
 from tests.server.test_captures import POSE, arc_csv
 

@@ -11,7 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.measuring_processes import Measuring
+from server.jobs.measuring_processes import Measuring
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload
 
 POSE = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]

@@ -12,7 +12,7 @@ import open3d as o3d
 import pytest
 import trimesh
 
-import server.worker
+import server.jobs.worker
 from tests.server.live_server import assert_problem, upload, wait_for
 from tests.server.slow_work import solve_on_a_full_disk
 
@@ -171,7 +171,7 @@ def test_a_full_disk_stops_the_merge_with_a_sentence_and_touches_nothing(
     with start() as client:
         session = scanned_session(client, mesh="none")
         first = merged(client, session)
-        monkeypatch.setattr(server.worker, "solve", solve_on_a_full_disk)
+        monkeypatch.setattr(server.jobs.worker, "solve", solve_on_a_full_disk)
         job = wait_for(client, client.post(f"/sessions/{session}/solve/merge").json()["id"])
         assert job["status"] == "failed"
         assert "room in the data folder for clouds/merged.ply, got file too large" in job["error"]["detail"]

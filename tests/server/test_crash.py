@@ -20,13 +20,13 @@ from tests.server.live_server import make_session, simulated_session
 SERVER = """
 import sys, threading, time
 from pathlib import Path
-import server.worker
+import server.jobs.worker
 from server.serve import WorkbenchServer
 from server.settings import Settings
 from tests.server.slow_work import slow_solve
 
 if __name__ == "__main__":
-    server.worker.solve = slow_solve
+    server.jobs.worker.solve = slow_solve
     running = WorkbenchServer(Settings(data=Path(sys.argv[1]), port=0, warm_up=False))
 
     def announce():

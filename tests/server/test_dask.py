@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from distributed import LocalCluster
 
-import server.worker
+import server.jobs.worker
 from calib_core.errors import InputError
-from server.dask_pool import DaskPool
+from server.jobs.dask_pool import DaskPool
 from server.settings import Settings
 from tests.server.live_server import make_session, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
@@ -51,8 +51,8 @@ def test_a_session_is_solved_by_the_cluster(start: Callable[..., Any], cluster: 
 def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
     start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve = server.worker.solve
-    monkeypatch.setattr(server.worker, "solve", slow_solve)
+    solve = server.jobs.worker.solve
+    monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
     with start(dask=cluster) as client:
         session = make_session(client)
         first, second, waiting = (client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(3))
@@ -68,12 +68,12 @@ def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
         assert job["error"]["to_do"] == "Run it again."
         assert client.get(f"/jobs/{first}").json()["status"] == "cancelled"
 
-        monkeypatch.setattr(server.worker, "solve", solve)
+        monkeypatch.setattr(server.jobs.worker, "solve", solve)
         simulated = simulated_session(client, captures=14)
         again = wait_for(client, client.post(f"/sessions/{simulated}/solve/tcp").json()["id"])
         assert again["status"] == "done", again
 
-        monkeypatch.setattr(server.worker, "solve", slow_solve)
+        monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
         last = client.post(f"/sessions/{session}/solve/tcp").json()["id"]
         worker = wait_until_it_runs(client, last)
     assert_gone(worker)
@@ -94,7 +94,7 @@ def assert_gone(process: int) -> None:
 
 
 def test_without_its_cluster_the_server_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.dask_pool._CONNECT_S", 0.5)
+    monkeypatch.setattr("server.jobs.dask_pool._CONNECT_S", 0.5)
     with pytest.raises(InputError, match="SCANCELL_DASK"):
         DaskPool(Settings(dask="tcp://127.0.0.1:9"), print)
     with pytest.raises(InputError, match="SCANCELL_DASK"):

@@ -12,7 +12,7 @@ from sqlalchemy import text
 from calib_core.errors import ConflictError, DamagedError, InputError
 from server.cli import main
 from server.settings import Settings
-from server.store import claim
+from server.store import store_lock as claim
 from server.store.backup import MANIFEST, back_up, restore
 from server.store.blob_folder import FolderBlobs
 from server.store.blob_places import open_blobs

@@ -9,8 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from calib_core.session.archive import pack
-from calib_core.session.folder import to_json_bytes
+from calib_core.archive.archive import pack
+from calib_core.archive.folder import to_json_bytes
 from calib_core.simulation import simulate
 from tests.server.live_server import assert_problem, simulated_session, wait_for
 

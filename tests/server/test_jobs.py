@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-import server.worker
+import server.jobs.worker
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
 from tests.server.test_events import listening
@@ -82,7 +82,7 @@ def test_a_solve_that_cannot_be_says_what_is_missing(client: httpx.Client) -> No
 @pytest.fixture
 def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Workers that take a minute over each solve."""
-    monkeypatch.setattr(server.worker, "solve", slow_solve)
+    monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
 
 
 def wait_until_it_runs(client: httpx.Client, job: str) -> int:

@@ -6,7 +6,7 @@ import pytest
 
 from calib_core.errors import InputError
 from calib_core.simulation import simulate
-from server.measuring_processes import Measuring
+from server.jobs.measuring_processes import Measuring
 
 CELL = simulate("tcp", 7)
 CAPTURE = CELL.session.captures[0]

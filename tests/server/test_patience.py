@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server.auth.buckets import Buckets
-from server.patience import Patience
+from server.http.timeouts import Patience
 from server.serve import WorkbenchServer
 from server.settings import Settings
 from tests.server.access import bearer, guarded, make_tokens

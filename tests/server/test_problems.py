@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import server.app  # noqa: F401 (brings every error with it)
-from server.errors import catalogue
+from server.http.errors import catalogue
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -10,7 +10,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from server.origin import is_same_origin
+from server.http.same_origin import is_same_origin
 from server.scenes.bridge import MAX_MESSAGE_BYTES, refusal
 from server.scenes.facts import SceneInput
 from server.scenes.live import LiveScene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib_core.frames import RigidTransform
-from calib_core.session.guide import guide
+from calib_core.stages.guide import guide
 from server.scenes.colors import GHOST
 from server.scenes.facts import SceneFacts, scene_facts
 from server.scenes.layers import draw

@@ -13,9 +13,9 @@ from calib_core.errors import ConflictError
 from server.store.access import AuditRow
 from server.store.audit import Act, acting
 from server.store.database import Store
+from server.store.group_commit import Together
 from server.store.models import EventRow, SessionRow
 from server.store.sessions import create_session, session_row
-from server.store.together import Together
 
 RECORD = {"cell": {"pose_convention": "ur"}}
 

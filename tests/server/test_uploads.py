@@ -2,7 +2,7 @@
 
 import threading
 
-from server.uploads import Room
+from server.http.uploads import Room
 
 
 def test_uploads_wait_for_room_and_none_is_shut_out() -> None:

@@ -1,6 +1,6 @@
 """Examples of the API, recorded from the real server as it takes the simulated cell through the whole chain.
 
-`PYTHONPATH=. python tests/web/api_examples.py` writes them to server/api_examples.json, from where they go into
+`PYTHONPATH=. python tests/web/api_examples.py` writes them to server/http/api_examples.json, from where they go into
 the OpenAPI document; a test says which operations have none, or ones that their schema does not allow.
 """
 
@@ -14,7 +14,7 @@ import httpx
 from server.settings import Settings
 from tests.server.live_server import serving, wait_for
 
-TARGET = Path(__file__).resolve().parents[2] / "server" / "api_examples.json"
+TARGET = Path(__file__).resolve().parents[2] / "server" / "http" / "api_examples.json"
 _LONG = 16
 _KEPT = 2
 _STAGES = ("tcp", "turntable", "chain", "merge")

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from calib_core.frames import vector_from_rotation
-from calib_core.robot_pose import parse_pose
+from calib_core.robots import parse_pose
 from calib_core.simulation import simulate
 from tests.server.live_server import make_session, simulated_session, upload
 

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, FilePayload, Locator, Page, expect
 
 import server.app  # noqa: F401 (brings every error with it)
 from calib_core.simulation import simulate
-from server.errors import catalogue
+from server.http.errors import catalogue
 from tests.server.access import guarded
 from tests.server.live_server import make_session, simulated_session, upload
 from tests.web.browsing import Watch

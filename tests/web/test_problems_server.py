@@ -16,7 +16,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, FilePayload, Route, expect
 
-import server.worker
+import server.jobs.worker
 from server.settings import Settings
 from tests.server.access import bearer, guarded
 from tests.server.live_server import make_session, serving, simulated_session, wait_for
@@ -386,7 +386,7 @@ def test_a_solve_that_takes_too_long(browser: Browser, start: Callable[..., Any]
 def test_the_worker_of_a_solve_is_killed(
     browser: Browser, start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server.worker, "solve", slow_solve)
+    monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
     with start() as client:
         session = simulated_session(client, captures=6)
         with visiting(browser, client, f"/sessions/{session}") as visitor:

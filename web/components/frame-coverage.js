@@ -8,7 +8,7 @@ import { t } from "../texts.js";
 
 const CELLS = /** @type {const} */ ([8, 6]);
 const SHARPEST_PX = 1;
-const SOFT_PX = 6; // as calib_core/session/measure_frame.py
+const SOFT_PX = 6; // as calib_core/captures/measure_frame.py
 const SOFTEST_PX = 10;
 const ENOUGH_DEPTH = 1.3;
 

@@ -1,0 +1,199 @@
+"""Session folders: session.json, the captures' files, and the results beside them.
+
+Nothing stored is ever changed in place: a file is written beside its name, flushed to the disk, then renamed.
+"""
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, cast
+
+from calib_core.archive.session_versions import to_present_format
+from calib_core.errors import ConflictError, InputError
+from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
+from calib_core.records import Record, Session, parse_session
+from calib_core.stages.stage import ReadFile
+
+SESSION_FILE = "session.json"
+MAX_SESSION_BYTES = 32_000_000
+
+
+def load_session(path: Path) -> tuple[Session, ReadFile]:
+    """Return the session in a folder, and the function that reads its captures' files.
+
+    Parameters
+    ----------
+    path : Path
+        The folder, or the session.json in it.
+
+    Raises
+    ------
+    InputError
+        If session.json is missing, not JSON or not a session, with the line or the field at fault.  The reader
+        raises it too where a file is missing, not a file, or outside of the folder.
+    TooLargeError
+        If session.json, or later a capture's file, is beyond the limits.
+    """
+    folder = folder_of(path)
+    file = folder / SESSION_FILE
+    data = parse_json(read_bytes(file, "Write the session's record there.", MAX_SESSION_BYTES), str(file))
+    if not isinstance(data, dict):
+        raise InputError("a JSON object {…}", f"a {type(data).__name__}", "Write the session's record.", str(file))
+    record = to_present_format(cast("dict[str, Any]", data), str(file))
+    session = parse_session(record, str(file))
+    _require_finite(record, str(file))
+    return session, _reader(folder)
+
+
+def folder_of(path: Path) -> Path:
+    """Return the folder of a session: named by itself, by its session.json, or as an unpacked archive.
+
+    Raises
+    ------
+    InputError
+        If the path is nothing of these.
+    """
+    if path.is_dir():
+        return path / "data" if (path / "bagit.txt").is_file() and not (path / SESSION_FILE).exists() else path
+    if path.name == SESSION_FILE and path.is_file():
+        return path.parent
+    need = f"a session folder with {SESSION_FILE} in it"
+    if path.suffix.lower() == ".zip" and path.is_file():
+        raise InputError(need, "an archive", "Unpack it, and name the session folder inside.", str(path))
+    got = "another file" if path.exists() else "nothing there"
+    raise InputError(need, got, "Name the session's folder.", str(path))
+
+
+def parse_json(data: bytes, where: str) -> Any:
+    """Return the data of JSON text; raises InputError with line and column, or that the text was cut off."""
+    to_do = "Correct it there; a JSON checker shows the place."
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("JSON (UTF-8 text)", f"a byte that is no text at {error.start}", to_do, where) from None
+    if not text.strip():
+        raise InputError("JSON", "an empty file", "Copy or save it again.", where)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        if error.pos >= len(text.rstrip()):
+            got = f"a text that ends too early, in line {error.lineno}"
+            raise InputError("JSON", got, "The file was cut off: copy it again.", where) from None
+        got = f"something else in line {error.lineno}, column {error.colno} ({error.msg.lower()})"
+        raise InputError("JSON", got, to_do, where) from None
+    except (RecursionError, ValueError):  # nested too deeply, or integers of thousands of digits
+        raise InputError("JSON of ordinary depth and numbers", "something beyond", to_do, where) from None
+
+
+def save_session(folder: Path, session: Session, files: Mapping[str, bytes]) -> None:
+    """Write a new session folder; session.json comes last, so that it never names a file that is not there.
+
+    Raises
+    ------
+    ConflictError
+        If the folder holds other files under these names: nothing is written then.
+    InputError
+        If it cannot be written.
+    """
+    contents = {**files, SESSION_FILE: to_json_bytes(session.to_json())}
+    for name, content in contents.items():
+        path = folder / name
+        if path.exists() and not (path.is_file() and path.read_bytes() == content):
+            raise ConflictError(
+                "a folder without a session", f"{name} there", "Choose another folder.", str(folder)
+            )
+    for name, content in contents.items():
+        write_atomically(folder / name, content)
+
+
+def write_result(folder: Path, stage: str, result: Record) -> Path:
+    """Write a stage's result as `results/<stage>.json` in a folder; returns its path, raises InputError."""
+    path = folder / "results" / f"{stage}.json"
+    write_atomically(path, to_json_bytes(result_data(result)))
+    return path
+
+
+def load_results(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the results that a session folder holds, by stage; raises InputError where one is not JSON."""
+    results: dict[str, dict[str, Any]] = {}
+    for path in sorted((folder / "results").glob("*.json")):
+        data = parse_json(read_bytes(path, "Solve the session again.", MAX_SESSION_BYTES), str(path))
+        if isinstance(data, dict):
+            results[path.stem] = cast("dict[str, Any]", data)
+    return results
+
+
+def result_data(result: Record) -> dict[str, Any]:
+    """Return a result as JSON data; what is no finite number becomes null, which JSON can say."""
+    return json.loads(result.model_dump_json())
+
+
+def to_json_bytes(data: Any) -> bytes:
+    """Return JSON text with its end of line; raises ValueError for NaN and infinities, unknown to JSON."""
+    return (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file so that a failure at any moment leaves the old one, whole.
+
+    Raises
+    ------
+    InputError
+        If the disk is full or the folder cannot be written.
+    """
+    temporary = ""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except OSError as error:
+        if temporary:
+            with suppress(OSError):
+                Path(temporary).unlink()
+        got = error.strerror or type(error).__name__
+        to_do = "Make room, or give a folder that may be written."
+        raise InputError("a place to write to", got, to_do, str(path)) from None
+
+
+def _reader(folder: Path) -> ReadFile:
+    root = folder.resolve()
+
+    def read(name: str) -> bytes:
+        path = folder / name
+        if not path.resolve().is_relative_to(root):
+            got = "one that leads out of it"
+            raise InputError("a file inside the session folder", got, "Copy it into captures/.", str(path))
+        return read_bytes(path, "Copy the file there, or remove its capture from session.json.")
+
+    return read
+
+
+def read_bytes(path: Path, to_do: str, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
+    """Return a file's bytes; its size is looked at before it is read."""
+    if not path.is_file():
+        got = "something else" if path.exists() else "no such file"
+        raise InputError("a file", got, to_do, str(path))
+    try:
+        require_file_size(path.stat().st_size, str(path), limit_bytes)
+        return path.read_bytes()
+    except OSError as error:
+        got = error.strerror or type(error).__name__
+        raise InputError(
+            "a file that can be read", got, "Check its permissions and the disk.", str(path)
+        ) from None
+
+
+def _require_finite(data: dict[str, Any], where: str) -> None:
+    """Refuse NaN and infinities in fields that the format does not know; Python would read them, JSON has none."""
+    try:
+        json.dumps(data, allow_nan=False)
+    except ValueError:
+        raise InputError("finite numbers", "NaN or infinity", "Leave such fields out.", where) from None

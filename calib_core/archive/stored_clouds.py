@@ -1,0 +1,241 @@
+"""Stored clouds and meshes: read back as they were written, given in the formats of other programs."""
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, NotFoundError
+from calib_core.formats.e57_writer import e57_pieces_of
+from calib_core.formats.point_writers import Pieces, pcd_pieces_of, stl_pieces_of, xyz_pieces
+
+CLOUD_FOLDER: Final = "clouds"
+CLOUD_FILE: Final = f"{CLOUD_FOLDER}/merged.ply"
+MESH_FILE: Final = f"{CLOUD_FOLDER}/mesh.ply"
+REFERENCE_FILE: Final = f"{CLOUD_FOLDER}/reference.ply"
+"""The mesh that says what the object should be: the user's, not a stage's."""
+
+SCAN_COLUMN: Final = "scan"
+"""The number of the scan that weighs most around a point, by `MergeResult.scan_names`; −1 where none does."""
+
+MEDIA_TYPES: Final[Mapping[str, str]] = {
+    "ply": "model/ply",
+    "pcd": "application/octet-stream",
+    "xyz": "text/plain",
+    "e57": "model/e57",
+    "stl": "model/stl",
+}
+"""Of each format that clouds and meshes are given in."""
+
+OF_CLOUDS: Final = ("ply", "pcd", "xyz", "e57")
+OF_MESHES: Final = ("ply", "stl")
+
+_MAX_HEADER_BYTES = 4000
+_BLOCK_BYTES = 1 << 20
+_FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCloud:
+    """A cloud or a mesh as `point_writers.ply_pieces` wrote it.
+
+    Parameters
+    ----------
+    values : (N, K) float32
+        A row a point.
+    names : tuple of K str
+        x, y, z in mm, and what else there is.
+    triangles : (M, 3) int32 or None
+        Of a mesh.
+    """
+
+    values: NDArray[np.float32]
+    names: tuple[str, ...]
+    triangles: NDArray[np.int32] | None
+
+    @property
+    def scans(self) -> NDArray[np.int64] | None:
+        """The number (N,) of the scan that weighs most around each point; None where the file does not say."""
+        return (
+            self.values[:, self.names.index(SCAN_COLUMN)].astype(np.int64) if SCAN_COLUMN in self.names else None
+        )
+
+    @property
+    def points_mm(self) -> NDArray[np.float32]:
+        """The points, (N, 3)."""
+        return self.values[:, :3]
+
+
+def requested(name: str, wanted: str | None) -> tuple[str, str]:
+    """Return the stored file and the format that a request names, such as ``merged.e57`` or ``mesh`` with "stl".
+
+    Parameters
+    ----------
+    name : str
+        Of the cloud, with or without the ending of a format; the ending is left aside where `wanted` is given.
+    wanted : str, optional
+        The format; PLY where neither says.
+
+    Raises
+    ------
+    NotFoundError
+        If the format is none of `MEDIA_TYPES`.
+    """
+    stem, _, ending = name.rpartition(".")
+    if not stem:
+        stem, ending = name, "ply"
+    wanted = (wanted or ending).lower()
+    if wanted not in MEDIA_TYPES:
+        raise NotFoundError(
+            "a format among " + ", ".join(MEDIA_TYPES), repr(wanted[:40]), "Name one of these.", "format"
+        )
+    return f"{CLOUD_FOLDER}/{stem}.ply", wanted
+
+
+def read_stored_ply(data: bytes, where: str) -> StoredCloud:
+    """Return what a PLY file of this program holds.
+
+    Raises
+    ------
+    InputError
+        If it is cut off, or was written by another program.
+    """
+    layout = _layout(data[:_MAX_HEADER_BYTES], len(data), where)
+    values = np.frombuffer(data, "<f4", layout.points * layout.width, layout.start)
+    values = values.reshape(layout.points, layout.width)
+    if layout.faces is None:
+        return StoredCloud(values, layout.names, None)
+    return StoredCloud(values, layout.names, np.frombuffer(data, _FACE, layout.faces, layout.faces_at)["corners"])
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where what stands in a file: points with their columns, then faces, None in a cloud."""
+
+    names: tuple[str, ...]
+    points: int
+    faces: int | None
+    start: int
+
+    @property
+    def width(self) -> int:
+        return len(self.names)
+
+    @property
+    def faces_at(self) -> int:
+        return self.start + 4 * self.points * self.width
+
+
+def _layout(head: bytes, size: int, where: str) -> _Layout:
+    """Return the layout that a file's first bytes announce; raises InputError where its size is another."""
+    end = head.find(b"end_header\n")
+    lines = head[: max(end, 0)].decode("ascii", "replace").splitlines()
+    if end < 0 or lines[:2] != ["ply", "format binary_little_endian 1.0"]:
+        raise _not_ours(where, "another file")
+    vertices, names, faces = 0, list[str](), -1
+    for line in lines[2:]:
+        match line.split():
+            case ["element", "vertex", count] if count.isdecimal():
+                vertices = int(count)
+            case ["element", "face", count] if count.isdecimal():
+                faces = int(count)
+            case ["property", "float", name] if faces < 0:
+                names.append(name)
+            case ["comment", *_] | ["property", "list", "uchar", "int", "vertex_indices"]:
+                continue
+            case _:
+                raise _not_ours(where, f"a line {line[:60]!r} in its header")
+    layout = _Layout(tuple(names), vertices, None if faces < 0 else faces, end + len(b"end_header\n"))
+    expected = layout.faces_at + max(faces, 0) * _FACE.itemsize
+    if size != expected or names[:3] != ["x", "y", "z"]:
+        raise _not_ours(where, f"{size} bytes where its header announces {expected}")
+    return layout
+
+
+class StoredFile:
+    """A cloud or a mesh in a file of this program that is read in blocks, never as a whole.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, and kept open as long as it is read from.
+    where : str
+        Its name, for errors.
+
+    Raises
+    ------
+    InputError
+        If it is cut off, or was written by another program.
+    """
+
+    def __init__(self, file: IO[bytes], where: str) -> None:
+        self._file, self._where = file, where
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        self._layout = _layout(file.read(_MAX_HEADER_BYTES), size, where)
+        self.names, self.points, self.faces = self._layout.names, self._layout.points, self._layout.faces
+
+    def bytes(self) -> Iterator[bytes]:
+        """Give the file as it is."""
+        self._file.seek(0)
+        while piece := self._file.read(_BLOCK_BYTES):
+            yield piece
+
+    def tables(self) -> Iterator[NDArray[np.float32]]:
+        """Give the points, a row each with all columns."""
+        layout = self._layout
+        return self._records(np.dtype(("<f4", (layout.width,))), layout.start, layout.points)
+
+    def triangles(self) -> Iterator[NDArray[np.int32]]:
+        """Give the triangles of a mesh, (M, 3)."""
+        for rows in self._records(_FACE, self._layout.faces_at, self._layout.faces or 0):
+            yield rows["corners"]
+
+    def corners(self) -> NDArray[np.float32]:
+        """Return the corners (N, 3) of a mesh, which stay in the file until they are asked for."""
+        layout = self._layout
+        shape = (layout.points, layout.width)
+        return np.memmap(self._file, "<f4", "r", layout.start, shape)[:, :3]
+
+    def _records(self, kind: np.dtype[Any], start: int, count: int) -> Iterator[NDArray[Any]]:
+        block = max(_BLOCK_BYTES // kind.itemsize, 1)
+        for first in range(0, count, block):
+            many = min(block, count - first)
+            self._file.seek(start + first * kind.itemsize)
+            data = self._file.read(many * kind.itemsize)
+            if len(data) != many * kind.itemsize:
+                raise _not_ours(self._where, "a file that became shorter while it was read")
+            yield np.frombuffer(data, kind, many)
+
+
+def in_format(stored: StoredFile, wanted: str, where: str) -> Pieces:
+    """Give a cloud or a mesh in a format, in bounded memory; normals and sigmas go where the format has a place.
+
+    Raises
+    ------
+    InputError
+        If the format is for meshes and this is a cloud, or the other way round.
+    """
+    fitting = OF_CLOUDS if stored.faces is None else OF_MESHES
+    if wanted not in fitting:
+        what, other = ("a cloud", "the mesh") if stored.faces is None else ("a mesh", "the cloud")
+        need = f"{what} as " + ", ".join(fitting)
+        raise InputError(need, f"'{wanted}'", f"Name one of these, or take {other}.", where)
+    match wanted:
+        case "pcd":
+            return pcd_pieces_of(stored.tables(), stored.points, stored.names)
+        case "xyz":
+            return (piece for table in stored.tables() for piece in xyz_pieces(table[:, :3]))
+        case "e57":
+            return e57_pieces_of((table[:, :3] for table in stored.tables()), stored.points)
+        case "stl":
+            return stl_pieces_of(stored.corners(), stored.triangles(), stored.faces or 0)
+        case _:
+            return stored.bytes()
+
+
+def _not_ours(where: str, got: str) -> InputError:
+    return InputError("a cloud as scancell writes it", got, "Solve the merge stage again.", where)

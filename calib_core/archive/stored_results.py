@@ -1,0 +1,61 @@
+"""Results that were stored: read as they are, and held against the records that they should be."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from calib_core.archive.folder import load_results
+from calib_core.archive.plain_json import require_plain
+from calib_core.errors import InputError
+from calib_core.records import (
+    CameraResult,
+    ChainResult,
+    LaserPlaneResult,
+    MergeResult,
+    Result,
+    TcpResult,
+    TurntableResult,
+    input_error,
+)
+
+RESULT_RECORDS: Final[dict[str, type[Result]]] = {
+    "camera": CameraResult,
+    "laser-plane": LaserPlaneResult,
+    "tcp": TcpResult,
+    "turntable": TurntableResult,
+    "chain": ChainResult,
+    "merge": MergeResult,
+}
+
+
+def output_names(result: Mapping[str, Any]) -> list[str]:
+    """Return the names of the files that a stage made beside a result, given as JSON data."""
+    return [name for name in (result.get("cloud"), result.get("mesh")) if isinstance(name, str)]
+
+
+def require_result(stage: str, data: Mapping[str, Any], where: str) -> None:
+    """Refuse data that is not the result of a stage.
+
+    Raises
+    ------
+    InputError
+        With the field that is at fault.
+    """
+    require_plain(dict(data), where)
+    if data.get("stage") != stage:
+        got = repr(data.get("stage"))[:80]
+        raise InputError(f"the result of the stage '{stage}'", got, "Solve the session again.", where)
+    try:
+        RESULT_RECORDS.get(stage, Result).model_validate(data)
+    except ValidationError as error:
+        raise input_error(error, data, where) from None
+
+
+def stored_results(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the results in a session folder by stage, as JSON data; raises InputError where one is none."""
+    results = load_results(folder)
+    for stage, data in results.items():
+        require_result(stage, data, str(folder / "results" / f"{stage}.json"))
+    return results

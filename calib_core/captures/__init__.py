@@ -1,0 +1,1 @@
+"""A capture's bytes, and what was seen in them."""

@@ -1,0 +1,114 @@
+"""The board in a capture's frame, found once: as the frame comes in, for the camera and for the plane of light."""
+
+import hashlib
+import threading
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, MeasurementError
+from calib_core.formats.images import decode_image
+from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.stripe import StripeCenters, find_stripe
+from calib_core.records import Board, Capture, Cell
+from calib_core.stages.stage import ReadFile
+
+Image = NDArray[np.uint8] | NDArray[np.uint16]
+
+_REMEMBERED = 256
+_DARK_SHARE = 0.15  # of the brightest pixel: a frame whose median is below shows no lit board
+_lock = threading.Lock()
+_found: dict[str, BoardView | MeasurementError] = {}
+
+
+def board_of(cell: Cell) -> Board:
+    """Return the cell's board; raises InputError where it names none."""
+    if cell.board is None:
+        raise InputError(
+            "the calibration board",
+            "nothing",
+            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
+            "cell.board",
+        )
+    return cell.board
+
+
+def shows_stripe_alone(cell: Cell, capture: Capture, read: ReadFile) -> bool:
+    """Return whether a capture shows the stripe on a dark board: then the camera's stage does not miss it.
+
+    One that names its board in `board_of` does; else its robot pose is given, and its frame is dark but a line.
+    """
+    if capture.step != "laser-plane" or len(capture.files) != 1 or cell.board is None:
+        return False
+    if capture.board_of is not None:
+        return True
+    if capture.pose is None:
+        return False
+    frame = read_frame(capture, read)
+    return float(np.median(frame[::4, ::4])) < _DARK_SHARE * float(frame.max())
+
+
+def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:
+    """Return one of a capture's frames; raises InputError or TooLargeError where its file is of no use."""
+    name = capture.files[place]
+    return decode_image(read(name), name)
+
+
+def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
+    """Return the board in a capture's first frame, from memory where the same bytes were searched for it before.
+
+    Raises
+    ------
+    InputError
+        If the file is of no use.
+    TooLargeError
+        If the image has too many pixels.
+    MeasurementError
+        If the frame does not show the board.
+    """
+    name = capture.files[0]
+    data = read(name)
+    key = hashlib.sha256(data).hexdigest() + board.model_dump_json()
+    with _lock:
+        found = _found.get(key)
+    if found is None:
+        image = decode_image(data, name)
+        try:
+            found = find_board(image, board)
+        except MeasurementError as error:
+            found = error
+        with _lock:
+            while len(_found) >= _REMEMBERED:
+                _found.pop(next(iter(_found)))
+            _found[key] = found
+    if isinstance(found, MeasurementError):
+        raise MeasurementError(found.need, found.got, found.to_do, found.where)
+    return found
+
+
+def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
+    """Return the stripe in a laser-plane capture: in its second frame where it has two, the lit board first.
+
+    Where the stripe's frame is as bright as the board's own, the board's is taken off.
+
+    Raises
+    ------
+    InputError
+        If there are more than two files or one is of no use.
+    MeasurementError
+        If there is no stripe.
+    """
+    if len(capture.files) > 2:
+        raise InputError(
+            "one or two frames in a laser-plane capture, the board lit and the stripe on it",
+            f"{len(capture.files)} files",
+            "Give each pose of the board its own capture.",
+            capture.id,
+        )
+    frame = read_frame(capture, read, -1)
+    if len(capture.files) == 1:
+        return find_stripe(frame)
+    lit = read_frame(capture, read, 0)
+    if lit.shape == frame.shape and float(np.median(frame[::4, ::4])) > 0.5 * float(np.median(lit[::4, ::4])) > 5:
+        return find_stripe(frame, dark=lit)
+    return find_stripe(frame)

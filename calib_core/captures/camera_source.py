@@ -1,0 +1,31 @@
+"""The session's camera: brought by the user, or solved from the session's own captures."""
+
+from calib_core.captures.solved_optics import solve_once
+from calib_core.errors import InputError
+from calib_core.optics.camera_model import CameraModel
+from calib_core.records import CameraResult, Session, Stage
+from calib_core.stages.graph import stage_captures
+from calib_core.stages.stage import ReadFile
+
+
+def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResult | None]:
+    """Return the session's camera, and the result it comes from if it was solved; raises as `calibration_of`."""
+    known = session.cell.known.camera
+    if known is not None:
+        return CameraModel.from_known(known), None
+    from calib_core.stages.camera.solve import camera_from_result, solve_camera_stage
+
+    require_captures_of(session, "camera", "the camera", "cell.known.camera")
+    result = solve_once(session, read, "camera", CameraResult, solve_camera_stage)
+    return camera_from_result(result), result
+
+
+def require_captures_of(session: Session, stage: Stage, what: str, known: str) -> None:
+    """Raise InputError where a session has no captures that a stage takes, of which frames need the result."""
+    if not any(not capture.excluded for capture in stage_captures(session, stage)):
+        raise InputError(
+            f"{what} to turn frames into points",
+            f"neither {known} nor captures with step '{stage}'",
+            f"Capture the board for '{stage}', or bring {known}.",
+            "session.json",
+        )

@@ -1,0 +1,81 @@
+"""What a capture holds: the robot's pose, the points of its file, the sphere that they show."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.chain.observations import SphereSize
+from calib_core.errors import InputError
+from calib_core.formats.points import parse_cloud, parse_profile
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Capture, Cell
+from calib_core.robots import parse_pose
+from calib_core.stages.stage import ReadFile
+
+SPHERE_STEPS = ("tcp", "turntable", "verify")
+
+BOARD_STEPS = ("camera", "laser-plane")
+
+_PREVIEW_POINTS = 400
+
+
+def read_points(capture: Capture, read: ReadFile) -> FloatArray:
+    """Return the points of a profile or cloud capture, (N, 2) or (N, 3), in L.
+
+    Raises
+    ------
+    InputError
+        If the file is of no use, or the capture has not exactly one.
+    """
+    if len(capture.files) != 1:
+        got = f"{len(capture.files)} files"
+        raise InputError(f"one file in a {capture.kind} capture", got, "Give each its own capture.", capture.id)
+    name = capture.files[0]
+    if capture.kind == "profile":
+        return parse_profile(read(name), name)
+    if capture.kind == "cloud":
+        return parse_cloud(read(name), name)
+    raise InputError(
+        "a capture of kind profile, cloud or center",
+        f"kind '{capture.kind}', which this version cannot turn into points",
+        "Export the scanner's calibrated profiles or clouds.",
+        capture.id,
+    )
+
+
+def pose_of(cell: Cell, capture: Capture) -> RigidTransform:
+    """Return base_from_tool0 of a capture; raises InputError where its pose is missing or wrong."""
+    if capture.pose is None:
+        raise InputError(
+            f"the robot's pose in the capture's field 'pose' ({cell.pose_convention})",
+            "none",
+            "Read the pose of the flange from the controller and add it.",
+            capture.id,
+        )
+    return parse_pose(cell.pose_convention, capture.pose, capture.id)
+
+
+def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
+    """Return the sphere's size; raises InputError where it is missing and a capture needs it."""
+    diameter_mm = cell.sphere_diameter_mm
+    if diameter_mm is None:
+        if any(capture.kind in ("profile", "frame", "sweep") for capture in captures):
+            raise InputError(
+                "the sphere's diameter in cell.sphere_diameter_mm",
+                "none",
+                "Add it from the sphere's certificate: profiles cannot be understood without it.",
+                "session.json",
+            )
+        diameter_mm = 1.0  # measured centres do not depend on it
+    return SphereSize(diameter_mm, cell.sphere_diameter_sigma_mm or 0.0)
+
+
+def thinning(count: int) -> NDArray[np.intp]:
+    """Return the indices of at most `_PREVIEW_POINTS` points, evenly spread over the capture."""
+    return np.unique(np.linspace(0, count - 1, min(count, _PREVIEW_POINTS)).astype(np.intp))
+
+
+def thinned(points: FloatArray) -> list[list[float]]:
+    """Return at most so many of the points (N, 2 or 3) as rows, for drawing."""
+    return np.round(points[thinning(len(points))], 4).tolist()

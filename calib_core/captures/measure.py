@@ -1,0 +1,116 @@
+"""What one capture says about the sphere: measured when it arrives, shown, and given to the solvers."""
+
+import numpy as np
+
+from calib_core.captures.advice import advise
+from calib_core.captures.content import (
+    BOARD_STEPS,
+    SPHERE_STEPS,
+    pose_of,
+    thinned,
+    thinning,
+)
+from calib_core.captures.observe import Seen, points_of, see_sphere
+from calib_core.errors import MeasurementError
+from calib_core.records import Capture, Cell, Measured, Session
+from calib_core.sphere.arc import ArcFit
+from calib_core.stages.stage import ReadFile
+
+
+def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    """Return what is seen in a capture; where the sphere is not found, the verdict `fail`, why, and what to do.
+
+    Parameters
+    ----------
+    session : Session
+        Its cell says what to look for.
+    capture : Capture
+    read : callable
+        Returns the bytes of a file by its name in the capture.
+
+    Raises
+    ------
+    InputError
+        If a file or the pose is of no use: missing, empty, not numbers, cut off.
+    TooLargeError
+        If a file is larger than the limits.
+    """
+    if capture.kind == "frame" and capture.step in BOARD_STEPS:
+        from calib_core.captures.measure_frame import measure_frame
+
+        return measure_frame(session, capture, read)
+    if capture.kind in ("frame", "sweep") and _waits_for_calibration(session, capture):
+        from calib_core.captures.measure_frame import measure_stripe
+
+        return measure_stripe(session, capture, read)
+    if capture.kind == "sweep":
+        from calib_core.captures.sweep_sphere import measure_sweep
+
+        return measure_sweep(session, capture, read)
+    if capture.pose is not None or capture.step in SPHERE_STEPS:
+        pose_of(session.cell, capture)
+    if capture.kind == "center":
+        assert capture.center_mm is not None
+        return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
+    try:
+        points = points_of(session, capture, read)
+    except MeasurementError as error:  # a frame without a stripe
+        reason = f"Need {error.need}, got {error.got}."
+        return Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do)
+    if capture.step not in SPHERE_STEPS:
+        return Measured(
+            capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)
+        )
+    try:
+        seen = see_sphere(session.cell, capture, points)
+    except MeasurementError as error:
+        return Measured(
+            capture=capture.id,
+            kind=capture.kind,
+            verdict="fail",
+            reason=f"Need {error.need}, got {error.got}.",
+            to_do=error.to_do,
+            points=len(points),
+            preview=thinned(points),
+            preview_on_sphere=[False] * len(thinned(points)),
+        )
+    return _measured(session.cell, capture, seen)
+
+
+def _waits_for_calibration(session: Session, capture: Capture) -> bool:
+    """Return whether a capture is raw frames that nothing tells yet how to make points of."""
+    from calib_core.captures.stripe_frames import can_be_calibrated
+    from calib_core.captures.sweep import of_frames
+
+    return of_frames(capture) and not can_be_calibrated(session)
+
+
+def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
+    fit = seen.fit
+    zone = extent_deg = None
+    if isinstance(fit, ArcFit):
+        assert cell.sphere_diameter_mm is not None
+        zone = 2 * fit.radius_mm / cell.sphere_diameter_mm
+        extent_deg = float(np.rad2deg(fit.extent_rad))
+        advice = advise(fit, seen.points, cell.sphere_diameter_mm)
+    else:
+        advice = None
+    chosen = thinning(len(seen.points))
+    return Measured(
+        capture=capture.id,
+        kind=capture.kind,
+        verdict="warn" if advice else "pass",
+        reason=advice[0] if advice else None,
+        to_do=advice[1] if advice else None,
+        points=len(seen.points),
+        on_sphere=int(seen.on_sphere.sum()),
+        center_mm=fit.center_mm.tolist(),
+        radius_mm=fit.radius_mm,
+        rms_mm=fit.rms_mm,
+        point_sigma_mm=fit.point_sigma_mm,
+        covariance=fit.covariance.tolist(),
+        zone=zone,
+        extent_deg=extent_deg,
+        preview=thinned(seen.points),
+        preview_on_sphere=seen.on_sphere[chosen].tolist(),
+    )

@@ -1,0 +1,148 @@
+"""What is seen in a raw frame of the board, or of the board with the stripe on it, as soon as it comes in."""
+
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.boards import Image, board_in, board_of, read_frame, shows_stripe_alone, stripe_of
+from calib_core.captures.content import SPHERE_STEPS, pose_of
+from calib_core.captures.sweep import sweep_poses
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.optics.board import BoardView
+from calib_core.optics.stripe import find_stripe
+from calib_core.records import Capture, Measured, Session, Verdict
+from calib_core.stages.stage import ReadFile
+
+_PREVIEW_POINTS = 200
+_SOFT_EDGE_PX = 6.0
+
+
+def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    """Return what a camera or laser-plane capture shows; `preview` holds the stripe's centres or the corners, px.
+
+    Raises
+    ------
+    InputError
+        If the cell names no board, or a file is of no use.
+    TooLargeError
+        If an image has too many pixels.
+    """
+    board = board_of(session.cell)
+    view = None
+    try:
+        view = board_in(capture, board, read)
+        pixels = view.points_px
+        if capture.step == "laser-plane":
+            pixels = stripe_of(capture, read).pixels
+    except MeasurementError as error:
+        if view is None and shows_stripe_alone(session.cell, capture, read):
+            return _measured_alone(session, capture, read)
+        return Measured(
+            capture=capture.id,
+            kind=capture.kind,
+            verdict="fail",
+            reason=f"Need {error.need}, got {error.got}.",
+            to_do=error.to_do,
+            image_size=_size(capture, read),
+            **_board_figures(view),
+        )
+    doubt = _doubt(view)
+    return Measured(
+        capture=capture.id,
+        kind=capture.kind,
+        verdict="warn" if doubt else "pass",
+        reason=doubt[0] if doubt else " ".join(view.notes) or None,
+        to_do=doubt[1] if doubt else None,
+        points=len(pixels),
+        preview=_thinned(pixels),
+        image_size=view.image_size,
+        **_board_figures(view),
+    )
+
+
+def _measured_alone(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    """Return what is seen in a frame of the stripe on a dark board."""
+    board = board_of(session.cell)
+    if capture.board_of is not None:
+        reason = f"The stripe alone: the board is taken from {capture.board_of}."
+    elif board.fixed:
+        reason = "The stripe alone: the board stands where lit frames and the robot's pose tell."
+    else:
+        reason = "The stripe alone: it counts with a frame of the lit board at the same robot pose."
+    return _seen_stripe(capture, read_frame(capture, read), "pass", reason, None)
+
+
+def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    """Return the stripe, in pixels, of a frame that cannot become points yet; of a sweep, in its middle frame.
+
+    Raises
+    ------
+    InputError
+        If a file or the pose is of no use.
+    TooLargeError
+        If an image has too many pixels.
+    """
+    if capture.kind == "sweep":
+        sweep_poses(session.cell, capture)
+    elif capture.pose is not None or capture.step in SPHERE_STEPS:
+        pose_of(session.cell, capture)
+    shown = len(capture.files) // 2
+    for place in range(len(capture.files)):
+        if place != shown:
+            read_frame(capture, read, place)  # refuses what is no image
+    middle = read_frame(capture, read, shown)
+    return _seen_stripe(
+        capture,
+        middle,
+        "warn",
+        "The stripe is seen, but camera and plane of light are not known yet: it cannot become points.",
+        "Solve the laser plane; this capture is then measured by itself.",
+    )
+
+
+def _seen_stripe(capture: Capture, frame: Image, verdict: Verdict, reason: str, to_do: str | None) -> Measured:
+    """Return the stripe in pixels with what is to be said of it; where there is none, why."""
+    height, width = frame.shape[:2]
+    about: dict[str, Any] = {"capture": capture.id, "kind": capture.kind, "image_size": (width, height)}
+    try:
+        pixels = find_stripe(frame).pixels
+    except MeasurementError as error:
+        reason = f"Need {error.need}, got {error.got}."
+        return Measured(verdict="fail", reason=reason, to_do=error.to_do, **about)
+    preview = _thinned(pixels)
+    return Measured(verdict=verdict, reason=reason, to_do=to_do, points=len(pixels), preview=preview, **about)
+
+
+def _thinned(pixels: FloatArray) -> list[list[float]]:
+    chosen = np.unique(np.linspace(0, len(pixels) - 1, min(len(pixels), _PREVIEW_POINTS)).astype(int))
+    return np.round(pixels[chosen], 2).tolist()
+
+
+def _size(capture: Capture, read: ReadFile) -> tuple[int, int]:
+    """Return width and height of the frame that is shown, the last one."""
+    frame = read_frame(capture, read, -1)
+    return frame.shape[1], frame.shape[0]
+
+
+def _board_figures(view: BoardView | None) -> dict[str, Any]:
+    """Return what the frame says of the board, for coverage and sharpness; nothing where it is not found."""
+    if view is None:
+        return {}
+    return {
+        "board_px": np.round(view.points_px, 1).tolist(),
+        "pitch_px": float(np.median(np.hypot(*np.diff(view.points_px, axis=0).T))),
+        "edge_width_px": view.edge_width_px if np.isfinite(view.edge_width_px) else None,
+    }
+
+
+def _doubt(view: BoardView) -> tuple[str, str] | None:
+    """Return what is wrong with a board that was found, and what to do; None where it is fine."""
+    if np.isfinite(view.edge_width_px) and view.edge_width_px > _SOFT_EDGE_PX:
+        return (
+            f"The board's edges are {view.edge_width_px:.0f} pixels wide.",
+            "Focus the camera or hold it still.",
+        )
+    if view.saturated > 0.25:
+        return (f"{view.saturated:.0%} of the board is saturated.", "Shorten the exposure or dim the lamps.")
+    return None

@@ -1,0 +1,119 @@
+"""One capture of the sphere as the solvers take it."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.captures.content import pose_of, read_points, sphere_of
+from calib_core.chain.observations import SphereObservation
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Capture, Cell, Session
+from calib_core.sphere.arc import ArcFit, fit_arc
+from calib_core.sphere.cloud import SphereFit, fit_sphere
+from calib_core.stages.stage import ReadFile
+
+CENTER_SIGMA_MM = 0.02
+"""Taken for centres that a scanner reports without saying how exact they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The points of one capture, and the circle or sphere fitted to them."""
+
+    points: FloatArray
+    on_sphere: NDArray[np.bool_]
+    fit: ArcFit | SphereFit
+
+
+def observe_capture(session: Session, capture: Capture, read: ReadFile) -> SphereObservation:
+    """Return a capture of the sphere as the solvers take it.
+
+    Raises
+    ------
+    InputError
+        If a file or the pose is of no use.
+    MeasurementError
+        If the sphere is not found in it.
+    """
+    pose = pose_of(session.cell, capture)
+    sigma_mm = session.cell.scanner.point_sigma_mm
+    if capture.kind == "center":
+        return SphereObservation(
+            capture=capture.id,
+            base_from_tool0=pose,
+            kind="center",
+            points_in_laser_mm=np.empty((0, 3)),
+            center_in_laser_mm=np.array(capture.center_mm, dtype=float),
+            center_covariance=np.eye(3) * (sigma_mm or CENTER_SIGMA_MM) ** 2,
+            point_sigma_mm=sigma_mm or CENTER_SIGMA_MM,
+        )
+    with _named(capture):
+        seen = see_sphere(session.cell, capture, points_of(session, capture, read))
+    fit, points = seen.fit, seen.points[seen.on_sphere]
+    if isinstance(fit, ArcFit):
+        return arc_observation(session.cell, capture, pose, points, fit)
+    return SphereObservation(
+        capture=capture.id,
+        base_from_tool0=pose,
+        kind="cloud",
+        points_in_laser_mm=points,
+        center_in_laser_mm=fit.center_mm,
+        center_covariance=fit.covariance * _scale(sigma_mm, fit),
+        point_sigma_mm=sigma_mm or fit.point_sigma_mm,
+    )
+
+
+def arc_observation(
+    cell: Cell, capture: Capture, pose: RigidTransform, points_mm: FloatArray, fit: ArcFit
+) -> SphereObservation:
+    """Return an arc, its points (N, 2) in L, and the pose it was seen from as the solvers take them."""
+    x, z = fit.center_mm
+    return SphereObservation(
+        capture=capture.id,
+        base_from_tool0=pose,
+        kind="profile",
+        points_in_laser_mm=np.insert(points_mm, 1, 0.0, axis=1),
+        center_in_laser_mm=np.array([x, 0.0, z]),
+        center_covariance=fit.covariance * _scale(cell.scanner.point_sigma_mm, fit),
+        circle_radius_mm=fit.radius_mm,
+        point_sigma_mm=fit.point_sigma_mm,
+        side=capture.side,
+    )
+
+
+def _scale(sigma_mm: float | None, fit: ArcFit | SphereFit) -> float:
+    """Return what a fit's covariance is multiplied with where the points' noise is given."""
+    return (sigma_mm / fit.point_sigma_mm) ** 2 if sigma_mm and fit.point_sigma_mm else 1.0
+
+
+def points_of(session: Session, capture: Capture, read: ReadFile) -> FloatArray:
+    """Return the points of a capture in L; a raw frame's by the session's camera and plane of light."""
+    if capture.kind != "frame":
+        return read_points(capture, read)
+    from calib_core.captures.stripe_frames import read_profile_frame
+
+    return read_profile_frame(session, capture, read)
+
+
+def see_sphere(cell: Cell, capture: Capture, points: FloatArray) -> Seen:
+    """Return the circle or sphere in a capture's points (N, 2 or 3), L, mm; raises as `observe_capture`."""
+    diameter_mm = cell.sphere_diameter_mm
+    if capture.kind in ("profile", "frame"):
+        sphere_of(cell, [capture])
+        arc = fit_arc(points, diameter_mm, cell.scanner.z_axis)
+        return Seen(points, arc.inliers, arc)
+    sphere = fit_sphere(points, diameter_mm)
+    return Seen(points, sphere.inliers, sphere)
+
+
+@contextmanager
+def _named(capture: Capture) -> Generator[None]:
+    """Let a measurement's error say which file it is about."""
+    try:
+        yield
+    except MeasurementError as error:
+        raise error.at(capture.files[0]) from None

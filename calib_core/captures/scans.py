@@ -1,0 +1,231 @@
+"""Scan captures as scans: files read on their grid where they have one, every profile with its way into T."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from calib_core.captures.content import pose_of
+from calib_core.captures.stripe_frames import read_profile_frame
+from calib_core.captures.sweep import read_sweep, sweep_poses
+from calib_core.errors import InputError
+from calib_core.formats.binary_table import parse_npy
+from calib_core.formats.point_files import parse_pcd
+from calib_core.formats.points import parse_cloud
+from calib_core.formats.text_table import parse_table
+from calib_core.frames import FloatArray, RigidTransform, stack_matrices
+from calib_core.fusion.scan import Scan, as_rows
+from calib_core.records import Capture, Session
+from calib_core.stages.stage import ReadFile
+
+DEFAULT_SIGMA_MM = 0.02
+"""Of a cloud without a grid, whose own noise is not estimated."""
+
+_TABLES = (".csv", ".txt", ".npy")
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """The calibration that brings scans into one frame.
+
+    Parameters
+    ----------
+    tool0_from_laser : RigidTransform
+    base_from_turntable : RigidTransform or None
+        None: no table, scans are merged in base.
+    direction : int
+        The table's sense of turning.
+    scale : float
+        How far the table turns for each unit that its encoder reads.
+    """
+
+    tool0_from_laser: RigidTransform
+    base_from_turntable: RigidTransform | None
+    direction: int = 1
+    scale: float = 1.0
+
+    def turntable_from_base(self, capture: Capture) -> RigidTransform:
+        """Return the way from base into T at the table's angle, the identity without one; raises InputError."""
+        if self.base_from_turntable is None:
+            return RigidTransform.identity("turntable", "base")
+        if capture.table_deg is None:
+            raise InputError(
+                "the table's angle in the scan's field 'table_deg'",
+                "none",
+                "Read it from the table and add it; 0 where the table was not turned.",
+                capture.id,
+            )
+        angle = self.direction * self.scale * float(np.deg2rad(capture.table_deg))
+        back = RigidTransform.of([0.0, 0.0, -angle], [0.0, 0.0, 0.0], "turntable", "turntable")
+        return back @ self.base_from_turntable.inverse()
+
+
+@dataclass(frozen=True)
+class ScanGroup:
+    """Captures that make one scan: one cloud or sweep, or single profiles taken one after the other."""
+
+    captures: tuple[Capture, ...]
+
+    @property
+    def name(self) -> str:
+        """The capture's id, or the first and the last."""
+        first, last = self.captures[0].id, self.captures[-1].id
+        return first if first == last else f"{first}…{last}"
+
+
+class SessionScans(Sequence[Scan]):
+    """A session's scans, each read when it is asked for, so that only one is in memory."""
+
+    def __init__(
+        self, session: Session, groups: Sequence[ScanGroup], placement: Placement, read: ReadFile
+    ) -> None:
+        self._session, self._groups, self._placement, self._read = session, list(groups), placement, read
+
+    def __len__(self) -> int:
+        return len(self._groups)
+
+    def __getitem__(self, index: int) -> Scan:  # type: ignore[override]
+        """Return one scan; raises InputError where a file, pose or table angle is of no use."""
+        return read_scan(self._session, self._groups[index], self._placement, self._read)
+
+    def __iter__(self) -> Iterator[Scan]:
+        return (self[index] for index in range(len(self)))
+
+
+def scan_groups(captures: Sequence[Capture]) -> list[ScanGroup]:
+    """Return scans out of captures: neighbouring single profiles at one table angle belong together."""
+    groups: list[list[Capture]] = []
+    for capture in captures:
+        last = groups[-1][-1] if groups else None
+        single = capture.kind in ("profile", "frame")
+        if last is not None and single and last.kind == capture.kind and last.table_deg == capture.table_deg:
+            groups[-1].append(capture)
+        else:
+            groups.append([capture])
+    return [ScanGroup(tuple(group)) for group in groups]
+
+
+def read_scan(session: Session, group: ScanGroup, placement: Placement, read: ReadFile) -> Scan:
+    """Return one scan on its grid, with its poses into T.
+
+    Raises
+    ------
+    InputError
+        If a file, a pose or a table angle is of no use, or profiles of one scan differ in their columns.
+    """
+    first = group.captures[0]
+    if first.kind == "center":
+        raise InputError("points of the object", "a capture of kind 'center'", "Give it another step.", first.id)
+    if first.kind == "cloud":
+        poses, points, organised = [pose_of(session.cell, first)], *_cloud(first, read)
+        captures = [first]
+    else:
+        poses, captures, points = _profiles(session, group, read)
+        organised = len(points) >= 3
+    ways = [
+        placement.turntable_from_base(capture) @ pose @ placement.tool0_from_laser
+        for capture, pose in zip(captures, poses, strict=True)
+    ]
+    scanner = session.cell.scanner
+    sigma_mm = scanner.point_sigma_mm or (_noise_mm(points) if organised else DEFAULT_SIGMA_MM)
+    looks = -1 if scanner.z_axis == "toward" else 1
+    return Scan(group.name, points, stack_matrices(ways), sigma_mm, organised=organised, looks_along_z=looks)
+
+
+def poses_of(session: Session, group: ScanGroup) -> list[tuple[Capture, RigidTransform]]:
+    """Return each profile's capture and base_from_tool0, one for a cloud."""
+    pairs: list[tuple[Capture, RigidTransform]] = []
+    for capture in group.captures:
+        if capture.kind == "sweep":
+            pairs += [(capture, pose) for pose in sweep_poses(session.cell, capture)]
+        else:
+            pairs.append((capture, pose_of(session.cell, capture)))
+    return pairs
+
+
+def _cloud(capture: Capture, read: ReadFile) -> tuple[np.ndarray, bool]:
+    """Return a cloud's rows (P, C, 3) and whether they are the scanner's own."""
+    if len(capture.files) != 1:
+        raise InputError("one file in a cloud", f"{len(capture.files)}", "Give each its own capture.", capture.id)
+    name = capture.files[0]
+    data = read(name)
+    size = _pcd_size(data) if PurePosixPath(name).suffix.lower() == ".pcd" else None
+    if size is not None and min(size) >= 3:
+        points = parse_pcd(data, name)
+        if len(points) != size[0] * size[1]:
+            got = f"{len(points)} points"
+            raise InputError(f"{size[1]} rows of {size[0]} points", got, "Export the cloud again.", name)
+        return points.reshape(size[1], size[0], 3).astype(np.float32), True
+    return as_rows(parse_cloud(data, name).astype(np.float32)), False
+
+
+def _pcd_size(data: bytes) -> tuple[int, int] | None:
+    found = re.search(rb"^WIDTH (\d+)\s+HEIGHT (\d+)", data[:2000], re.MULTILINE)
+    return (int(found[1]), int(found[2])) if found else None
+
+
+def _profiles(
+    session: Session, group: ScanGroup, read: ReadFile
+) -> tuple[list[RigidTransform], list[Capture], np.ndarray]:
+    pairs = poses_of(session, group)
+    profiles: list[FloatArray] = []
+    names: list[str] = []
+    of_frames = False
+    for capture in group.captures:
+        raw = [PurePosixPath(name).suffix.lower() in _TABLES for name in capture.files]
+        names += capture.files
+        if all(raw):
+            profiles += [_raw_profile(read(name), name) for name in capture.files]
+            continue
+        of_frames = True
+        if capture.kind == "sweep":
+            profiles += [profile for _, profile in read_sweep(session, capture, read)]
+        else:
+            profiles.append(read_profile_frame(session, capture, read))
+    if of_frames:
+        profiles = _on_columns(profiles)
+    for name, profile in zip(names, profiles, strict=True):
+        if len(profile) != len(profiles[0]):
+            raise InputError(
+                f"{len(profiles[0])} columns, like the scan's first profile",
+                f"{len(profile)}",
+                "Export every profile with all its columns, blank ones too, or split the scan there.",
+                name,
+            )
+    points = np.zeros((len(profiles), len(profiles[0]), 3), dtype=np.float32)
+    points[..., 0::2] = np.array(profiles)
+    return [pose for _, pose in pairs], [capture for capture, _ in pairs], points
+
+
+def _raw_profile(data: bytes, name: str) -> FloatArray:
+    """Return all columns of a profile (C, 2), blank ones as NaN."""
+    if PurePosixPath(name).suffix.lower() == ".npy":
+        return parse_npy(data, name, 2)
+    return parse_table(data, name, [2, 3], "x_mm,z_mm")[:, :2]
+
+
+def _on_columns(profiles: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return profiles without blanks (N, 2) on common columns, by their x; those of no point are NaN."""
+    pitch_mm = float(np.median(np.concatenate([np.abs(np.diff(p[:, 0])) for p in profiles])))
+    low = min(float(p[:, 0].min()) for p in profiles)
+    high = max(float(p[:, 0].max()) for p in profiles)
+    if not pitch_mm > 0:
+        raise InputError("profiles along x", "points at one x", "Check the plane of light.", "captures")
+    rows: list[FloatArray] = []
+    for profile in profiles:
+        row = np.full((round((high - low) / pitch_mm) + 1, 2), np.nan)
+        row[np.round((profile[:, 0] - low) / pitch_mm).astype(int)] = profile
+        rows.append(row)
+    return rows
+
+
+def _noise_mm(points: np.ndarray) -> float:
+    """Return the noise of a grid's points from how each departs from the middle of its neighbours in the row."""
+    z = points[..., 2].astype(float)
+    bends = z[:, 1:-1] - 0.5 * (z[:, :-2] + z[:, 2:])
+    known = bends[np.isfinite(bends)]
+    if known.size < 10:
+        return DEFAULT_SIGMA_MM
+    return max(1.4826 * float(np.median(np.abs(known))) / np.sqrt(1.5), 1e-3)

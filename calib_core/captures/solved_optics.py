@@ -1,0 +1,54 @@
+"""Camera and plane of light as they were solved, remembered by what they were solved from.
+
+So fourteen frames of a sphere calibrate once.
+"""
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from calib_core.records import CameraResult, LaserPlaneResult, Session, Stage
+from calib_core.stages.graph import inputs_sha256, stage_captures
+from calib_core.stages.stage import ReadFile, StageInput
+
+_Solved = TypeVar("_Solved", CameraResult, LaserPlaneResult)
+
+_REMEMBERED = 8
+
+_lock = threading.Lock()
+
+_solved: dict[tuple[Stage, str], CameraResult | LaserPlaneResult] = {}
+
+
+def recall(results: Mapping[str, Mapping[str, Any]]) -> None:
+    """Take stored results of camera and plane of light, as JSON data, for those of a later stage's solve.
+
+    They count only where they were solved from what the session holds then: what is stale is solved anew.
+    """
+    if "camera" in results:
+        camera = CameraResult.model_validate(results["camera"])
+        remembered("camera", camera.inputs_sha256, camera)
+    if "laser-plane" in results:
+        plane = LaserPlaneResult.model_validate(results["laser-plane"])
+        remembered("laser-plane", plane.inputs_sha256, plane)
+
+
+def solve_once(
+    session: Session, read: ReadFile, stage: Stage, kind: type[_Solved], solve: Callable[..., _Solved]
+) -> _Solved:
+    """Return a stage's result, from memory where cell, captures and files are the same."""
+    inputs = inputs_sha256(session, stage, read)
+    with _lock:
+        found = _solved.get((stage, inputs))
+    if isinstance(found, kind):
+        return found
+    return solve(StageInput(session, stage_captures(session, stage), read, inputs, lambda _fraction, _what: None))
+
+
+def remembered(stage: Stage, inputs_sha256: str, result: _Solved) -> _Solved:
+    """Return a stage's result, kept in memory for the later stages that rest on it."""
+    with _lock:
+        while len(_solved) >= _REMEMBERED:
+            _solved.pop(next(iter(_solved)))
+        _solved[stage, inputs_sha256] = result
+    return result

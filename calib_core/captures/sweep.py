@@ -1,0 +1,90 @@
+"""Sweeps: many profiles, or raw frames of the stripe, each with the robot's pose at its time."""
+
+from pathlib import PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.captures.stripe_frames import calibration_of
+from calib_core.errors import InputError
+from calib_core.formats.images import decode_image
+from calib_core.formats.points import parse_profile
+from calib_core.frames import RigidTransform
+from calib_core.optics.triangulate import profile_from_frame
+from calib_core.pose_track import interpolate_poses
+from calib_core.records import Capture, Cell, Session
+from calib_core.robots import parse_pose
+from calib_core.stages.stage import ReadFile
+
+IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
+
+
+def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:
+    """Return base_from_tool0 of each of a sweep's files: as given, or interpolated in the pose track by time.
+
+    Raises
+    ------
+    InputError
+        If neither poses nor times with a track are there, their number is not the files', or a pose is wrong.
+    """
+    count = len(capture.files)
+    if capture.poses is not None:
+        _require_count(len(capture.poses), count, "poses", capture)
+        return [
+            parse_pose(cell.pose_convention, numbers, f"{capture.id}: poses[{place}]")
+            for place, numbers in enumerate(capture.poses)
+        ]
+    if capture.timestamps_s is None or capture.pose_track is None:
+        raise InputError(
+            "'poses', or 'timestamps_s' with 'pose_track', in a sweep",
+            "neither",
+            "Add the robot's pose for each file, or the times and the track to interpolate in.",
+            capture.id,
+        )
+    _require_count(len(capture.timestamps_s), count, "timestamps_s", capture)
+    track = [
+        parse_pose(cell.pose_convention, sample.pose, f"{capture.id}: pose_track[{place}]")
+        for place, sample in enumerate(capture.pose_track)
+    ]
+    times = [sample.t_s for sample in capture.pose_track]
+    return interpolate_poses(times, track, capture.timestamps_s, capture.id)
+
+
+def of_frames(capture: Capture) -> bool:
+    """Return whether a capture is raw frames, which camera and plane of light turn into points."""
+    suffixes = {PurePosixPath(name).suffix.lower() for name in capture.files}
+    return capture.kind == "frame" or (capture.kind == "sweep" and not suffixes.isdisjoint(IMAGES))
+
+
+def read_sweep(
+    session: Session, capture: Capture, read: ReadFile
+) -> list[tuple[RigidTransform, NDArray[np.float64]]]:
+    """Return base_from_tool0 and the profile (N, 2), x and z in L, mm, of each of a sweep's files, in their order.
+
+    Raises
+    ------
+    InputError
+        If a file or a pose is of no use, or frames come without a calibrated camera and plane of light.
+    MeasurementError
+        If a frame shows no stripe.
+    """
+    poses = sweep_poses(session.cell, capture)
+    return [(pose, sweep_profile(session, name, read)) for pose, name in zip(poses, capture.files, strict=True)]
+
+
+def sweep_profile(session: Session, name: str, read: ReadFile, may_be_blank: bool = False) -> NDArray[np.float64]:
+    """Return the profile (N, 2), x and z in L, mm, of one of a sweep's files; raises as `read_sweep` does."""
+    if PurePosixPath(name).suffix.lower() in IMAGES:
+        frame, calibration = decode_image(read(name), name), calibration_of(session, read)
+        try:
+            return profile_from_frame(frame, calibration)
+        except InputError as error:
+            raise error.at(name) from None
+    return parse_profile(read(name), name, may_be_blank)
+
+
+def _require_count(got: int, files: int, field: str, capture: Capture) -> None:
+    if got != files:
+        raise InputError(
+            f"as many {field} as files, {files}", f"{got}", "Give one for each file, in their order.", capture.id
+        )

@@ -1,0 +1,180 @@
+"""The sphere in a sweep: every profile in which its arc is found is an observation of its own."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.captures.content import SPHERE_STEPS, sphere_of, thinned, thinning
+from calib_core.captures.observe import arc_observation
+from calib_core.captures.standstill import doubt_of, still_of
+from calib_core.captures.sweep import sweep_poses, sweep_profile
+from calib_core.chain.observations import SphereObservation
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Capture, Measured, Session, Still
+from calib_core.sphere.arc import ArcFit, fit_arc
+from calib_core.stages.stage import ReadFile
+
+MOST_PROFILES = 60
+"""More profiles with arcs than this are thinned: their neighbours say the same, and each costs the solver time."""
+
+_FEW_PROFILES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class _Arc:
+    """One profile of a sweep with the sphere's arc in it."""
+
+    pose: RigidTransform
+    points: FloatArray
+    fit: ArcFit
+
+
+@dataclass(frozen=True, eq=False)
+class _Profile:
+    """One profile of a sweep: where the scanner stood, its points (N, 2), and why they show no arc, if so."""
+
+    pose: RigidTransform
+    points: FloatArray
+    found: ArcFit | MeasurementError
+
+
+def observe_sweep(session: Session, capture: Capture, read: ReadFile) -> list[SphereObservation]:
+    """Return the sphere as each profile of a sweep saw it that shows its arc; at most `MOST_PROFILES` of them.
+
+    More are thinned evenly.  Profiles without an arc are no fault: the stripe comes and leaves.
+
+    Raises
+    ------
+    InputError
+        If a file or a pose is of no use, their numbers differ, or a time lies outside the pose track.
+    MeasurementError
+        If no profile shows the sphere.
+    """
+    profiles = list(_profiles(session, capture, read))
+    arcs = _arcs(profiles)
+    if not arcs:
+        raise _no_arc(profiles).at(capture.id)
+    return [
+        arc_observation(session.cell, capture, arc.pose, arc.points[arc.fit.inliers], arc.fit)
+        for arc in (arcs[k] for k in _spread(len(arcs)))
+    ]
+
+
+def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    """Return in how many profiles of a sweep the sphere is seen; of an object's sweep, how many points there are.
+
+    Raises
+    ------
+    InputError
+        As `observe_sweep` does.
+    """
+    if capture.step not in SPHERE_STEPS:
+        return _measured_object(session, capture, read)
+    profiles = list(_profiles(session, capture, read))
+    arcs = _arcs(profiles)
+    points = sum(len(profile.points) for profile in profiles)
+    if not arcs:
+        error = _no_arc(profiles)
+        return Measured(
+            capture=capture.id,
+            kind="sweep",
+            verdict="fail",
+            reason=f"Need {error.need}, got {error.got}.",
+            to_do=error.to_do,
+            points=points,
+            profiles=0,
+        )
+    still = still_of((arc.pose, arc.fit) for arc in arcs)
+    doubt = doubt_of(still) or _doubt_of_count(len(arcs), len(profiles), still)
+    return Measured(
+        capture=capture.id,
+        kind="sweep",
+        verdict="warn" if doubt else "pass",
+        reason=doubt[0] if doubt else _count(len(arcs), len(profiles)),
+        to_do=doubt[1] if doubt else None,
+        still=still,
+        points=points,
+        on_sphere=sum(int(arc.fit.inliers.sum()) for arc in arcs),
+        profiles=len(arcs),
+        **_figures(session, max(arcs, key=lambda arc: arc.fit.radius_mm)),
+    )
+
+
+def _figures(session: Session, arc: _Arc) -> dict[str, Any]:
+    """Return the figures and the drawing of one arc by the fields of `Measured`."""
+    fit = arc.fit
+    sphere = sphere_of(session.cell, [])
+    return {
+        "center_mm": fit.center_mm.tolist(),
+        "radius_mm": fit.radius_mm,
+        "rms_mm": fit.rms_mm,
+        "point_sigma_mm": fit.point_sigma_mm,
+        "covariance": fit.covariance.tolist(),
+        "zone": fit.radius_mm / sphere.radius_mm,
+        "extent_deg": float(np.rad2deg(fit.extent_rad)),
+        "preview": thinned(arc.points),
+        "preview_on_sphere": fit.inliers[thinning(len(arc.points))].tolist(),
+    }
+
+
+def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Measured:
+    poses = sweep_poses(session.cell, capture)
+    profiles = [sweep_profile(session, name, read, may_be_blank=True) for name in capture.files]
+    fullest = max(profiles, key=len)
+    points = sum(map(len, profiles))
+    return Measured(
+        capture=capture.id,
+        kind="sweep",
+        verdict="pass" if points else "fail",
+        reason=f"{len(poses)} profiles." if points else "Nothing came back to the scanner in any profile.",
+        to_do=None if points else "Check distance and exposure, and take the sweep again.",
+        points=points,
+        preview=thinned(fullest) if len(fullest) else [],
+        preview_on_sphere=[False] * len(thinned(fullest)) if len(fullest) else [],
+    )
+
+
+def _profiles(session: Session, capture: Capture, read: ReadFile) -> Iterator[_Profile]:
+    cell = session.cell
+    sphere_of(cell, [capture])
+    poses = sweep_poses(cell, capture)
+    for pose, name in zip(poses, capture.files, strict=True):
+        points: FloatArray = np.empty((0, 2))
+        try:
+            points = sweep_profile(session, name, read, may_be_blank=True)
+            found = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
+        except MeasurementError as error:
+            found = error
+        yield _Profile(pose, points, found)
+
+
+def _arcs(profiles: list[_Profile]) -> list[_Arc]:
+    return [_Arc(p.pose, p.points, p.found) for p in profiles if isinstance(p.found, ArcFit)]
+
+
+def _no_arc(profiles: list[_Profile]) -> MeasurementError:
+    """Return why the profile with the most points shows no sphere, said of the whole sweep."""
+    fullest = max(profiles, key=lambda profile: len(profile.points)).found
+    assert isinstance(fullest, MeasurementError)
+    got = f"{fullest.got} (none of {len(profiles)} profiles shows it)"
+    return MeasurementError(fullest.need, got, fullest.to_do, fullest.where)
+
+
+def _doubt_of_count(arcs: int, profiles: int, still: Still | None) -> tuple[str, str] | None:
+    """Return reason and what to do where a sweep across the sphere shows it too seldom."""
+    if arcs >= _FEW_PROFILES or (still is not None and still.exposures == arcs):
+        return None
+    return _count(arcs, profiles), "Move more slowly across the sphere, or record more profiles."
+
+
+def _count(arcs: int, profiles: int) -> str:
+    text = f"{arcs} of {profiles} profiles show the sphere's arc"
+    return f"{text}; {MOST_PROFILES} of them, evenly spread, are used." if arcs > MOST_PROFILES else f"{text}."
+
+
+def _spread(count: int) -> NDArray[np.intp]:
+    return np.linspace(0, count - 1, min(count, MOST_PROFILES)).round().astype(np.intp)

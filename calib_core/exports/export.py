@@ -1,0 +1,148 @@
+"""The calibrated tool frame for other programs."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from calib_core.archive.folder import result_data
+from calib_core.archive.stored_clouds import MEDIA_TYPES
+from calib_core.errors import ConflictError, InputError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Record, Session
+from calib_core.robots import CONVENTIONS, to_pose
+
+FORMATS = ("json",)
+
+_ORDER = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
+_STEP_RAD, _STEP_MM = 1e-5, 1e-2
+
+
+def export(session: Session, results: Mapping[str, Record | Mapping[str, Any]], name: str) -> tuple[str, str]:
+    """Return the calibrated tool frame in a format, and the format's media type.
+
+    Parameters
+    ----------
+    session : Session
+    results : mapping
+        The stages' results by stage, as records or as their JSON data.
+    name : str
+        One of `FORMATS`.
+
+    Raises
+    ------
+    InputError
+        If the format is unknown.
+    ConflictError
+        If the tcp stage is not solved yet.
+    """
+    if name not in FORMATS:
+        raise InputError(
+            "an export format among " + ", ".join(FORMATS),
+            f"'{name}'",
+            f"Name one of these; merged clouds come as {', '.join(MEDIA_TYPES)}.",
+            "format",
+        )
+    found = results.get("tcp")
+    if found is None:
+        raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
+    result = result_data(found) if isinstance(found, Record) else dict(found)
+    frames = tool_frame(session, result) | table_frames(results)
+    text = json.dumps(frames, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text, "application/json"
+
+
+def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the frame tool0_from_laser in every pose convention, with its uncertainty, as JSON data."""
+    tool0_from_laser = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+    covariance = np.array(result["covariance"], dtype=float)
+    sigmas = np.sqrt(np.diag(covariance)[:6])
+    return {
+        "format": "scancell-tool/1",
+        "session": session.name,
+        "stage": "tcp",
+        "verdict": result["verdict"],
+        "warnings": result["warnings"],
+        "software": result["software"],
+        "inputs_sha256": result["inputs_sha256"],
+        "frame": "tool0_from_laser: maps points of the scanner's frame into the flange's, mm",
+        "tool0_from_laser": result["tool0_from_laser"],
+        "covariance": result["covariance"],
+        "covariance_order": list(_ORDER),
+        "standard_deviation": dict(zip(_ORDER, sigmas.tolist(), strict=True)),
+        "confidence_95": result.get("confidence_95", {}),
+        "undetermined": result.get("undetermined", []),
+        "pose_convention": session.cell.pose_convention,
+        "conventions": {name: _in_convention(name, tool0_from_laser, covariance[:6, :6]) for name in CONVENTIONS},
+    }
+
+
+_TABLE_FIELDS = (
+    "verdict", "inputs_sha256", "base_from_turntable", "axis_direction_in_base", "axis_point_in_base_mm",
+    "direction", "axis_direction_sigma_deg", "axis_point_sigma_mm", "mounts", "tool0_from_laser", "covariance",
+    "turntable_covariance",
+)  # fmt: skip
+
+
+def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the turntable's frame, and tool and turntable of the whole chain, where they are solved.
+
+    `conventions` write base_from_turntable as each controller writes a user frame.
+
+    A table belongs together with the tool beside it: that of `turntable` with the tcp stage's, that of `chain`
+    with the chain's own.
+    """
+    found: dict[str, Any] = {}
+    for stage in ("turntable", "chain"):
+        result = results.get(stage)
+        if result is not None:
+            data = result_data(result) if isinstance(result, Record) else result
+            found[stage] = {name: data[name] for name in _TABLE_FIELDS if name in data}
+            frame = RigidTransform.from_rounded(data["base_from_turntable"], "base", "turntable")
+            covariance = np.array(data.get("turntable_covariance") or data["covariance"], dtype=float)
+            found[stage]["conventions"] = {name: _in_convention(name, frame, covariance) for name in CONVENTIONS}
+            if stage == "chain":
+                tool = RigidTransform.from_rounded(data["tool0_from_laser"], "tool0", "laser")
+                own = np.array(data["covariance"], dtype=float)
+                found[stage]["tool_conventions"] = {name: _in_convention(name, tool, own) for name in CONVENTIONS}
+    return found
+
+
+def tool_numbers(convention: str, frame: RigidTransform) -> list[float]:
+    """Return a tool or user frame as a controller's numbers: it is written like any pose."""
+    return to_pose(convention, RigidTransform(frame.matrix, "base", "tool0"))
+
+
+def tool_number_sigmas(convention: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> list[float]:
+    """Return the standard deviations of a tool frame's numbers, in their units.
+
+    The covariance (6, 6) of rx ry rz tx ty tz is carried over by the numbers' derivatives (central differences).
+    """
+    steps = np.array([_STEP_RAD] * 3 + [_STEP_MM] * 3)
+    columns: list[FloatArray] = []
+    for k, step in enumerate(steps):
+        xi = np.zeros(6)
+        xi[k] = step
+        ahead = np.array(tool_numbers(convention, tool0_from_laser.perturbed(xi)))
+        behind = np.array(tool_numbers(convention, tool0_from_laser.perturbed(-xi)))
+        difference = ahead - behind
+        if CONVENTIONS[convention].form in ("ZYX", "XYZ", "ZYZ"):
+            difference[3:] = (difference[3:] + 180) % 360 - 180  # angles jump at ±180°
+        columns.append(difference / (2 * step))
+    jacobian = np.stack(columns, axis=1)
+    # A table's frame has five degrees of freedom: a variance of zero may come out a rounding error below it.
+    variances = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
+    return np.sqrt(np.maximum(variances, 0.0)).tolist()
+
+
+def _in_convention(name: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> dict[str, Any]:
+    convention = CONVENTIONS[name]
+    return {
+        "names": convention.numbers.split(),
+        "numbers": tool_numbers(name, tool0_from_laser),
+        "standard_deviations": tool_number_sigmas(name, tool0_from_laser, covariance),
+        "units": convention.units,
+        "formula": convention.formula,
+        "controllers": convention.brands,
+    }

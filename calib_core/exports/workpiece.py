@@ -1,0 +1,179 @@
+"""What a frame's uncertainty means at the workpiece: how far off a measured point lies, in mm.
+
+A point p of the outer frame comes out at R·p + t.  A small change r, δt of the frame (the rotation on the right)
+moves it by δ = −R·[p]×·r + δt, so that its covariance is J·C·Jᵀ with J = (−R·[p]×, 1).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
+from calib_core.records import Record, Session
+from calib_core.robots import parse_pose
+
+Of = Literal["tool", "table", "both"]
+_STILL: Final = ("tcp", "verify")
+_LARGEST: Final = 1e9
+
+
+class AtWorkpiece(Record):
+    """How well a point of the workpiece is known by one frame, or by tool and table together.
+
+    Parameters
+    ----------
+    of : "tool", "table" or "both"
+    where : str
+        The mounting of the sphere whose place on the table is meant; empty where it is the scanner's view.
+    point_mm : (3,)
+        In L for the tool: where the scanner saw the sphere on average. In T for the others.
+    sigmas_mm : (3,)
+        Standard deviations along the axes of the frame of `point_mm`.
+    worst_sigma_mm : float
+        In the worst direction.
+    """
+
+    of: Of
+    where: str = ""
+    point_mm: list[float]
+    sigmas_mm: list[float]
+    worst_sigma_mm: float
+
+
+def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiece]:
+    """Return what a result's frames mean at the workpiece; nothing for stages without such frames.
+
+    Parameters
+    ----------
+    session : Session
+        For the robot's poses.
+    result : mapping
+        The JSON data of a result of `tcp`, `turntable` or `chain`.
+
+    Raises
+    ------
+    InputError
+        If a frame or a covariance of the result is none.
+    """
+    stage = result.get("stage")
+    found: list[AtWorkpiece] = []
+    if stage in ("tcp", "chain"):
+        tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+        point = seen_in_laser_mm(session, result)
+        if point is not None:
+            covariance = covariance_in(result, "covariance")
+            found.append(_known("tool", "", point, tool.rotation, point_jacobian(tool, point), covariance))
+    if stage in ("turntable", "chain"):
+        found += [_on_the_table(result, mount) for mount in result["mounts"]]
+    if stage == "chain":
+        found += [both for mount in result["mounts"] if (both := _both(session, result, mount)) is not None]
+    return found
+
+
+def turned_deg(session: Session, result: Mapping[str, Any]) -> dict[str, float]:
+    """Return by how much the flange was turned at each capture of a result, in degrees from the first one.
+
+    Captures without a pose that can be read are left out; so are all where the result is not of robot poses.
+    """
+    if result.get("stage") not in ("tcp", "chain"):
+        return {}
+    poses = _poses(session, {row["capture"] for row in result["residuals"]}, (*_STILL, "turntable"))
+    first = next(iter(poses.values()), None)
+    if first is None:
+        return {}
+    turns = vector_from_rotation([first.rotation.T @ pose.rotation for pose in poses.values()])
+    return dict(zip(poses, np.rad2deg(np.linalg.norm(turns, axis=1)).tolist(), strict=True))
+
+
+def point_jacobian(frame: RigidTransform, point_mm: FloatArray) -> FloatArray:
+    """Return the derivative (3, 6) of a point's place by rx ry rz tx ty tz of the frame that carries it."""
+    return np.hstack([-frame.rotation @ skew(point_mm), np.eye(3)])
+
+
+def covariance_in(result: Mapping[str, Any], name: str) -> FloatArray:
+    """Return a covariance (6, 6) out of a stored result; raises InputError where it is none."""
+    rows = result.get(name) or []
+    square = len(rows) >= 6 and all(len(row) >= 6 for row in rows[:6])
+    covariance = np.array([row[:6] for row in rows[:6]], dtype=float) if square else np.full((6, 6), np.nan)
+    if not (np.abs(covariance) < _LARGEST).all():
+        where = f"results/{result['stage']}.json: {name}"
+        got = "numbers that are none" if square else "another shape"
+        raise InputError("a covariance of six numbers", got, "Solve the session again.", where)
+    return covariance
+
+
+def seen_in_laser_mm(session: Session, result: Mapping[str, Any]) -> FloatArray | None:
+    """Return where the scanner saw the still sphere on average, in L, mm; None without a pose that can be read."""
+    tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+    center = np.array(result["sphere_center_in_base_mm"], dtype=float)
+    used = {row["capture"] for row in result["residuals"] if row["used"]}
+    poses = _poses(session, used, _STILL)
+    seen = [(pose @ tool).inverse().apply(center) for pose in poses.values()]
+    return np.mean(seen, axis=0) if seen else None
+
+
+def _poses(session: Session, named: set[str], steps: Sequence[str]) -> dict[str, RigidTransform]:
+    poses: dict[str, RigidTransform] = {}
+    for capture in session.captures:
+        if capture.id in named and capture.step in steps and capture.pose is not None:
+            try:
+                poses[capture.id] = parse_pose(session.cell.pose_convention, capture.pose)
+            except InputError:
+                continue  # it was changed since, and the stage says so when it is solved again
+    return poses
+
+
+def _on_the_table(result: Mapping[str, Any], mount: Mapping[str, Any]) -> AtWorkpiece:
+    table = RigidTransform.from_rounded(result["base_from_turntable"], "base", "turntable")
+    covariance = covariance_in(result, "turntable_covariance" if result["stage"] == "chain" else "covariance")
+    point = np.array(mount["center_in_turntable_mm"], dtype=float)
+    return _known("table", mount["mount"], point, table.rotation, point_jacobian(table, point), covariance)
+
+
+def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any]) -> AtWorkpiece | None:
+    """Return how well a scanned point on the table is known, over the poses that saw the sphere there (RMS)."""
+    rows = [r for r in result["residuals"] if r["used"] and r.get("mount") == mount["mount"]]
+    angles_deg = {r["capture"]: r["table_deg"] for r in rows if r.get("table_deg") is not None}
+    poses = _poses(session, set(angles_deg), ("turntable",))
+    if not poses:
+        return None
+    tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+    table = RigidTransform.from_rounded(result["base_from_turntable"], "base", "turntable")
+    cross = covariance_in(result, "cross_covariance")
+    covariance = np.block(
+        [
+            [covariance_in(result, "covariance"), cross],
+            [cross.T, covariance_in(result, "turntable_covariance")],
+        ]
+    )
+    place = np.array(mount["center_in_turntable_mm"], dtype=float)
+    total = np.zeros((3, 3))
+    for capture, base_from_tool0 in poses.items():
+        angle = np.deg2rad(result["direction"] * angles_deg[capture])
+        turn = RigidTransform.of([0.0, 0.0, angle], [0.0, 0.0, 0.0], "turntable", "turntable")
+        turned = turn.apply(place)
+        in_laser = (base_from_tool0 @ tool).inverse().apply(table.apply(turned))
+        by_tool = base_from_tool0.rotation @ point_jacobian(tool, in_laser)
+        # From the base into T at angle zero, where the point belongs.
+        jacobian = (table @ turn).rotation.T @ np.hstack([by_tool, -point_jacobian(table, turned)])
+        total += jacobian @ covariance @ jacobian.T
+    return _summed("both", mount["mount"], place, total / len(poses))
+
+
+def _known(
+    of: Of, where: str, point_mm: FloatArray, rotation: FloatArray, jacobian: FloatArray, covariance: FloatArray
+) -> AtWorkpiece:
+    own = rotation.T @ jacobian
+    return _summed(of, where, point_mm, own @ covariance @ own.T)
+
+
+def _summed(of: Of, where: str, point_mm: FloatArray, covariance: FloatArray) -> AtWorkpiece:
+    return AtWorkpiece(
+        of=of,
+        where=where,
+        point_mm=point_mm.tolist(),
+        sigmas_mm=np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(),
+        worst_sigma_mm=float(np.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))),
+    )

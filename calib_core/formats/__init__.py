@@ -1,0 +1,1 @@
+"""Files that scanners and programs write: one module a format."""

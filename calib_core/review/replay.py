@@ -1,0 +1,218 @@
+"""Replay: solve a stored session afresh and compare every number with what it holds."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Final, cast
+
+from pydantic import Field
+
+from calib_core.archive.folder import result_data
+from calib_core.errors import CalibrationError, InputError
+from calib_core.records import Record, Session
+from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.stage import SOFTWARE, Progress, ReadFile
+
+TOLERANCE: Final = 1e-9
+"""Two numbers are equal where they differ by less than this, relative to the larger."""
+
+ROUNDING: Final = 1e-15
+"""Or by less than this, relative to the largest number of their vector or matrix: a zero is never quite zero."""
+
+MAX_LISTED: Final = 100
+
+_ABOUT: Final = ("software", "method", "inputs_sha256")  # they explain a difference, and are none
+_MISSING: Final = object()
+
+
+class ReplayDifference(Record):
+    """One value that came out otherwise; null where it is missing on one side."""
+
+    path: str
+    stored: Any = None
+    fresh: Any = None
+    relative: float | None = None
+
+
+class StageReplay(Record):
+    """How one stage compares.
+
+    `largest_relative` is of all numbers, those held for equal too; `differences` lists the worst; `why` says what
+    the records themselves know of the reason.
+    """
+
+    stage: str
+    equal: bool
+    numbers: int = 0
+    largest_relative: float = 0.0
+    difference_count: int = 0
+    differences: list[ReplayDifference] = Field(default_factory=list[ReplayDifference])
+    why: list[str] = Field(default_factory=list)
+
+
+class Replay(Record):
+    """Whether a session's results come out again, within the stated tolerance."""
+
+    session: str
+    software: str
+    tolerance: float
+    equal: bool
+    stages: list[StageReplay]
+
+
+def replay(
+    session: Session,
+    read: ReadFile,
+    results: Mapping[str, Mapping[str, Any]],
+    progress: Progress | None = None,
+    where: str = "",
+    fresh: Callable[[str, dict[str, Any]], None] = lambda _stage, _result: None,
+) -> Replay:
+    """Solve afresh every stage that has a stored result, and compare.
+
+    Parameters
+    ----------
+    session : Session
+    read : callable
+        Returns the bytes of a file by its name in the capture.
+    results : mapping
+        The stored results by stage, as JSON data.
+    progress : callable, optional
+        As of `pipeline.run`.
+    where : str
+        What messages call the session.
+    fresh : callable, optional
+        Called with each stage that could be solved, and its new result as JSON data.
+
+    Raises
+    ------
+    InputError
+        If no result is stored.
+    """
+    if not results:
+        raise InputError("stored results to compare with", "none", "Solve the session, then pack it.", where)
+    stages = [_stage(session, read, stage, stored, progress, fresh) for stage, stored in results.items()]
+    equal = all(stage.equal for stage in stages)
+    return Replay(session=session.name, software=SOFTWARE, tolerance=TOLERANCE, equal=equal, stages=stages)
+
+
+def _stage(
+    session: Session,
+    read: ReadFile,
+    stage: str,
+    stored: Mapping[str, Any],
+    progress: Progress | None,
+    tell: Callable[[str, dict[str, Any]], None],
+) -> StageReplay:
+    try:
+        fresh = result_data(solve_stage(session, stage, read, progress))
+    except CalibrationError as error:
+        why = [f"It cannot be solved any more: {error}", *_why(session, read, stage, stored, {})]
+        return StageReplay(stage=stage, equal=False, why=why)
+    tell(stage, fresh)
+    compared = compare(stored, fresh)
+    return compared.model_copy(
+        update={"stage": stage, "why": [] if compared.equal else _why(session, read, stage, stored, fresh)}
+    )
+
+
+def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
+    """Return how two results of a stage compare, value by value, given as JSON data."""
+    numbers, largest, count = 0, 0.0, 0
+    differences: list[ReplayDifference] = []
+    for path, a, b, size in _pairs(_compared(stored), _compared(fresh)):
+        if _is_number(a) and _is_number(b):
+            relative = _relative(a, b)
+            numbers += 1
+            if relative <= TOLERANCE or abs(a - b) <= ROUNDING * size:
+                largest = max(largest, min(relative, TOLERANCE))
+                continue
+            largest = max(largest, relative)
+        elif a is not _MISSING and b is not _MISSING and type(a) is type(b) and a == b:
+            continue
+        else:
+            relative = None
+        count += 1
+        differences.append(ReplayDifference(path=path, stored=_shown(a), fresh=_shown(b), relative=relative))
+    differences.sort(key=lambda row: -math.inf if row.relative is None else -row.relative)
+    return StageReplay(
+        stage=str(stored.get("stage", "")),
+        equal=not count,
+        numbers=numbers,
+        largest_relative=largest,
+        difference_count=count,
+        differences=differences[:MAX_LISTED],
+    )
+
+
+def _compared(result: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in result.items() if name not in _ABOUT}
+
+
+def _why(
+    session: Session, read: ReadFile, stage: str, stored: Mapping[str, Any], fresh: Mapping[str, Any]
+) -> list[str]:
+    """Return the reasons that the records themselves give for a difference."""
+    reasons: list[str] = []
+    software, method = stored.get("software"), stored.get("method")
+    if software != SOFTWARE:
+        reasons.append(f"It was computed by {software}; this is {SOFTWARE}.")
+    if fresh and method != fresh.get("method"):
+        reasons.append(f"The method was {method!r}; it is {fresh.get('method')!r} now.")
+    try:
+        inputs = inputs_sha256(session, stage, read)
+    except CalibrationError:
+        inputs = None  # why that is so was the reason that nothing could be solved
+    if inputs is not None and stored.get("inputs_sha256") != inputs:
+        reasons.append(
+            "Cell, captures or files were changed after it was computed: the hashes of the inputs differ."
+        )
+    return reasons or [
+        "Software and inputs are the same: the result was altered, or computed with other arithmetic "
+        "(another processor, or other versions of numpy and scipy)."
+    ]
+
+
+def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[str, Any, Any, float]]:
+    """Give every value of two trees with its path and the largest number of the array that it stands in."""
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        left, right = cast("Mapping[str, Any]", a), cast("Mapping[str, Any]", b)
+        for name in [*left, *(name for name in right if name not in left)]:
+            place = f"{path}.{name}" if path else name
+            yield from _pairs(left.get(name, _MISSING), right.get(name, _MISSING), place)
+    elif isinstance(a, list) and isinstance(b, list):
+        left_items, right_items = cast("list[Any]", a), cast("list[Any]", b)
+        size = size or max(_largest(left_items), _largest(right_items))
+        for k in range(max(len(left_items), len(right_items))):
+            left_item = left_items[k] if k < len(left_items) else _MISSING
+            right_item = right_items[k] if k < len(right_items) else _MISSING
+            yield from _pairs(left_item, right_item, f"{path}[{_label(left_item, k)}]", size)
+    else:
+        yield path, a, b, size
+
+
+def _label(item: Any, index: int) -> str:
+    return str(cast("Mapping[str, Any]", item).get("capture", index)) if isinstance(item, Mapping) else str(index)
+
+
+def _largest(items: list[Any]) -> float:
+    """Return the largest magnitude in a vector or a matrix, nothing where records stand in the list."""
+    largest = 0.0
+    for item in items:
+        if isinstance(item, list):
+            largest = max(largest, _largest(cast("list[Any]", item)))
+        elif _is_number(item):
+            largest = max(largest, abs(item))
+    return largest
+
+
+def _relative(a: float, b: float) -> float:
+    return 0.0 if a == b else abs(a - b) / max(abs(a), abs(b))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _shown(value: Any) -> Any:
+    return None if value is _MISSING else value

@@ -1,0 +1,19 @@
+"""Controllers' pose conventions: their numbers to `base_from_tool0`, and back.
+
+``parse_pose("fanuc", [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635])`` gives a `RigidTransform`, `to_pose`
+gives the numbers again, and `CONVENTIONS` has every convention with its formula, units and source.
+"""
+
+from calib_core.robots.conventions import CONVENTIONS, Convention
+from calib_core.robots.lines import PoseLine, parse_pose_lines
+from calib_core.robots.poses import convention_named, parse_pose, to_pose
+
+__all__ = [
+    "CONVENTIONS",
+    "Convention",
+    "PoseLine",
+    "convention_named",
+    "parse_pose",
+    "parse_pose_lines",
+    "to_pose",
+]

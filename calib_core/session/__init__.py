@@ -1,1 +1,0 @@
-"""A session's folder: reading, solving stage by stage, writing results."""

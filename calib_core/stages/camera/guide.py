@@ -1,0 +1,141 @@
+"""The camera's and the laser plane's steps: what the boards cover already, and what is still missing."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+from calib_core.records import Board, GuideNow, Measured, Session
+from calib_core.stages.tcp.guide import review
+
+WANTED_VIEWS, WANTED_STRIPES = 10, 8
+_ENOUGH_VIEWS = 14  # so many do, even where a part of the image stays empty: the result tells how that counts
+_COLUMNS, _ROWS = 3, 3  # the parts of the image that the next view is asked for by
+_PLACES = (
+    "upper left", "top", "upper right", "left", "middle", "right", "lower left", "bottom", "lower right",
+)  # fmt: skip
+_SIZES_APART = 1.25  # the largest board over the smallest: less is one distance
+
+
+def camera_now(session: Session, measured: Sequence[Measured], result: Mapping[str, Any] | None) -> GuideNow:
+    """Return the instruction of the camera's step; `result` is JSON data, `stale` where captures have changed."""
+    if session.cell.board is None:
+        return _board_missing("camera")
+    if result is not None and not result.get("stale"):
+        return _review("camera", result, "Look at the result: the model, the arrows of each view, the coverage.")
+    views = _usable(session, measured, "camera")
+    needed = max(WANTED_VIEWS - len(views), 0)
+    missing = _next_view(views)
+    if not needed and (missing is None or len(views) >= _ENOUGH_VIEWS):
+        return _solve("camera", "Solve the camera.", "Views all over the image determine the lens.", result)
+    return _now(
+        "camera",
+        action="capture",
+        instruction=missing or "Show the board tilted another way, by 20 to 40°.",
+        why="The lens is known only where boards were seen; tilts and distances fix the focal length.",
+        exit=f"{WANTED_VIEWS} sharp views: all parts of the image, near and far, tilted to all sides.",
+        drawing="board-views",
+        progress=f"{len(views)} of {WANTED_VIEWS} views",
+        still_needed=max(needed, 1),
+    )
+
+
+def laser_plane_now(session: Session, measured: Sequence[Measured], result: Mapping[str, Any] | None) -> GuideNow:
+    """Return the instruction of the laser plane's step."""
+    if session.cell.board is None:
+        return _board_missing("laser-plane")
+    if result is not None and not result.get("stale"):
+        return _review("laser-plane", result, "Look at the result: the plane, and how each stripe lies on it.")
+    stripes = _usable(session, measured, "laser-plane")
+    needed = max(WANTED_STRIPES - len(stripes), 0)
+    if not needed:
+        return _solve("laser-plane", "Solve the laser plane.", "Stripes near and far determine the plane.", result)
+    first, again = _stripe_words(session.cell.board, len(stripes))
+    return _now(
+        "laser-plane",
+        action="capture",
+        instruction=again if stripes else first,
+        why="Each stripe is one line of the plane: lines at different distances and tilts fix it.",
+        exit=f"{WANTED_STRIPES} boards with the stripe, over all distances in use, tilted differently.",
+        drawing="board-stripe",
+        progress=f"{len(stripes)} of {WANTED_STRIPES} stripes",
+        still_needed=needed,
+    )
+
+
+def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:
+    """Return what to do for the first board with the stripe, and for the next one."""
+    place = ("near the scanner", "far from it", "tilted to the left", "tilted to the right")[stripes % 4]
+    if not board.fixed:
+        first = "Lay the stripe on the board; take the lit board and the stripe without moving it."
+        return first, f"Take the board and its stripe again, with the board {place}."
+    first = "Lay the stripe on the fixed board and take it with the robot's pose; the board may be dark."
+    return first, f"Move the robot so that the fixed board is {place}, and take the stripe on it; it may be dark."
+
+
+def _usable(session: Session, measured: Sequence[Measured], step: str) -> list[Measured]:
+    """Return what was seen in the step's captures, without the refused and the excluded ones."""
+    seen = {m.capture: m for m in measured}
+    found = [
+        seen.get(c.id, Measured(capture=c.id, kind=c.kind, verdict="pass"))
+        for c in session.captures
+        if c.step == step and not c.excluded
+    ]
+    return [m for m in found if m.verdict != "fail"]
+
+
+def _next_view(views: Sequence[Measured]) -> str | None:
+    """Return where the board should go next, None where the image is covered and the distances differ."""
+    sized = [(np.array(v.preview), v.image_size) for v in views if v.preview and v.image_size]
+    if not sized:
+        return "Show the board to the camera, large and sharp in the middle of the image." if not views else None
+    counts = sum(_counts(pixels, size) for pixels, size in sized)
+    empty = np.flatnonzero(np.ravel(counts) == 0)
+    if len(empty):
+        return f"Show the board at the {_PLACES[int(empty[0])]} of the image: nothing was seen there yet."
+    sizes = [float(np.sqrt(np.prod(np.ptp(pixels, axis=0)))) for pixels, _ in sized]
+    if max(sizes) < _SIZES_APART * min(sizes):
+        return "Show the board nearer to the camera, then farther away: all views are from one distance."
+    return None
+
+
+def _counts(pixels: FloatArray, size: tuple[int, int]) -> FloatArray:
+    """Return how many corners lie in each part of the image, rows from the top."""
+    width, height = size
+    ranges = ((-0.5, height - 0.5), (-0.5, width - 0.5))
+    return np.histogram2d(pixels[:, 1], pixels[:, 0], bins=(_ROWS, _COLUMNS), range=ranges)[0]
+
+
+def _board_missing(step: str) -> GuideNow:
+    return _now(
+        step,
+        action="capture",
+        instruction="Describe the calibration board in the cell: its kind, columns, rows and pitch.",
+        why="Its pattern is the measure that the camera is calibrated by.",
+        exit="The cell has a board.",
+        drawing="board-views",
+        still_needed=1,
+    )
+
+
+def _solve(step: str, instruction: str, why: str, result: Mapping[str, Any] | None) -> GuideNow:
+    return _now(
+        step,
+        action="solve",
+        instruction=instruction if result is None else "Solve again: the captures have changed.",
+        why=why,
+        exit="The residuals are small and have no pattern, and every view counts.",
+        drawing="board-solve",
+        progress="enough captures",
+    )
+
+
+def _review(step: str, result: Mapping[str, Any], look: str) -> GuideNow:
+    """Return what to do with a result that is up to date but of no use yet, or that is the last one asked for."""
+    now = review(result, look)
+    return now.model_copy(update={"step": step, "stage": step, "exit": "You trust it.", "drawing": "board-solve"})
+
+
+def _now(step: str, **fields: Any) -> GuideNow:
+    return GuideNow.model_validate({"step": step, "stage": step, **fields})

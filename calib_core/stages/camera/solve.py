@@ -1,0 +1,253 @@
+"""The camera stage: the board found in every frame that shows it, the adjustment, a row of residuals a capture."""
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib_core.captures.boards import board_in, board_of, shows_stripe_alone
+from calib_core.captures.solved_optics import remembered
+from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.optics.board import BoardView
+from calib_core.optics.board_refusal import COLOUR_NOTE
+from calib_core.optics.camera import CameraOptions, calibrate_camera
+from calib_core.optics.camera_evidence import problems_of, remarks_of
+from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
+from calib_core.optics.camera_solution import CameraSolution
+from calib_core.records import (
+    Board,
+    CameraCandidate,
+    CameraCoverage,
+    CameraResidual,
+    CameraResult,
+    CameraSegment,
+    Capture,
+    RefinedCamera,
+    Verdict,
+)
+from calib_core.stages.stage import SOFTWARE
+
+if TYPE_CHECKING:
+    from calib_core.stages.stage import StageInput
+
+_FAIL_RMS_PX = 3.0
+_FINDING_SHARE = 0.7
+_STRIPE_ALONE = "the stripe alone"
+
+
+def solve_camera_stage(given: "StageInput") -> CameraResult:
+    """Return the camera from all frames that show the board, of camera and laser-plane captures.
+
+    Raises
+    ------
+    InputError
+        If the cell names no board, a file is of no use, or frames differ in size.
+    MeasurementError
+        If no frame shows the board.
+    MotionError
+        If the views do not determine a camera.
+    """
+    board = board_of(given.session.cell)
+    captures = [c for c in given.captures if c.kind == "frame" and not c.excluded]
+    views, failed = _find_all(given, captures, board)
+    if not views:
+        if not failed:
+            raise InputError("frames of the board", "none", "Capture the board and add the frames.", "captures")
+        first_name, first = next(iter(failed.items()))
+        got = f"{first.got} (none of {len(captures)} frames shows the board)"
+        raise MeasurementError(first.need, got, first.to_do, first_name)
+    image_size = _one_size(views)
+    solution = _calibrate(given, views, image_size, failed, board)
+    return remembered("camera", given.inputs_sha256, _result(given, solution, views, failed, image_size))
+
+
+def camera_from_result(result: CameraResult | RefinedCamera) -> CameraModel:
+    """Return the camera that a result holds."""
+    plain = CameraModel.from_names(result.camera_matrix, result.distortion, result.image_size)
+    segments = tuple(
+        Segment(s.near_mm, s.far_mm, CameraModel.from_names(np.eye(3), s.distortion).distortion)
+        for s in result.segments
+    )
+    return CameraModel(plain.camera_matrix, plain.distortion, result.model, result.image_size, segments)
+
+
+def camera_segments(camera: CameraModel) -> list[CameraSegment]:
+    """Return the bands of a segmental camera as a result holds them."""
+    return [
+        CameraSegment(near_mm=s.near_mm, far_mm=s.far_mm, distortion=name_distortion(s.distortion))
+        for s in camera.segments
+    ]
+
+
+def _find_all(
+    given: "StageInput", captures: list[Capture], board: Board
+) -> tuple[dict[str, BoardView], dict[str, MeasurementError]]:
+    views: dict[str, BoardView] = {}
+    failed: dict[str, MeasurementError] = {}
+    for number, capture in enumerate(captures):
+        given.progress(_FINDING_SHARE * number / len(captures), f"Finding the board in {capture.id}")
+        try:
+            views[capture.id] = board_in(capture, board, given.read)
+        except MeasurementError as error:
+            failed[capture.id] = error
+    return views, failed
+
+
+def _one_size(views: dict[str, BoardView]) -> tuple[int, int]:
+    sizes = Counter(view.image_size for view in views.values())
+    usual = sizes.most_common(1)[0][0]
+    for name, view in views.items():
+        if view.image_size != usual:
+            raise InputError(
+                f"frames of one size, {usual[0]}×{usual[1]} as in most captures",
+                f"mixed image sizes, {view.image_size[0]}×{view.image_size[1]} here",
+                "Take all frames with one camera and one setting, or remove this capture.",
+                name,
+            )
+    return usual
+
+
+def _calibrate(
+    given: "StageInput",
+    views: dict[str, BoardView],
+    image_size: tuple[int, int],
+    failed: dict[str, MeasurementError],
+    board: Board,
+) -> CameraSolution:
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
+
+    try:
+        return calibrate_camera(list(views.values()), image_size, CameraOptions(refine_board=not board.flat), tell)
+    except MotionError as error:
+        if not failed:
+            raise
+        names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
+        raise MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where) from None
+
+
+def _result(
+    given: "StageInput",
+    solution: CameraSolution,
+    views: dict[str, BoardView],
+    failed: dict[str, MeasurementError],
+    image_size: tuple[int, int],
+) -> CameraResult:
+    camera = solution.camera
+    problems = problems_of(solution)
+    rows = _rows(given, solution, views, failed)
+    not_used = [
+        f"{row.capture} is not used: {(row.reason or '').removesuffix('.')}."
+        for row in rows
+        if not row.used and row.reason and not row.reason.startswith(("excluded", _STRIPE_ALONE))
+    ]
+    seen = solution.coverage
+    return CameraResult(
+        method="bundle adjustment of camera and board poses, least squares after robust rejection; "
+        "model by held-out error",
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), _expected_views(rows)),
+        warnings=[*remarks_of(solution), *problems, *not_used, *_taken_on_trust(given, views)],
+        model=camera.model,
+        image_size=image_size,
+        camera_matrix=camera.camera_matrix.tolist(),
+        distortion=camera.distortion_by_name,
+        tilt_rad=camera.distortion[TILT].tolist(),
+        segments=camera_segments(camera),
+        reprojection_rms_px=solution.reprojection_rms_px,
+        corner_sigma_px=solution.corner_sigma_px,
+        parameters=list(solution.parameters),
+        covariance=solution.covariance.tolist(),
+        tilt_correlation=solution.tilt_correlation,
+        board_bend_mm=solution.bend_mm,
+        candidates=[
+            CameraCandidate(model=c.model, parameters=c.parameters, held_out_rms_px=c.held_out_rms_px)
+            for c in solution.candidates
+        ],
+        coverage=CameraCoverage(
+            counts=seen.counts.tolist(),
+            covered=seen.covered,
+            near_mm=seen.depth_mm[0],
+            far_mm=seen.depth_mm[1],
+            largest_tilt_rad=seen.largest_tilt_rad,
+        ),
+        residuals=rows,
+    )
+
+
+def _taken_on_trust(given: "StageInput", views: dict[str, BoardView]) -> list[str]:
+    """Return what frames of this kind of board cannot tell, in sentences."""
+    board = board_of(given.session.cell)
+    sentences = [
+        f"The board's pitch, {board.pitch_mm:g} mm, is taken on trust: frames of it look the same at any pitch, "
+        "and all lengths grow with it. Measure it over several squares."
+    ]
+    if any(view.turn_is_ambiguous for view in views.values()):
+        sentences.append(
+            "The board looks the same turned by 180°, so the camera is right but a board's pose may be turned: "
+            "take a chessboard with an odd sum of columns and rows, or ChArUco, where that matters."
+        )
+    in_colour = [name for name, view in views.items() if COLOUR_NOTE in view.notes]
+    if in_colour:
+        sentences.append(
+            f"Frames in colour were turned into grey ({', '.join(in_colour[:5])}"
+            f"{' …' if len(in_colour) > 5 else ''}): a camera that interpolates colours blurs the corners."
+        )
+    if board.kind != "charuco":
+        sentences.append(
+            f"A mirrored {board.kind} board looks like one that is not: if the driver mirrors frames, turn it off."
+        )
+    return sentences
+
+
+def _verdict(solution: CameraSolution, problems: bool, used: int, captures: int) -> Verdict:
+    if solution.reprojection_rms_px > _FAIL_RMS_PX:
+        return "fail"
+    return "warn" if problems or used < 0.5 * captures else "pass"
+
+
+def _expected_views(rows: list[CameraResidual]) -> int:
+    """Return how many captures should show the board."""
+    return sum(not (row.reason or "").startswith(_STRIPE_ALONE) for row in rows)
+
+
+def _rows(
+    given: "StageInput",
+    solution: CameraSolution,
+    views: dict[str, BoardView],
+    failed: dict[str, MeasurementError],
+) -> list[CameraResidual]:
+    place = {name: index for index, name in enumerate(views)}
+    rows: list[CameraResidual] = []
+    for capture in given.captures:
+        if capture.kind != "frame":
+            reason = f"a capture of kind '{capture.kind}', not a frame"
+        elif capture.excluded:
+            reason = "excluded by the user"
+        elif capture.id in failed and shows_stripe_alone(given.session.cell, capture, given.read):
+            reason = f"{_STRIPE_ALONE}: it serves the plane of light, the board is not seen"
+        elif capture.id in failed:
+            error = failed[capture.id]
+            reason = f"need {error.need}, got {error.got}. {error.to_do}"
+        else:
+            rows.append(_row_of_view(capture.id, views[capture.id], solution, place[capture.id]))
+            continue
+        rows.append(CameraResidual(capture=capture.id, used=False, reason=reason))
+    return rows
+
+
+def _row_of_view(name: str, view: BoardView, solution: CameraSolution, index: int) -> CameraResidual:
+    pose = solution.camera_from_board[index]
+    rms, width = float(solution.view_rms_px[index]), view.edge_width_px
+    return CameraResidual(
+        capture=name,
+        used=pose is not None,
+        reason=solution.rejected.get(index),
+        corners=len(view.ids),
+        rms_px=rms if np.isfinite(rms) else None,
+        edge_width_px=width if np.isfinite(width) else None,
+        camera_from_board=None if pose is None else pose.to_rows(),
+        points_px=np.round(view.points_px, 3).tolist(),
+        residuals_px=np.round(solution.residuals_px[index], 4).tolist(),
+    )

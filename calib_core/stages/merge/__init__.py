@@ -1,0 +1,1 @@
+"""Scans merged into one cloud."""

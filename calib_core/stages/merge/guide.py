@@ -1,0 +1,238 @@
+"""The steps of scanning and merging: from where the object must still be seen, then the merge, then its answer."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.scans import Placement, ScanGroup, poses_of, scan_groups
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Capture, GuideNow, Measured, Session
+from calib_core.stages.tcp.guide import review
+
+WANTED_AROUND, LEAST_AROUND = 12, 6
+WANTED_SIDES, LEAST_SIDES = 6, 2
+_STEP_DEG = 360.0 / WANTED_AROUND
+_DIFFERENT_DEG = 10.0  # views nearer to each other than this count once
+_HEIGHTS_DEG = 15.0  # views from one height alone miss what they are too flat, or too steep, for
+_EXIT = (
+    f"{WANTED_AROUND} scans all around from at least two heights; {LEAST_AROUND} are the least. "
+    "Neighbours should see a third of each other's surface."
+)
+_EXIT_WITHOUT_TABLE = "Every side of the object that you need was seen, and each scan overlaps another."
+
+
+@dataclass(frozen=True)
+class _Views:
+    """From where the object was scanned: one row a scan, angles in degrees.
+
+    `azimuth_deg` goes around the table's axis in the table's own frame, `height_deg` above its plane; `table_deg`
+    is what the encoder read.  Without a table azimuth and height are those of the base.
+    """
+
+    azimuth_deg: FloatArray
+    height_deg: FloatArray
+    table_deg: FloatArray
+    direction: int
+
+
+def scan_captures(session: Session) -> list[Capture]:
+    """Return the scans that count."""
+    return [c for c in session.captures if c.step == "scan" and not c.excluded]
+
+
+def scan_now(session: Session, measured: Sequence[Measured], data: Mapping[str, Mapping[str, Any]]) -> GuideNow:
+    """Return the instruction of scanning and merging; tool and table are known by then.
+
+    Parameters
+    ----------
+    session : Session
+    measured : sequence of Measured
+    data : mapping of stage to JSON data of its result
+        `stale` where the captures have changed since.
+    """
+    merge = data.get("merge")
+    if merge is not None and not merge.get("stale"):
+        return _review(merge)
+    refused = {m.capture for m in measured if m.verdict == "fail"}
+    groups = scan_groups([capture for capture in scan_captures(session) if capture.id not in refused])
+    placement = _placement(session, data)
+    turns = placement is not None and placement.base_from_turntable is not None
+    if not groups:
+        return _first(turns)
+    assert placement is not None, "the caller has seen to the tool"
+    try:
+        views = _views(session, groups, placement)
+    except InputError as error:
+        return _mend(error)
+    return (_around if turns else _from_all_sides)(views, again=merge is not None)
+
+
+def _placement(session: Session, data: Mapping[str, Mapping[str, Any]]) -> Placement | None:
+    """Return tool and table as they were solved last, or as the user brought them; None without a tool."""
+    known = session.cell.known
+    solved = [data[stage] for stage in ("chain", "turntable", "tcp") if stage in data]
+    tool = next((r["tool0_from_laser"] for r in solved if "tool0_from_laser" in r), known.tool0_from_laser)
+    table = next((r for r in solved if "base_from_turntable" in r), None)
+    matrix = known.base_from_turntable if table is None else table["base_from_turntable"]
+    if tool is None:
+        return None
+    direction = (session.cell.turntable.direction or 1) if table is None else table["direction"]
+    return Placement(
+        RigidTransform.from_rounded(tool, "tool0", "laser"),
+        None if matrix is None else RigidTransform.from_rounded(matrix, "base", "turntable"),
+        direction,
+    )
+
+
+def _views(session: Session, groups: Sequence[ScanGroup], placement: Placement) -> _Views:
+    """Return from where each scan looked; raises InputError where a pose or a table angle is of no use."""
+    out = 1.0 if session.cell.scanner.z_axis == "toward" else -1.0
+    toward: list[FloatArray] = []
+    read_deg: list[float] = []
+    for group in groups:
+        pairs = poses_of(session, group)
+        capture, pose = pairs[len(pairs) // 2]
+        way = placement.turntable_from_base(capture) @ pose @ placement.tool0_from_laser
+        toward.append(way.rotate([0.0, 0.0, out]))
+        read_deg.append(capture.table_deg or 0.0)
+    x, y, z = np.array(toward).T
+    azimuth_deg, height_deg = np.rad2deg(np.arctan2(y, x)), np.rad2deg(np.arcsin(np.clip(z, -1, 1)))
+    return _Views(azimuth_deg, height_deg, np.array(read_deg), placement.direction)
+
+
+def _apart_deg(one: FloatArray, other: float) -> FloatArray:
+    return np.abs((one - other + 180.0) % 360.0 - 180.0)
+
+
+def _different(views: _Views) -> list[float]:
+    """Return the azimuths that differ, in the order they came."""
+    different: list[float] = []
+    for azimuth in views.azimuth_deg.tolist():
+        if not different or _apart_deg(np.array(different), azimuth).min() >= _DIFFERENT_DEG:
+            different.append(azimuth)
+    return different
+
+
+def _around(views: _Views, *, again: bool) -> GuideNow:
+    """Return what is missing all around the table."""
+    taken = _different(views)
+    if len(taken) < WANTED_AROUND:
+        count = f"{len(taken)} of {WANTED_AROUND} scans around"
+        return _capture(
+            f"Turn the table to about {_next_deg(views, taken):.0f}° and scan the object there.",
+            "What one scan cannot see, the next ones do. Change the scanner's height from scan to scan: low for "
+            "the sides, steep for the top.",
+            progress=count,
+            still_needed=WANTED_AROUND - len(taken),
+        )
+    if np.ptp(views.height_deg) < _HEIGHTS_DEG:
+        middle = float(np.median(views.height_deg))
+        where = "from steeper above" if middle < 50 else "from lower down"
+        return _capture(
+            f"Scan the object again {where}, at four angles of the table.",
+            f"All scans look from about {middle:.0f}° above the table: what they see edge-on is missing.",
+            progress="one height only",
+            still_needed=4,
+        )
+    return _merge(len(views.azimuth_deg), again=again)
+
+
+def _next_deg(views: _Views, taken: Sequence[float]) -> float:
+    """Return the encoder's reading that brings the next free of twelve even azimuths before the scanner."""
+    plan = [taken[0] - views.direction * k * _STEP_DEG for k in range(1, WANTED_AROUND)]
+    free = [a for a in plan if _apart_deg(np.array(taken), a).min() > _STEP_DEG / 3]
+    # As the table turns, the scanner goes round the object the other way.
+    turns = [views.direction * (float(views.azimuth_deg[-1]) - a) for a in free] or [_STEP_DEG]
+    ways = [(turn + 179.0) % 360.0 - 179.0 for turn in turns]  # half a turn counts as forwards
+    nearest = min(ways, key=lambda way: (round(abs(way)), way < 0))
+    return float((views.table_deg[-1] + nearest) % 360.0)
+
+
+def _from_all_sides(views: _Views, *, again: bool) -> GuideNow:
+    """Return what is missing of scans without a table: other directions."""
+    a, h = np.deg2rad(views.azimuth_deg), np.deg2rad(views.height_deg)
+    toward = np.stack([np.cos(a) * np.cos(h), np.sin(a) * np.cos(h), np.sin(h)], axis=1)
+    apart = np.rad2deg(np.arccos(np.clip(toward @ toward.T, -1, 1)))
+    sides = sum(not (apart[k, :k] < _DIFFERENT_DEG).any() for k in range(len(apart)))
+    if sides < WANTED_SIDES:
+        now = _capture(
+            "Scan the object from another side.",
+            "What one scan cannot see, the next ones do; each should see a third of another one's surface.",
+            progress=f"{sides} of {WANTED_SIDES} sides",
+            still_needed=WANTED_SIDES - sides,
+        )
+        enough = f" {LEAST_SIDES} sides are the least." if sides < LEAST_SIDES else " Merge whenever it is enough."
+        return now.model_copy(update={"exit": _EXIT_WITHOUT_TABLE + enough})
+    return _merge(len(views.azimuth_deg), again=again)
+
+
+def _first(turns: bool) -> GuideNow:
+    if not turns:
+        now = _capture(
+            "Scan the object from its first side.",
+            "Robot and calibration put every scan where it belongs: no markers and no registration are needed.",
+            progress=f"0 of {WANTED_SIDES} sides",
+            still_needed=WANTED_SIDES,
+        )
+        return now.model_copy(update={"exit": _EXIT_WITHOUT_TABLE, "drawing": "scan-first"})
+    now = _capture(
+        "Put the object on the table and scan it.",
+        "Tool and table are calibrated: export them under Result, and stop here; or go on and scan an object from "
+        "everywhere, in one frame, without markers or registration.",
+        progress=f"0 of {WANTED_AROUND} scans around",
+        still_needed=WANTED_AROUND,
+    )
+    return now.model_copy(update={"drawing": "scan-first"})
+
+
+def _mend(error: InputError) -> GuideNow:
+    now = _capture(
+        f"Mend {error.where}: need {error.need}.",
+        f"Got {error.got}. {error.to_do}",
+        progress="a scan has no place",
+        still_needed=1,
+    )
+    return now.model_copy(update={"exit": "Every scan has its pose and, where the table turned, its angle."})
+
+
+def _capture(instruction: str, why: str, *, progress: str, still_needed: int) -> GuideNow:
+    return GuideNow(
+        step="scan",
+        stage="merge",
+        action="capture",
+        instruction=instruction,
+        why=why,
+        exit=_EXIT,
+        drawing="scan-around",
+        progress=progress,
+        still_needed=still_needed,
+    )
+
+
+def _merge(count: int, *, again: bool) -> GuideNow:
+    return GuideNow(
+        step="merge",
+        stage="merge",
+        action="solve",
+        instruction="Merge again: captures have changed." if again else f"Merge the {count} scans.",
+        why="Each scan is cleaned and goes where robot, table and calibration put it. How far overlapping scans "
+        "lie apart then shows how good all of it is.",
+        exit="Overlapping scans lie as near to each other as the calibration predicts.",
+        drawing="merge-solve",
+        progress="enough scans",
+    )
+
+
+def _review(result: Mapping[str, Any]) -> GuideNow:
+    now = review(result, "Look at the merged object: its sections, its deviations, how far scans lie apart.")
+    return now.model_copy(
+        update={
+            "step": "merge",
+            "stage": "merge",
+            "exit": "You trust it: then save the cloud or the mesh.",
+            "drawing": "merge-done",
+        }
+    )

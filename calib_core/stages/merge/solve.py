@@ -1,0 +1,347 @@
+"""The merge stage: the calibration first, then every scan into T, one cloud, one mesh, one row a capture."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calib_core.archive.spill import FileSpill
+from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
+from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
+from calib_core.errors import InputError
+from calib_core.formats.point_writers import Pieces, ply_pieces, ply_pieces_of
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.fusion.majority import NO_SCAN, HeaviestScans
+from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
+from calib_core.fusion.self_calibration import SelfCalibration
+from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
+from calib_core.records import (
+    Cell,
+    ChainResult,
+    MergeResidual,
+    MergeResult,
+    SharedShift,
+    TcpResult,
+    TurntableResult,
+    VarianceComponents,
+    Verdict,
+)
+from calib_core.stages.merge.doubts import merge_doubts
+from calib_core.stages.stage import SOFTWARE, StageInput
+
+_CALIBRATION_SHARE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class _Calibration:
+    """Where scans belong, the covariance (12, 12) of tool and table, and the scatters of robot and table."""
+
+    placement: Placement
+    covariance: FloatArray
+    position_sigma_mm: float
+    orientation_sigma_rad: float
+    angle_sigma_rad: float
+    by: Literal["known", "tcp", "turntable", "chain"] = "known"
+    warnings: tuple[str, ...] = ()
+
+
+def solve_merge_stage(given: StageInput) -> MergeResult:
+    """Return all scans in one frame; the cloud and the mesh go to `given.store`, where there is one.
+
+    Raises
+    ------
+    InputError
+        If a file, a pose or a table angle is of no use, or the calibration is missing.
+    MeasurementError
+        If no scan has points on a surface, or most captures of the calibration do not show the sphere.
+    MotionError
+        If the calibration's motions do not determine it.
+    """
+    plan = plan_merge(given)
+
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
+
+    with FileSpill() as spill:
+        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, spill)
+        result = _result(given, plan, solution)
+        if given.store is not None:
+            given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names))
+            if solution.mesh is not None:
+                given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class MergePlan:
+    """What is to be merged: scans that are read when they are asked for, where they belong, and how well."""
+
+    groups: list[ScanGroup]
+    calibration: _Calibration
+    scans: SessionScans
+    errors: PoseErrors
+    options: MergeOptions
+
+
+def plan_merge(given: StageInput) -> MergePlan:
+    """Return the scans to be merged, after solving the calibration; raises as `solve_merge_stage` does."""
+    captures = [capture for capture in given.captures if not capture.excluded]
+    if not captures:
+        raise InputError(
+            "captures with step 'scan'", "none that is not excluded", "Scan the object from around.", "captures"
+        )
+    groups = scan_groups(captures)
+    calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
+    settings = given.session.cell.merge
+    options = MergeOptions(
+        settings.voxel_mm,
+        settings.mesh,
+        settings.registration,
+        settings.self_calibration,
+        most_bytes=int(1e6 * settings.memory_mb),
+    )
+    scans = SessionScans(given.session, groups, calibration.placement, given.read)
+    return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options)
+
+
+def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
+    heaviest = HeaviestScans(solution.patches)
+    numbers = np.array([scan_names.index(name) for name in solution.patches.names] + [NO_SCAN])
+    names = ("x", "y", "z", "nx", "ny", "nz", "sigma", SCAN_COLUMN)
+    tables = (
+        np.column_stack(
+            [
+                cloud.points_mm,
+                np.nan_to_num(cloud.normals),
+                cloud.sigma_mm,
+                numbers[heaviest.of(cloud.points_mm)],
+            ]
+        )
+        for cloud in solution.grid.clouds()
+    )
+    return ply_pieces_of(tables, solution.extent.points, names)
+
+
+def _calibration(given: StageInput, with_table: bool) -> _Calibration:
+    """Return tool and table: brought by the user, or solved from the session's own captures."""
+    known, steps = given.session.cell.known, {c.step for c in given.session.captures if not c.excluded}
+    table_to_solve = known.base_from_turntable is None and "turntable" in steps
+    if with_table and known.base_from_turntable is None and not table_to_solve:
+        raise InputError(
+            "the turntable, since scans have a table angle",
+            "neither captures with step 'turntable' nor cell.known.base_from_turntable",
+            "Capture the sphere on the table, or give base_from_turntable with the cell.",
+            "captures",
+        )
+
+    def tell(fraction: float, what: str) -> None:
+        given.progress(_CALIBRATION_SHARE * fraction, what)
+
+    stage = ("turntable" if known.tool0_from_laser else "chain") if table_to_solve else "tcp"
+    if not table_to_solve and known.tool0_from_laser is not None:
+        return _calibration_of(given.session.cell, None)
+    if not table_to_solve and "tcp" not in steps:
+        raise InputError(
+            "the scanner's pose on the flange",
+            "neither captures with step 'tcp' nor cell.known.tool0_from_laser",
+            "Capture the still sphere from several robot poses, or give tool0_from_laser with the cell.",
+            "captures",
+        )
+    result = given.kept.results.get(stage) or given.solve_other(stage, tell)
+    assert isinstance(result, TcpResult | TurntableResult | ChainResult)
+    return _calibration_of(given.session.cell, result)
+
+
+def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResult | None) -> _Calibration:
+    """Return the calibration out of what the user brings and what was solved."""
+    tool = result.tool0_from_laser if result else cell.known.tool0_from_laser
+    table, direction, scale = cell.known.base_from_turntable, cell.turntable.direction or 1, 1.0
+    covariance = np.zeros((12, 12))
+    degrees = cell.robot.orientation_sigma_deg or 0.0
+    scatter = (cell.robot.position_sigma_mm or 0.0, float(np.deg2rad(degrees)))
+    angle_deg = cell.turntable.angle_sigma_deg or 0.0
+    warnings: list[str] = []
+    if result is not None:
+        parts: VarianceComponents = result.variance_components
+        scatter = (parts.position_sigma_mm, parts.orientation_sigma_rad)
+        if result.verdict == "fail":
+            warnings.append(f"The {result.stage} stage's own verdict is fail: mend it first.")
+    if isinstance(result, TurntableResult | ChainResult):
+        table, direction, angle_deg = result.base_from_turntable, result.direction, result.angle_sigma_deg
+        scale += result.encoder_scale.error if result.encoder_scale.applied else 0.0
+        # The turntable's covariance holds the tool's share where there is no joint one.
+        covariance[6:, 6:] = getattr(result, "turntable_covariance", result.covariance)
+    if isinstance(result, TcpResult | ChainResult):
+        covariance[:6, :6] = result.covariance
+    if isinstance(result, ChainResult):
+        covariance[:6, 6:] = result.cross_covariance
+        covariance[6:, :6] = np.transpose(result.cross_covariance)
+    base_from_turntable = None if table is None else RigidTransform.from_rounded(table, "base", "turntable")
+    assert tool is not None, "the caller has seen to it"
+    placement = Placement(
+        RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction, scale
+    )
+    by = "known" if result is None else result.stage
+    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(warnings))
+
+
+def _errors(given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibration) -> PoseErrors:
+    """Return how the calibration's uncertainty moves each scan in T.
+
+    A sweep counts with its middle pose: the robot's error is taken to be the same along one sweep.
+    """
+    root = _root(calibration)
+    common: list[FloatArray] = []
+    own: list[FloatArray] = []
+    for group in groups:
+        pairs = poses_of(given.session, group)
+        capture, pose = pairs[len(pairs) // 2]
+        turntable_from_base = calibration.placement.turntable_from_base(capture)
+        moves, mine = _moves(calibration, turntable_from_base, pose)
+        common.append(moves @ root)
+        own.append(mine)
+    return PoseErrors(np.array(common), np.array(own))
+
+
+def _root(calibration: _Calibration) -> FloatArray:
+    """Return the changes (12, 12) of tool and table by one sigma of independent errors, in columns."""
+    values, vectors = np.linalg.eigh(calibration.covariance)
+    return vectors * np.sqrt(np.maximum(values, 0))
+
+
+def _shared_shift(calibration: _Calibration, found: SelfCalibration | None) -> SharedShift | None:
+    if found is None:
+        return None
+    root = _root(calibration)
+    return SharedShift(
+        directions=found.directions,
+        shift=(root @ found.shift).tolist(),
+        covariance=(root @ found.covariance @ root.T).tolist(),
+    )
+
+
+def _moves(
+    calibration: _Calibration, turntable_from_base: RigidTransform, base_from_tool0: RigidTransform
+) -> tuple[FloatArray, FloatArray]:
+    """Return the moves (6, 12) of a scan by tool and table, and the covariance (6, 6) of those of its own."""
+    placement = calibration.placement
+    turntable_from_tool0 = turntable_from_base @ base_from_tool0
+    moves = np.zeros((6, 12))
+    moves[:, :6] = _by_pose(turntable_from_tool0.rotation, turntable_from_tool0 @ placement.tool0_from_laser)
+    if placement.base_from_turntable is not None:
+        # B·exp(r), t + δ: a point of T moves by −r × p − Bᵀδ, seen at the table's angle.
+        turned = turntable_from_base.rotation @ placement.base_from_turntable.rotation
+        moves[:3, 6:9] = -turned
+        moves[3:, 9:] = -turntable_from_base.rotation
+    sigmas = np.repeat([calibration.orientation_sigma_rad, calibration.position_sigma_mm], 3)
+    robot = _by_pose(turntable_from_base.rotation, turntable_from_tool0) * sigmas
+    own = robot @ robot.T
+    own[2, 2] += calibration.angle_sigma_rad**2 if placement.base_from_turntable is not None else 0.0
+    return moves, own
+
+
+def _by_pose(into_from_added: FloatArray, pose: RigidTransform) -> FloatArray:
+    """Return the moves (6, 6) by a pose in the middle of a chain that ends in `pose`.
+
+    Its rotation perturbs in the frame that `pose` maps from, its translation in one that `into_from_added` (3, 3)
+    turns into T.
+    """
+    change = np.zeros((6, 6))
+    change[:3, :3], change[3:, 3:] = np.eye(3), into_from_added
+    return move_of_pose_change(pose.matrix, change)
+
+
+def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> MergeResult:
+    apart, calibration = solution.overlap, plan.calibration
+    warnings = [
+        *calibration.warnings,
+        *solution.warnings,
+        *_no_self_calibration(given, solution),
+        *merge_doubts(plan.groups, calibration.placement, solution),
+    ]
+    verdict: Verdict = "warn" if warnings else "pass"
+    registered, table = solution.registration, calibration.placement.base_from_turntable
+    return MergeResult(
+        method="chain, cleaning on the scan's grid, voxel means weighted by 1/σ²"
+        + (", point-to-plane registration" if registered else "")
+        + (", tool and table moved by the scans' overlap" if solution.self_calibration and not registered else ""),
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=verdict,
+        warnings=warnings,
+        frame="base" if table is None else "turntable",
+        cloud=CLOUD_FILE,
+        points=solution.extent.points,
+        scanned_points=sum(counts.points for counts in solution.counts.values()),
+        voxel_mm=given.session.cell.merge.voxel_mm,
+        spills=solution.grid.spills,
+        overlap_rms_mm=_number(apart.rms_mm),
+        expected_overlap_rms_mm=_number(apart.expected_rms_mm),
+        overlap_pairs=apart.pairs,
+        registered_overlap_rms_mm=_number(registered.after.rms_mm) if registered else None,
+        registration_shift_rms_mm=float(np.sqrt(np.mean(registered.shift_mm**2))) if registered else None,
+        self_calibration=_shared_shift(calibration, solution.self_calibration),
+        surface_sigma_mm=_number(solution.surface_sigma_mm),
+        calibrated_by=calibration.by,
+        tool0_from_laser=calibration.placement.tool0_from_laser.to_rows(),
+        base_from_turntable=None if table is None else table.to_rows(),
+        mesh=MESH_FILE if solution.mesh else None,
+        triangles=len(solution.mesh.triangles) if solution.mesh else 0,
+        low_mm=solution.extent.low_mm.tolist(),
+        high_mm=solution.extent.high_mm.tolist(),
+        residuals=_rows(given, plan.groups, solution),
+    )
+
+
+def _no_self_calibration(given: StageInput, solution: MergeSolution) -> list[str]:
+    if not given.session.cell.merge.self_calibration or solution.self_calibration is not None:
+        return []
+    return [
+        "No self-calibration: tool and table are given as known exactly. Solve them from captures of this "
+        "session, or set cell.merge.self_calibration to false."
+    ]
+
+
+def _rows(given: StageInput, groups: Sequence[ScanGroup], solution: MergeSolution) -> list[MergeResidual]:
+    rows: dict[str, MergeResidual] = {}
+    for group in groups:
+        row = _row(group.name, solution)
+        for number, capture in enumerate(
+            group.captures
+        ):  # figures of a scan of many captures stand with the first
+            own = {"capture": capture.id, "used": row.used, "reason": row.reason}
+            rows[capture.id] = row.model_copy(update=own) if number == 0 else MergeResidual.model_validate(own)
+    for capture in given.captures:
+        if capture.excluded:
+            rows[capture.id] = MergeResidual(capture=capture.id, used=False, reason="excluded by the user")
+    return [rows[capture.id] for capture in given.captures]
+
+
+def _row(name: str, solution: MergeSolution) -> MergeResidual:
+    if name in solution.failed:
+        error = solution.failed[name]
+        return MergeResidual(capture=name, used=False, reason=f"need {error.need}, got {error.got}")
+    number = solution.used.index(name)
+    pairs, mean, rms, expected = solution.overlap.per_scan[number].tolist()
+    counts = solution.counts[name]
+    moved = solution.registration
+    return MergeResidual(
+        capture=name,
+        used=True,
+        points=counts.points,
+        kept=counts.kept,
+        stray=counts.removed["stray"],
+        mixed=counts.removed["mixed"],
+        grazing=counts.removed["grazing"],
+        overlap_pairs=int(pairs),
+        overlap_mean_mm=_number(mean),
+        overlap_rms_mm=_number(rms),
+        expected_overlap_rms_mm=_number(expected),
+        shift_mm=float(moved.shift_mm[number]) if moved else None,
+        turn_deg=float(np.rad2deg(moved.turn_rad[number])) if moved else None,
+    )
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

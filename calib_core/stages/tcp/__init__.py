@@ -1,0 +1,1 @@
+"""The scanner's pose on the flange."""

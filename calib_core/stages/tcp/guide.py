@@ -1,0 +1,274 @@
+"""The TCP step: what to do now, from what the captures' poses and arcs give already."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Capture, Cell, GuideNow, Measured, Session
+from calib_core.robots import parse_pose, to_pose
+from calib_core.stages.tcp.motion import (
+    GOOD_TURNS,
+    LEAST_SHIFTS,
+    LEAST_TURNS,
+    WANTED_SHIFTS,
+    WANTED_TURNS,
+    Motion,
+    motion_of,
+    next_shift,
+    next_turn,
+    turn_between_deg,
+)
+from calib_core.stages.tcp.place import SeenCenter, probable_place
+
+_PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
+_MANY = 12  # so many captures of different orientations do without pure translations
+
+
+def tcp_now(session: Session, measured: Sequence[Measured], result: Mapping[str, Any] | None) -> GuideNow:
+    """Return the instruction of the TCP step.
+
+    Parameters
+    ----------
+    session : Session
+    measured : sequence of Measured
+    result : JSON data of the TCP result, or None
+        `stale` where the captures have changed since.
+    """
+    captures = [c for c in session.captures if c.step == "tcp" and not c.excluded]
+    if not captures:
+        return _first(session.cell)
+    poses, unread = _poses(session.cell, captures)
+    if unread:
+        return _mend_pose(unread)
+    verdicts = {m.capture: m.verdict for m in measured}
+    usable = [pose for capture, pose in poses.items() if verdicts.get(capture) != "fail"]
+    if not usable:
+        return _first(session.cell)
+    if result is not None and not result.get("stale"):
+        return review(result)
+    motion = motion_of(usable)
+    home = usable[motion.reference]
+    shifts, turns = len(motion.shifts_mm), len(motion.turns_rad)
+    turned = turns >= WANTED_TURNS and motion.turns_differ
+    shifted = shifts >= WANTED_SHIFTS and motion.shifts_differ
+    if turned and (shifted or len(usable) >= _MANY):
+        return _solve(turns, again=result is not None)
+    if not shifted:
+        return _shift(session.cell, motion, home)
+    names = [name for name in poses if verdicts.get(name) != "fail"]
+    return _turn(session.cell, motion, home, _sphere(session.cell, names, poses, measured, motion, result))
+
+
+def _sphere(
+    cell: Cell,
+    names: Sequence[str],
+    poses: Mapping[str, RigidTransform],
+    measured: Sequence[Measured],
+    motion: Motion,
+    result: Mapping[str, Any] | None,
+) -> tuple[FloatArray | None, str]:
+    """Return where the sphere is in base, as solved or else as guessed, and what that rests on."""
+    if result:
+        return (
+            np.array(result["sphere_center_in_base_mm"]),
+            "The flange turns about the sphere: the scanner goes on seeing it.",
+        )
+    seen = {m.capture: _seen(cell, poses[m.capture], m) for m in measured if m.capture in names}
+    home = poses[names[motion.reference]]
+    found = [(name, one) for name, one in seen.items() if one is not None]
+    alike = {
+        name for name in names if np.linalg.norm(home.rotation - poses[name].rotation) < EQUAL_ORIENTATION_RAD
+    }
+    shifted = [one for name, one in found if name in alike]
+    place = probable_place(shifted, [one for name, one in found if name not in alike])
+    if place is None:
+        return None, "Only the orientation is meant: shift the scanner until it sees the sphere as before."
+    if place.scanner_sigma_mm > _PLACE_KNOWN_MM:
+        return (
+            place.center_in_base_mm,
+            "This assumes that the scanner sits at the flange itself, as far as no turn has told where it sits. "
+            "Shift it until it sees the sphere as before; the next proposals will be nearer.",
+        )
+    return (
+        place.center_in_base_mm,
+        "The flange turns about the place where the captures so far put the sphere, "
+        f"about ±{2 * place.scanner_sigma_mm:.0f}\u00a0mm.",
+    )
+
+
+def _seen(cell: Cell, pose: RigidTransform, measured: Measured) -> SeenCenter | None:
+    """Return a capture's own centre of the sphere; of a profile y is what its circle leaves of the radius."""
+    center, radius_mm = measured.center_mm, (cell.sphere_diameter_mm or 0.0) / 2
+    if center is None:
+        return None
+    if len(center) == 3:
+        return SeenCenter(pose, np.array(center), False)
+    height_mm = float(np.sqrt(max(0.0, radius_mm**2 - (measured.radius_mm or radius_mm) ** 2)))
+    return SeenCenter(pose, np.array([center[0], height_mm, center[1]]), True)
+
+
+def _poses(cell: Cell, captures: Sequence[Capture]) -> tuple[dict[str, RigidTransform], tuple[str, str] | None]:
+    """Return the poses by capture, and the first capture whose pose cannot be read, with the reason."""
+    poses: dict[str, RigidTransform] = {}
+    for capture in captures:
+        if capture.pose is None:
+            return poses, (capture.id, "It has none.")
+        try:
+            poses[capture.id] = parse_pose(cell.pose_convention, capture.pose)
+        except InputError as error:
+            return poses, (capture.id, f"Need {error.need}, got {error.got}.")
+    return poses, None
+
+
+def _mend_pose(unread: tuple[str, str]) -> GuideNow:
+    capture, reason = unread
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action="capture",
+        instruction=f"Give the robot's pose of {capture}.",
+        why=f"{reason} A capture says something about the TCP only together with the flange's pose.",
+        exit="Every capture has a pose that can be read.",
+        drawing="tcp-first",
+        still_needed=1,
+    )
+
+
+def _first(cell: Cell) -> GuideNow:
+    seen = {
+        "cloud": "Bring the whole near side of the sphere into view",
+        "center": "Bring the sphere into view",
+    }.get(str(cell.scanner.kind), "Lay the stripe over the sphere, a little beside its middle")
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action="capture",
+        instruction=f"{seen}, and take the first capture.",
+        why="The sphere stands still from now on: every capture sees the same point from another pose.",
+        exit="The sphere is found. For a stripe: r/R between 0.45 and 0.95, 70° of arc or more.",
+        drawing="tcp-first",
+        progress=f"0 of {1 + WANTED_SHIFTS + WANTED_TURNS} captures",
+        still_needed=1 + WANTED_SHIFTS + WANTED_TURNS,
+    )
+
+
+def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
+    count = len(motion.shifts_mm)
+    length_mm = float(np.clip((cell.sphere_diameter_mm or 60.0) / 2, 30.0, 60.0))
+    pose = next_shift(motion, home, length_mm)
+    parallel = count >= LEAST_SHIFTS and not motion.shifts_differ
+    direction = "in another direction: all shifts so far are parallel" if parallel else "in a new direction"
+    why = "Two shifts that are not parallel fix the scanner's rotation on the flange; a third makes it sure."
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action="capture",
+        instruction=f"Shift the scanner 30–80 mm {direction}. Keep its orientation.",
+        why=why,
+        exit=f"{WANTED_SHIFTS} shifts with one orientation, not all parallel; {LEAST_SHIFTS} are the least.",
+        drawing="tcp-shift",
+        progress=f"{count} of {WANTED_SHIFTS} shifts",
+        still_needed=max(WANTED_SHIFTS - count, 1),
+        **_suggested(
+            cell, pose, "If the sphere leaves the view here, go less far, or the same way in the other direction."
+        ),
+    )
+
+
+def _turn(cell: Cell, motion: Motion, home: RigidTransform, sphere: tuple[FloatArray | None, str]) -> GuideNow:
+    count = len(motion.turns_rad)
+    center_in_base_mm, note = sphere
+    pose = next_turn(motion, home, center_in_base_mm)
+    angle_deg, axis = turn_between_deg(home, pose)
+    parallel = count >= LEAST_TURNS and not motion.turns_differ
+    start = "All turns so far are about one axis: turn" if parallel else "Turn"
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action="capture",
+        instruction=(
+            f"{start} the flange by about {angle_deg:.0f}°, mostly about its {axis} axis, "
+            "and bring the sphere back into view."
+        ),
+        why="Turns about different axes fix where the scanner sits on the flange.",
+        exit=f"{WANTED_TURNS} orientations that differ by 5° or more, about axes that are not parallel; "
+        f"{LEAST_TURNS} are the least, {GOOD_TURNS} are good.",
+        drawing="tcp-turn",
+        progress=f"{count} of {WANTED_TURNS} turns",
+        still_needed=max(WANTED_TURNS - count, 1),
+        **_suggested(cell, pose, note),
+    )
+
+
+def _solve(turns: int, *, again: bool) -> GuideNow:
+    more = f" {GOOD_TURNS - turns} more turns would narrow the answer." if turns < GOOD_TURNS else ""
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action="solve",
+        instruction="Solve again: the captures have changed." if again else "Solve the TCP.",
+        why="The shifts and turns determine all of it." + more,
+        exit="Every capture fits the sphere within its noise, and no direction is left open.",
+        drawing="tcp-solve",
+        progress="enough captures",
+    )
+
+
+def review(
+    result: Mapping[str, Any],
+    look: str = "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer.",
+) -> GuideNow:
+    """Return what to do with a result that is up to date, as the TCP's step; `look` is said of a good one."""
+    rejected = [r["capture"] for r in result.get("residuals", []) if not r.get("used", True)]
+    undetermined = [u["description"] for u in result.get("undetermined", [])]
+    doubts = [*undetermined, *result.get("warnings", [])]
+    action, progress = "review", "solved"
+    if undetermined:
+        instruction = f"Take another capture. Still open: {_sentence(undetermined[0])}"
+        why = "Without it the answer is not determined in this direction."
+        action, progress = "capture", f"{len(undetermined)} still open"
+    elif result.get("verdict") == "fail":
+        instruction = "Do not use this result yet: mend what is named below, then solve again."
+        why = _sentence(doubts[0]) if doubts else "It does not explain the captures within their noise."
+    elif rejected:
+        instruction = f"Look at the result, and at why {_listed(rejected)} {_was(rejected)} left out."
+        why = "A capture that contradicts all others was spoiled: the sphere moved, or the pose is not its own."
+    else:
+        instruction = look
+        why = _sentence(doubts[0]) if doubts else "An answer is as good as its evidence."
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action=action,
+        instruction=instruction,
+        why=why,
+        exit="You trust it: then export it, or verify it with captures that were not used.",
+        drawing="tcp-turn" if undetermined else "tcp-done",
+        progress=progress,
+        still_needed=1 if undetermined else 0,
+    )
+
+
+def _suggested(cell: Cell, pose: RigidTransform, note: str) -> dict[str, Any]:
+    numbers = to_pose(cell.pose_convention, pose)
+    return {
+        "suggested_pose": pose.to_rows(),
+        "suggested_pose_numbers": [round(v, 6) for v in numbers],
+        "suggested_note": note,
+    }
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith((".", "!", "?")) else text + "."
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def _was(names: Sequence[str]) -> str:
+    return "was" if len(names) == 1 else "were"

@@ -1,0 +1,213 @@
+"""The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from calib_core.captures.content import sphere_of
+from calib_core.captures.observe import observe_capture
+from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
+from calib_core.captures.sweep_rows import mark_sweeps, one_row_each
+from calib_core.chain.observations import SphereObservation
+from calib_core.errors import MeasurementError, MotionError
+from calib_core.records import (
+    Capture,
+    ChainResult,
+    TcpResidual,
+    TcpResult,
+    TurntableResidual,
+    TurntableResult,
+)
+from calib_core.stages.stage import SOFTWARE, Observed, Progress, ReadFile, SolvedTcp, StageInput
+
+if TYPE_CHECKING:
+    pass
+
+
+_MEASURING_SHARE = 0.3
+_SUSPICIOUS_SCATTER_MM = 1.0  # arms that are read rightly stay below
+
+
+def solve_tcp_stage(given: StageInput) -> TcpResult:
+    """Return the scanner's pose on the flange from all tcp captures that are not excluded.
+
+    Raises
+    ------
+    InputError
+        If a file or a pose is of no use.
+    MeasurementError
+        If most captures do not show the sphere: then the cell's description is at fault, not a capture.
+    MotionError
+        If the motions do not determine the answer.
+    """
+    from calib_core.chain.tcp_result import tcp_result
+
+    try:
+        solved = solve_tcp_captures(given)
+    except MeasurementError as error:
+        doubt = _doubt_of_pitch(given)
+        raise (error.adding(doubt) if doubt else error) from None
+    result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
+    result = _with_likely_mistake(with_unused(result, given.captures, solved.unused), given, solved)
+    doubt = _doubt_of_pitch(given) if result.verdict == "fail" else None
+    return result.model_copy(update={"warnings": [*result.warnings, doubt]}) if doubt else result
+
+
+def _with_likely_mistake(result: TcpResult, given: StageInput, solved: SolvedTcp) -> TcpResult:
+    """Return the result; where the poses do not fit the scans but would if read otherwise, that is said first."""
+    scatter_mm = solved.solution.start_scatter_mm
+    if scatter_mm < _SUSPICIOUS_SCATTER_MM:
+        return result
+    from calib_core.captures.pose_doubts import likely_mistake
+
+    given.progress(0.97, "Reading the poses in other ways")
+    said = likely_mistake(given.session.cell, given.captures, solved.observations, solved.sphere, scatter_mm)
+    return result.model_copy(update={"verdict": "fail", "warnings": [said, *result.warnings]}) if said else result
+
+
+def _doubt_of_pitch(given: StageInput) -> str | None:
+    """Return what frames that do not fit the sphere say of the board's pitch, None where no board gave lengths."""
+    if not any(capture.kind == "frame" for capture in given.captures):
+        return None
+    from calib_core.captures.pitch import suspected_pitch
+
+    given.progress(0.99, "Asking the sphere for the board's pitch")
+    return suspected_pitch(given.session, given.captures, given.read)
+
+
+def solve_tcp_captures(given: StageInput) -> SolvedTcp:
+    """Return the tcp captures' solution, with what it was solved from; raises as `solve_tcp_stage` does."""
+    if given.kept.tcp is None:
+        given.kept.tcp = _solve_tcp_captures(given)
+    return given.kept.tcp
+
+
+def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
+    from calib_core.chain.tcp import TcpOptions, solve_tcp
+
+    cell = given.session.cell
+    sphere = sphere_of(cell, [capture for capture in given.captures if not capture.excluded])
+    observed = observe_stage(given)
+    degrees = cell.robot.orientation_sigma_deg
+    options = TcpOptions(
+        position_sigma_mm=cell.robot.position_sigma_mm,
+        orientation_sigma_rad=None if degrees is None else float(np.deg2rad(degrees)),
+        point_sigma_mm=cell.scanner.point_sigma_mm,
+    )
+    try:
+        solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
+    except MotionError as error:
+        raise with_failures(error, observed.failed) from None
+    if any(capture.kind == "sweep" for capture in given.captures):
+        from calib_core.chain.sweeps import with_shared_pose_errors
+
+        solution = with_shared_pose_errors(solution, observed.observations, sphere)
+    if any(capture.kind in ("frame", "sweep") for capture in given.captures):
+        from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
+
+        solution = with_calibration_uncertainty(
+            given.session,
+            given.read,
+            observed.observations,
+            solution,
+            lambda moved: solve_tcp(moved, sphere, options),
+        )
+    return SolvedTcp(solution, observed.observations, sphere, observed.unused)
+
+
+def observe_stage(given: StageInput) -> Observed:
+    """Return the sphere as the stage's captures saw it, and why some are of no use."""
+    cell = given.session.cell
+    captures = [capture for capture in given.captures if not capture.excluded]
+    base_from_tool0_by_capture(cell, captures)
+    unused = {capture.id: "excluded by the user" for capture in given.captures if capture.excluded}
+    unused |= copies_of(captures, given.read)
+    observations, failed = observe_all(given, [c for c in captures if c.id not in unused])
+    return Observed(observations, failed, unused | {name: why(error) for name, error in failed.items()})
+
+
+def observe_all(
+    given: StageInput, captures: Sequence[Capture]
+) -> tuple[list[SphereObservation], dict[str, MeasurementError]]:
+    """Return captures of the sphere as the solvers take them, and the errors of those that do not show it.
+
+    Raises
+    ------
+    MeasurementError
+        If most do not show it.
+    """
+    observations: list[SphereObservation] = []
+    failed: dict[str, MeasurementError] = {}
+    seen = 0
+    for number, capture in enumerate(captures):
+        given.progress(_MEASURING_SHARE * number / len(captures), f"Finding the sphere in {capture.id}")
+        try:
+            observations += _observe(given, capture)
+            seen += 1
+        except MeasurementError as error:
+            failed[capture.id] = error
+    if len(failed) > seen:
+        first = next(iter(failed.values()))
+        got = f"{first.got} ({len(failed)} of {len(captures)} captures do not show the sphere)"
+        raise MeasurementError(first.need, got, first.to_do, first.where)
+    return observations, failed
+
+
+def _observe(given: StageInput, capture: Capture) -> list[SphereObservation]:
+    """Return one observation of a capture, or one of each profile of a sweep that shows the sphere."""
+    if capture.kind == "sweep":
+        from calib_core.captures.sweep_sphere import observe_sweep
+
+        return observe_sweep(given.session, capture, given.read)
+    return [observe_capture(given.session, capture, given.read)]
+
+
+def copies_of(captures: Sequence[Capture], read: ReadFile) -> dict[str, str]:
+    """Return why captures that repeat another are left out; a copy at another pose is left to the solver."""
+    by_id = {capture.id: capture for capture in captures}
+    return {
+        copy: f"a duplicate of {original}: the same file and pose, counted once"
+        for copy, original in duplicates(captures, read).items()
+        if same_place(by_id, copy, original)
+    }
+
+
+def _later(progress: Progress) -> Progress:
+    return lambda fraction, message: progress(_MEASURING_SHARE + (1 - _MEASURING_SHARE) * fraction, message)
+
+
+def with_failures(error: MotionError, failed: dict[str, MeasurementError]) -> MotionError:
+    """Return the error with the captures that would have been there, had the sphere been found in them."""
+    if not failed:
+        return error
+    names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
+    return MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where)
+
+
+def why(error: MeasurementError) -> str:
+    """Return why a capture is of no use, and what to do, without a full stop."""
+    return f"need {error.need}, got {error.got}. {error.to_do.removesuffix('.')}"
+
+
+_R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
+
+
+def with_unused(result: _R, captures: Sequence[Capture], unused: dict[str, str]) -> _R:
+    """Return the result with a row for every capture, in their order, and a warning for those of no use."""
+    rows: dict[str, TcpResidual | TurntableResidual] = one_row_each(result.residuals)
+    for capture in captures:
+        if capture.id in unused:
+            row = TurntableResidual if capture.step == "turntable" else TcpResidual
+            rows[capture.id] = row(capture=capture.id, used=False, reason=unused[capture.id])
+    warnings = list(result.warnings)
+    warnings += [f"{c.id} is not used: {unused[c.id]}." for c in captures if c.id in unused and not c.excluded]
+    return result.model_copy(
+        update={
+            "residuals": mark_sweeps([rows[capture.id] for capture in captures], captures),
+            "warnings": warnings,
+            "verdict": "warn"
+            if result.verdict == "pass" and len(warnings) > len(result.warnings)
+            else result.verdict,
+        }
+    )

@@ -1,0 +1,1 @@
+"""The turntable in the robot base."""

@@ -1,0 +1,229 @@
+"""The turntable's step: which angles and heights are still needed, then the table, then the whole chain."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.records import Capture, GuideNow, Measured, Session
+from calib_core.robots import parse_pose
+from calib_core.stages.tcp.guide import review
+
+WANTED_ANGLES, LEAST_ANGLES = 8, 3
+WANTED_MOUNTS = 2
+_DIFFERENT_DEG = 5.0  # angles nearer to each other than this count once
+_TWO_TURNS = 2 * np.pi + 0.01
+_EXIT = (
+    f"{WANTED_ANGLES} angles at each of {WANTED_MOUNTS} heights; {LEAST_ANGLES} angles are the least, "
+    "spread as far as the table turns."
+)
+_TRUST = "You trust it: the table's frame is then ready for the controller and for merging scans."
+
+
+def wants_turntable(session: Session) -> bool:
+    """Whether the cell tells of a turntable, or captures of one are there already."""
+    if session.cell.known.base_from_turntable is not None:
+        return False
+    return "turntable" in session.cell.model_fields_set or bool(_captures(session))
+
+
+def turntable_now(
+    session: Session, measured: Sequence[Measured], data: Mapping[str, Mapping[str, Any]]
+) -> GuideNow:
+    """Return the instruction of the turntable's step; the TCP is known by then.
+
+    Parameters
+    ----------
+    session : Session
+    measured : sequence of Measured
+    data : mapping of stage to JSON data of its result
+        `stale` where the captures have changed since.
+    """
+    captures = _captures(session)
+    fault = _fault(session, captures)
+    if fault is not None:
+        return _mend(*fault)
+    table, chain = data.get("turntable"), data.get("chain")
+    if chain is not None and not chain.get("stale"):
+        return _review(chain)
+    if table is not None and not table.get("stale"):
+        if table.get("verdict") == "fail" or table.get("undetermined") or not _has_tcp(session):
+            return _review(table)
+        return _solve_chain(again=chain is not None)
+    refused = {m.capture for m in measured if m.verdict == "fail"}
+    angles = _angles_by_mount([c for c in captures if c.id not in refused])
+    if not angles:
+        return _first()
+    mount, taken = next(
+        ((m, a) for m, a in angles.items() if len(a) < WANTED_ANGLES),
+        (next(reversed(angles)), next(reversed(angles.values()))),
+    )
+    if len(taken) < WANTED_ANGLES:
+        return _next_angle(mount, taken, angles)
+    if len(angles) < WANTED_MOUNTS:
+        return _next_height(mount, angles)
+    return _solve_table(again=table is not None)
+
+
+def _captures(session: Session) -> list[Capture]:
+    return [c for c in session.captures if c.step == "turntable" and not c.excluded]
+
+
+def _has_tcp(session: Session) -> bool:
+    """Whether there is a chain to solve: a tool that comes from captures, not one that was given."""
+    return session.cell.known.tool0_from_laser is None and any(c.step == "tcp" for c in session.captures)
+
+
+def _angles_by_mount(captures: Sequence[Capture]) -> dict[str, list[float]]:
+    """Return the different table angles in degrees, from 0 to 360, by mounting, both in the order they came."""
+    angles: dict[str, list[float]] = {}
+    for capture in captures:
+        taken = angles.setdefault(capture.mount or "", [])
+        # An angle that nobody read is taken to be a new one: the solver finds out.
+        angle = (45.0 * len(taken) if capture.table_deg is None else float(capture.table_deg)) % 360.0
+        if all(_apart_deg(angle, other) >= _DIFFERENT_DEG for other in taken):
+            taken.append(angle)
+    return angles
+
+
+def _apart_deg(a: float, b: float) -> float:
+    return abs((a - b + 180.0) % 360.0 - 180.0)
+
+
+def _fault(session: Session, captures: Sequence[Capture]) -> tuple[str, str, str] | None:
+    """Return what must be mended first: the capture, what is missing in it, and why."""
+    for capture in captures:
+        if capture.table_deg is None and session.cell.turntable.angles != "unknown":
+            why = (
+                "The sphere goes round with the table: without its angle the capture says nothing about the axis."
+            )
+            return capture.id, "table's angle", why
+        if capture.pose is None:
+            return (
+                capture.id,
+                "robot's pose",
+                "Where the scanner saw the sphere from is told by the flange's pose.",
+            )
+        try:
+            parse_pose(session.cell.pose_convention, capture.pose)
+        except InputError as error:
+            return capture.id, "robot's pose", f"Need {error.need}, got {error.got}."
+    read = [abs(capture.table_deg or 0.0) for capture in captures]
+    if len(captures) >= LEAST_ANGLES and 0 < max(read) <= _TWO_TURNS and any(v % 1 for v in read):
+        why = f"No angle is above {max(read):.2f}: these look like radians, and degrees are meant."
+        return captures[-1].id, "table's angle in degrees", why
+    return None
+
+
+def _mend(capture: str, missing: str, why: str) -> GuideNow:
+    return _now(
+        action="capture",
+        instruction=f"Give the {missing} of {capture}.",
+        why=why,
+        exit="Every turntable capture has its angle and its pose.",
+        drawing="turntable-first",
+        still_needed=1,
+    )
+
+
+def _first() -> GuideNow:
+    return _now(
+        action="capture",
+        instruction="Fix the sphere on the table, well off its axis, and capture it.",
+        why="As the table turns, the sphere's centre goes round on a circle about the axis.",
+        exit=_EXIT,
+        drawing="turntable-first",
+        progress=f"0 of {WANTED_ANGLES} angles, first height",
+        still_needed=WANTED_ANGLES * WANTED_MOUNTS,
+    )
+
+
+def _next_angle(mount: str, taken: Sequence[float], angles: Mapping[str, Sequence[float]]) -> GuideNow:
+    named = f" '{mount}'" if mount else ""
+    heights = max(WANTED_MOUNTS - len(angles), 0)
+    return _now(
+        action="capture",
+        instruction=f"Turn the table to about {_suggested_deg(taken):.0f}° and capture the sphere there.",
+        why="Angles all around fix the circle and show the table's wobble. "
+        "Where the table or the view ends earlier, spread the angles over what there is.",
+        exit=_EXIT,
+        drawing="turntable-turn",
+        progress=f"{len(taken)} of {WANTED_ANGLES} angles at height{named or f' {len(angles)}'}",
+        still_needed=WANTED_ANGLES - len(taken) + heights * WANTED_ANGLES,
+    )
+
+
+def _suggested_deg(taken: Sequence[float]) -> float:
+    """Return the next free angle of eight even steps from the first one; or the widest gap's middle."""
+    step = 360.0 / WANTED_ANGLES
+    plan = [(taken[0] + k * step) % 360.0 for k in range(1, WANTED_ANGLES)]
+    last = taken[-1]
+    free = [a for a in plan if all(_apart_deg(a, other) > step / 3 for other in taken)]
+    if free:
+        return min(free, key=lambda a: (a - last) % 360.0)
+    ordered = np.sort(np.asarray(taken))
+    gaps = np.diff(np.append(ordered, ordered[0] + 360.0))
+    widest = int(np.argmax(gaps))
+    return float((ordered[widest] + gaps[widest] / 2) % 360.0)
+
+
+def _next_height(mount: str, angles: Mapping[str, Sequence[float]]) -> GuideNow:
+    return _now(
+        action="capture",
+        instruction="Fix the sphere at another height, name that mount, and capture it at 8 angles again.",
+        why="One circle alone leaves the axis's direction weak; the line through two circles' centres fixes it. "
+        "Heights 100 mm or more apart are good.",
+        exit=_EXIT,
+        drawing="turntable-height",
+        progress=f"{len(angles)} of {WANTED_MOUNTS} heights" + (f", '{mount}' done" if mount else ""),
+        still_needed=WANTED_ANGLES,
+    )
+
+
+def _solve_table(*, again: bool) -> GuideNow:
+    return _now(
+        stage="turntable",
+        action="solve",
+        instruction="Solve again: the captures have changed." if again else "Solve the turntable.",
+        why="The angles at two heights determine the axis and where it stands.",
+        exit="Every capture lies on its circle within its noise.",
+        drawing="turntable-solve",
+        progress="enough captures",
+    )
+
+
+def _solve_chain(*, again: bool) -> GuideNow:
+    start = "Solve the whole chain again" if again else "Solve the whole chain"
+    return _now(
+        stage="chain",
+        action="solve",
+        instruction=f"{start}: tool and table from all captures together.",
+        why="The table's captures tell about the tool too: together both answers become better.",
+        exit="Its answers agree with those of the steps within their uncertainties.",
+        drawing="chain-solve",
+        progress="table solved",
+    )
+
+
+def _review(result: Mapping[str, Any]) -> GuideNow:
+    chain = result.get("stage") == "chain"
+    now = review(
+        result,
+        "Look at the result: tool and table together, the wobble against the angle, the circles beside the answer."
+        if chain
+        else "Look at the result: the axis, the wobble against the angle, the circles beside the joint answer.",
+    )
+    more = result.get("undetermined")
+    return now.model_copy(
+        update={
+            "step": "turntable",
+            "stage": "chain" if chain else "turntable",
+            "exit": _TRUST,
+            "drawing": "turntable-height" if more else "turntable-done",
+        }
+    )
+
+
+def _now(**fields: Any) -> GuideNow:
+    return GuideNow.model_validate({"step": "turntable", "stage": "turntable", **fields})

@@ -1,0 +1,181 @@
+"""The turntable stage and the whole chain: the tool first, then the captures of the sphere on the table."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib_core.captures.content import sphere_of
+from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.errors import InputError, MotionError
+from calib_core.frames import RigidTransform
+from calib_core.records import Capture, Cell, ChainResult, TurntableResult
+from calib_core.stages.stage import SOFTWARE, Progress, SolvedTable, SolvedTcp, StageInput
+from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_failures, with_unused
+
+if TYPE_CHECKING:
+    from calib_core.chain.turntable import KnownTool, TurntableOptions
+
+_TCP_SHARE, _TABLE_SHARE = 0.4, 0.7
+
+
+def solve_turntable_stage(given: StageInput) -> TurntableResult:
+    """Return the turntable from all its captures that are not excluded, by the tool that is known or solved first.
+
+    Raises
+    ------
+    InputError
+        If a file, a pose or a table angle is missing or of no use, or the angles are in radians.
+    MeasurementError
+        If most captures do not show the sphere.
+    MotionError
+        If the motions or the angles do not determine the answer.
+    """
+    from calib_core.chain.turntable import KnownTool
+    from calib_core.chain.turntable_result import turntable_result
+
+    cell = given.session.cell
+    known = cell.known.tool0_from_laser
+    doubts: list[str] = []
+    if known is not None:
+        tool, sphere = (
+            KnownTool(RigidTransform.from_rounded(known, "tool0", "laser")),
+            sphere_of(cell, given.captures),
+        )
+    else:
+        solved = _tcp(given)
+        tool, sphere = _tool_of(solved), solved.sphere
+        doubts = _doubts_about_tool(solved)
+    table = _table(given, sphere, tool, _part(given.progress, _TCP_SHARE, 1.0))
+    result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256)
+    verdict = "warn" if doubts and result.verdict == "pass" else result.verdict
+    result = result.model_copy(update={"warnings": [*result.warnings, *doubts], "verdict": verdict})
+    return with_unused(result, given.captures, table.unused)
+
+
+def solve_chain_stage(given: StageInput) -> ChainResult:
+    """Return tool and turntable from all captures of both; raises as the two stages do."""
+    from calib_core.chain.whole import solve_chain
+    from calib_core.chain.whole_result import chain_result
+
+    turning = [capture for capture in given.captures if capture.step == "turntable"]
+    for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
+        if not some:
+            raise InputError(
+                "captures with step 'tcp' and with step 'turntable'",
+                f"none with step '{step}'",
+                "Capture the sphere beside the table and on it; or solve the other stage alone.",
+                "captures",
+            )
+    solved = _tcp(given)
+    tool = _tool_of(solved)
+    table = _table(replace(given, captures=turning), solved.sphere, tool, _part(given.progress, 0.4, _TABLE_SHARE))
+    solution = solve_chain(
+        solved.observations,
+        table.observations,
+        solved.sphere,
+        solved.solution,
+        table.solution,
+        _options(given.session.cell),
+        _part(given.progress, _TABLE_SHARE, 1.0),
+    )
+    result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
+    return with_unused(result, given.captures, solved.unused | table.unused)
+
+
+def _tcp(given: StageInput) -> SolvedTcp:
+    captures = [capture for capture in given.session.captures if capture.step == "tcp"]
+    if not captures:
+        raise InputError(
+            "the scanner's pose on the flange before the turntable's",
+            "neither captures with step 'tcp' nor cell.known.tool0_from_laser",
+            "Capture the still sphere from several robot poses first, or give tool0_from_laser with the cell.",
+            "captures",
+        )
+    return solve_tcp_captures(replace(given, captures=captures, progress=_part(given.progress, 0.0, _TCP_SHARE)))
+
+
+def _tool_of(solved: SolvedTcp) -> "KnownTool":
+    from calib_core.chain.turntable import KnownTool
+
+    solution = solved.solution
+    two_step = solution.two_step.tool0_from_laser if solution.two_step else None
+    return KnownTool(solution.joint.tool0_from_laser, solution.covariance[:6, :6], two_step)
+
+
+def _doubts_about_tool(solved: SolvedTcp) -> list[str]:
+    from calib_core.chain.tcp_verdict import tcp_verdict
+
+    verdict, _ = tcp_verdict(solved.solution)
+    return ["The tcp stage's own verdict is fail: mend it first."] if verdict == "fail" else []
+
+
+def _table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+    if given.kept.table is None:
+        given.kept.table = _solve_table(given, sphere, tool, progress)
+    return given.kept.table
+
+
+def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+    from calib_core.chain.table_angles import with_found_angles
+    from calib_core.chain.turntable import solve_turntable
+
+    captures = [capture for capture in given.captures if not capture.excluded]
+    turning = given.session.cell.turntable
+    if turning.angles != "unknown":
+        _require_angles(captures)
+    observed = observe_stage(replace(given, progress=_part(progress, 0.0, 0.3)))
+    by_id = {capture.id: capture for capture in captures}
+    observations = [
+        TableObservation(o, float(np.deg2rad(by_id[o.capture].table_deg or 0.0)), by_id[o.capture].mount or "")
+        for o in observed.observations
+    ]
+    try:
+        if turning.angles == "unknown":
+            frame = tool.tool0_from_laser
+            observations = with_found_angles(observations, sphere, frame, turning.direction or 1)
+        solution = solve_turntable(
+            observations, sphere, tool, _options(given.session.cell), _part(progress, 0.3, 1.0)
+        )
+    except MotionError as error:
+        raise with_failures(error, observed.failed) from None
+    return SolvedTable(solution, observations, observed.unused)
+
+
+def _require_angles(captures: Sequence[Capture]) -> None:
+    missing = [capture.id for capture in captures if capture.table_deg is None]
+    if missing:
+        raise InputError(
+            "the table's angle in each turntable capture (table_deg, degrees)",
+            f"none in {', '.join(missing[:8])}{' and more' if len(missing) > 8 else ''}",
+            "Read it from the table's controller and add it; exclude captures whose angle is lost, or set "
+            "cell.turntable.angles to 'unknown' where all are.",
+            f"captures[{missing[0]}].table_deg",
+        )
+
+
+def _options(cell: Cell) -> "TurntableOptions":
+    from calib_core.chain.table_angles import UNKNOWN_ANGLE_SIGMA_RAD
+    from calib_core.chain.turntable import TurntableOptions
+
+    unknown = cell.turntable.angles == "unknown"
+    encoder = "exact" if unknown else cell.turntable.encoder
+    return TurntableOptions(
+        position_sigma_mm=cell.robot.position_sigma_mm,
+        orientation_sigma_rad=_radians(cell.robot.orientation_sigma_deg),
+        point_sigma_mm=cell.scanner.point_sigma_mm,
+        angle_sigma_rad=UNKNOWN_ANGLE_SIGMA_RAD if unknown else _radians(cell.turntable.angle_sigma_deg),
+        direction=cell.turntable.direction,
+        encoder_scale=None if encoder is None else encoder == "scale",
+        angles_unknown=unknown,
+    )
+
+
+def _radians(degrees: float | None) -> float | None:
+    return None if degrees is None else float(np.deg2rad(degrees))
+
+
+def _part(progress: Progress, low: float, high: float) -> Progress:
+    """Return a progress that counts from 0 to 1 while the whole goes from `low` to `high`."""
+    return lambda fraction, message: progress(low + (high - low) * fraction, message)

@@ -1,0 +1,98 @@
+"""What the routes are given: the store, the jobs, paging and Idempotency-Key."""
+
+from typing import Annotated
+
+from fastapi import Depends, Header, Path, Query, Request
+
+from server.http.events import Hub
+from server.http.idempotency import Once
+from server.http.uploads import Room
+from server.jobs.backlog import Backlog
+from server.jobs.jobs import Jobs
+from server.jobs.measuring_processes import Measuring
+from server.metrics import Metrics
+from server.settings import Settings
+from server.sources.intake import Intake
+from server.store.database import Store
+
+# These are coroutines because FastAPI hands every plain function to another thread first.
+
+
+async def _settings(request: Request) -> Settings:
+    return request.app.state.settings
+
+
+async def _store(request: Request) -> Store:
+    return request.app.state.store
+
+
+async def _hub(request: Request) -> Hub:
+    return request.app.state.hub
+
+
+async def _jobs(request: Request) -> Jobs:
+    return request.app.state.jobs
+
+
+async def _measuring(request: Request) -> Measuring:
+    return request.app.state.measuring
+
+
+async def _metrics(request: Request) -> Metrics:
+    return request.app.state.metrics
+
+
+async def _room(request: Request) -> Room:
+    return request.app.state.upload_room
+
+
+async def _backlog(request: Request) -> Backlog:
+    return request.app.state.backlog
+
+
+async def _intake(request: Request) -> Intake:
+    return request.app.state.intake
+
+
+SettingsDep = Annotated[Settings, Depends(_settings)]
+StoreDep = Annotated[Store, Depends(_store)]
+HubDep = Annotated[Hub, Depends(_hub)]
+JobsDep = Annotated[Jobs, Depends(_jobs)]
+MeasuringDep = Annotated[Measuring, Depends(_measuring)]
+MetricsDep = Annotated[Metrics, Depends(_metrics)]
+RoomDep = Annotated[Room, Depends(_room)]
+BacklogDep = Annotated[Backlog, Depends(_backlog)]
+IntakeDep = Annotated[Intake, Depends(_intake)]
+
+SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64, examples=["4c1f0a92e6b37d58"])]
+CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64, examples=["p01"])]
+JobId = Annotated[str, Path(description="A job's `id`.", max_length=64, examples=["a07be1d35c29f846"])]
+StageName = Annotated[
+    str, Path(description="`tcp`, and the other stages as they come.", max_length=64, examples=["tcp"])
+]
+IfMatch = Annotated[
+    str | None, Header(max_length=200, description="The ETag that the change was made against; else 412.")
+]
+LastEventId = Annotated[
+    str | None, Header(pattern=r"^\d{1,15}$", description="The last event's id: the stream goes on after it.")
+]
+Cursor = Annotated[str | None, Query(max_length=500, description="The `next` of the page before.")]
+Again = Annotated[str | None, Query(max_length=64, description="The `id` of a capture to be taken again.")]
+Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
+
+
+async def _once(
+    request: Request,
+    idempotency_key: Annotated[
+        str | None,
+        Header(
+            min_length=1,
+            max_length=255,
+            description="Any text, fresh for each new request: a repeated request with it does nothing twice.",
+        ),
+    ] = None,
+) -> Once:
+    return Once(f"{request.method} {request.url.path}", idempotency_key)
+
+
+OnceDep = Annotated[Once, Depends(_once)]

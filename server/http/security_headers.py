@@ -1,0 +1,127 @@
+"""What every request passes first: names and origins, size limits, security headers.
+
+A server on loopback is still reachable from any page in the user's browser.  Two checks keep those out: the Host
+header must be a name of this server (else a foreign name was pointed at 127.0.0.1), and what changes something, or
+opens a WebSocket, must come from this server's own pages.
+"""
+
+from ipaddress import ip_address
+from socket import gethostname
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from calib_core.errors import CalibrationError, TooLargeError
+from server.http.content_policies import policy_for
+from server.http.errors import ForbiddenError, refuse
+from server.http.same_origin import is_safe, is_same_origin
+from server.http.uploads import comes_in_pieces
+from server.settings import Settings, is_loopback
+
+_NO_DEVICES = "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=(), display-capture=()"
+
+
+class Guard:
+    """The outermost layer of the application."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._max_bytes = settings.max_upload_bytes
+        self._max_archive_bytes = settings.max_archive_bytes
+        # No foreign name leads here by an address, so beyond this machine every address of it is one of its names.
+        self._any_address = not is_loopback(settings.host)
+        names = ("localhost", "127.0.0.1", "::1", settings.host, gethostname(), *settings.allowed_hosts)
+        self._names = {name.lower() for name in names}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse, or let pass with limits and headers."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        try:
+            self._check(scope)
+        except CalibrationError as error:
+            await refuse(error, scope, receive, _with_headers(scope, send))
+            return
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, _with_headers(scope, send))
+        else:
+            await self._app(scope, _limited(receive, self._limit(scope)), _with_headers(scope, send))
+
+    def _check(self, scope: Scope) -> None:
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if not self._is_own(host):
+            raise ForbiddenError(
+                "a name of this server in the Host header",
+                repr(host),
+                "Open it by the address that it printed at its start, or add the name to SCANCELL_ALLOWED_HOSTS.",
+            )
+        if not is_safe(scope):
+            _check_origin(headers, host)
+        length, limit = headers.get("content-length", ""), self._limit(scope)
+        if length.isdecimal() and int(length) > limit:
+            raise TooLargeError(f"at most {limit} bytes in one request", length, "Send less at once.", "request")
+
+    def _is_own(self, host: str) -> bool:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name in self._names:
+            return True
+        try:
+            return self._any_address and bool(ip_address(name))
+        except ValueError:
+            return False
+
+    def _limit(self, scope: Scope) -> int:
+        """Return how many bytes a request may have: what comes in pieces goes to the disk, all else to memory."""
+        return self._max_archive_bytes if comes_in_pieces(scope["path"]) else self._max_bytes
+
+
+def _limited(receive: Receive, limit: int) -> Receive:
+    total = 0
+
+    async def counting() -> Message:
+        nonlocal total
+        message = await receive()
+        total += len(message.get("body", b""))
+        if total > limit:
+            # An HTTPException is the one error that passes through the body parsers unchanged.
+            raise HTTPException(413, f"a request of more than {limit} bytes")
+        return message
+
+    return counting
+
+
+def _check_origin(headers: Headers, host: str) -> None:
+    origin = headers.get("origin")
+    foreign = origin is not None and not is_same_origin(origin, host)
+    if foreign or headers.get("sec-fetch-site") in ("cross-site", "same-site"):
+        raise ForbiddenError(
+            "a request from this server's own pages",
+            f"one from {origin or 'another site'}",
+            "Open the workbench itself; programs leave the Origin header out.",
+        )
+
+
+def _with_headers(scope: Scope, send: Send) -> Send:
+    path = scope["path"]
+
+    async def sending(message: Message) -> None:
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
+            headers = MutableHeaders(scope=message)
+            headers.setdefault("Content-Security-Policy", policy_for(path))
+            headers["X-Content-Type-Options"] = "nosniff"
+            headers["X-Frame-Options"] = "SAMEORIGIN"
+            headers["Referrer-Policy"] = "same-origin"
+            headers["Cross-Origin-Opener-Policy"] = "same-origin"
+            headers["Cross-Origin-Resource-Policy"] = "same-origin"
+            headers["Permissions-Policy"] = _NO_DEVICES
+            headers.setdefault("Cache-Control", "no-cache" if path.startswith("/web/") else "no-store")
+        await send(message)
+
+    return sending

@@ -1,0 +1,1 @@
+"""Solves and measurements in processes of their own."""

@@ -1,0 +1,133 @@
+"""Captures that came many at once are measured after they were acknowledged, in the order of their arrival."""
+
+import logging
+import threading
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from itertools import groupby
+
+from calib_core.errors import CalibrationError, NotFoundError
+from calib_core.records import Capture, Measured, parse_capture
+from server.jobs.measuring import unmeasured
+from server.jobs.measuring_processes import Measuring
+from server.store.calibrations import Calibrated, calibrated_session, needs_calibration
+from server.store.database import Store
+from server.store.sessions import empty_session
+from server.store.waiting import Waiting, first_waiting, note_measured
+
+log = logging.getLogger("scancell")
+_AT_ONCE = 20
+_PAUSE_S = 5.0
+_LOOK_S = 60.0  # a capture may begin to wait in the moment in which the plane of light is solved
+
+
+class Backlog:
+    """A thread that measures what waits; a restarted server goes on with it."""
+
+    def __init__(self, store: Store, measuring: Measuring) -> None:
+        self._store = store
+        self._measuring = measuring
+        self._lock = threading.Lock()
+        self._batches = 0
+        self._woken = threading.Event()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="backlog", daemon=True)
+
+    def start(self) -> None:
+        """Begin with what an earlier server left."""
+        self._woken.set()
+        self._thread.start()
+
+    @contextmanager
+    def arriving(self) -> Generator[None]:
+        """Make way while a batch arrives; what it brought is measured afterwards."""
+        with self._lock:
+            self._batches += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._batches -= 1
+            self._woken.set()
+
+    def wake(self) -> None:
+        """Look at once for captures that wait."""
+        self._woken.set()
+
+    def stop(self) -> None:
+        """End after the capture that is being measured."""
+        self._stopping.set()
+        self._woken.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _work(self) -> None:
+        while not self._stopping.is_set():
+            self._woken.wait(_LOOK_S)
+            self._woken.clear()
+            try:
+                while not self._stopping.is_set() and self._measure_some():
+                    self._make_way()
+            except Exception:  # a full disk, a locked database: what waits is still there
+                log.exception("captures that wait could not be measured")
+                self._stopping.wait(_PAUSE_S)
+                self._woken.set()
+
+    def _make_way(self) -> None:
+        """Wait while batches arrive, but not for ever: there may always be one."""
+        end_s = time.monotonic() + _PAUSE_S
+        while self._batches and time.monotonic() < end_s and not self._stopping.wait(0.05):
+            pass
+
+    def _measure_some(self) -> bool:
+        """Measure the first that wait; return whether there were any."""
+        with self._store.read() as db:
+            waiting = first_waiting(db, _AT_ONCE)
+        for session_id, group in groupby(waiting, key=lambda w: w.session_id):
+            self._measure_of_session(session_id, list(group))
+        return bool(waiting)
+
+    def _measure_of_session(self, session_id: str, waiting: Sequence[Waiting]) -> None:
+        session = empty_session(waiting[0].session_record, session_id)
+        frames: Calibrated | None = None
+        measured: list[Measured] = []
+        for one in waiting:
+            if self._stopping.is_set():
+                break
+            capture = parse_capture(one.record, "record")
+            if needs_calibration(capture) and frames is None:
+                frames = self._calibrated(session_id)
+            used = frames.session if frames and needs_calibration(capture) else session
+            try:
+                seen = self._measuring.measure(
+                    used, capture, lambda name, one=one: self._store.blobs.read(one.digests[name])
+                )
+                seen = frames.told(seen) if frames and used is frames.session else seen
+            except CalibrationError as error:
+                seen = _of_no_use(capture, error)
+            measured.append(seen)
+        with self._store.write() as db:
+            note_measured(db, session_id, waiting[: len(measured)], measured)
+
+    def _calibrated(self, session_id: str) -> Calibrated | None:
+        try:
+            with self._store.read() as db:
+                return calibrated_session(db, self._store.blobs, session_id)
+        except NotFoundError:
+            return None  # it was removed meanwhile
+
+
+def to_wait(capture: Capture, reason: str = "It is not measured yet: it came with many others.") -> Measured:
+    """Return what is noted of a capture until it is measured."""
+    return Measured(
+        capture=capture.id,
+        kind=capture.kind,
+        verdict="warn",
+        reason=reason,
+        to_do="Wait a moment; nothing has to be sent again.",
+    )
+
+
+def _of_no_use(capture: Capture, error: CalibrationError) -> Measured:
+    return unmeasured(capture, f"Need {error.need}, got {error.got}.", error.to_do)

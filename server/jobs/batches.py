@@ -1,0 +1,140 @@
+"""Many captures in one request, for machines that deliver thousands of profiles.
+
+The body is one capture after the other: a line of JSON, the record with `sizes` beside it (the bytes of each of
+its `files`, in their order), then the files themselves, back to back.  It is stored while it comes, in bunches,
+each on the disk before the next is begun.
+"""
+
+from collections.abc import AsyncIterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from calib_core.errors import CalibrationError, InputError, TooLargeError
+from calib_core.records import Capture, Session, parse_capture
+from server.http.strict_json import parse_json
+from server.jobs.measuring import check_poses
+
+_MAX_LINE_BYTES = 1_000_000
+_BUNCH_CAPTURES = 250
+_BUNCH_BYTES = 8_000_000
+
+
+@dataclass(frozen=True)
+class Raw:
+    """A capture as it came: its record's data and its files' bytes, or why the body cannot be read on."""
+
+    where: str
+    data: dict[str, Any]
+    contents: Sequence[bytes]
+    broken: CalibrationError | None = None
+
+
+async def bunches(stream: AsyncIterator[bytes], max_capture_bytes: int) -> AsyncIterator[list[Raw]]:
+    """Yield the captures of a body in bunches that fit in memory; a body that cannot be read on ends with why."""
+    body = _Body(stream)
+    bunch: list[Raw] = []
+    held = number = 0
+    while True:
+        number += 1
+        where = f"capture {number} of the batch"
+        try:
+            line = await body.line(where)
+            if line is None:
+                break
+            data = parse_json(line, where)
+            sizes = _sizes(data, where, max_capture_bytes)
+            bunch.append(Raw(where, data, [await body.take(size, where) for size in sizes]))
+        except CalibrationError as error:
+            bunch.append(Raw(where, {}, [], error))
+            break
+        held += sum(sizes)
+        if len(bunch) == _BUNCH_CAPTURES or held > _BUNCH_BYTES:
+            yield bunch
+            bunch, held = [], 0
+    if bunch:
+        yield bunch
+
+
+def parsed(raw: Raw, session: Session) -> tuple[Capture, Mapping[str, bytes]]:
+    """Return the capture and its files by name.
+
+    Raises
+    ------
+    CalibrationError
+        If it is of no use, or was not read.
+    """
+    if raw.broken is not None:
+        raise raw.broken
+    capture = parse_capture(raw.data, raw.where)
+    if len(set(capture.files)) != len(raw.contents) or len(capture.files) != len(raw.contents):
+        got, to_do = f"{len(capture.files)} for {len(raw.contents)}", "Name each file once, in its order."
+        raise InputError("as many different `files` as `sizes`", got, to_do, raw.where)
+    check_poses(session, capture)
+    return capture, dict(zip(capture.files, raw.contents, strict=True))
+
+
+def _sizes(data: Any, where: str, limit: int) -> list[int]:
+    """Take out of a record how many bytes each of its files has."""
+    sizes: Any = data.pop("sizes", None) if isinstance(data, dict) else None
+    if not isinstance(sizes, list) or not all(type(size) is int and size >= 0 for size in sizes):
+        to_do = "Add `sizes` to each record: the number of bytes of each of its files."
+        raise InputError("a record with the `sizes` of its files", "something else", to_do, where)
+    data.pop("measured", None)  # of a record that came from here
+    if sum(sizes) > limit:
+        to_do = "Thin the points, crop the frame, or split the capture; then send it and all that follows again."
+        raise TooLargeError(f"at most {limit} bytes in one capture", f"{sum(sizes)}", to_do, where)
+    return sizes
+
+
+class _Body:
+    """A request's body, taken piece by piece."""
+
+    def __init__(self, stream: AsyncIterator[bytes]) -> None:
+        self._stream = stream
+        self._held = bytearray()
+        self._place = 0
+
+    async def line(self, where: str) -> bytes | None:
+        """Return the next line that is not empty, None at the end."""
+        while True:
+            end = await self._line_end(where)
+            line = bytes(self._held[self._place : end])
+            ended = end == len(self._held)
+            self._place = min(end + 1, len(self._held))
+            if line.strip():
+                return line
+            if ended:
+                return None
+
+    async def take(self, size: int, where: str) -> bytes:
+        """Return the next bytes."""
+        while len(self._held) - self._place < size:
+            if not await self._more():
+                got = f"the end {size - (len(self._held) - self._place)} bytes before"
+                to_do = "Send this capture and all that follow again."
+                raise InputError(f"a file of {size} bytes", got, to_do, where)
+        taken = bytes(self._held[self._place : self._place + size])
+        self._place += size
+        return taken
+
+    async def _line_end(self, where: str) -> int:
+        """Return where the next line ends: at its newline, or with the body."""
+        searched = self._place
+        while (end := self._held.find(b"\n", searched)) < 0:
+            length = len(self._held) - self._place
+            if length > _MAX_LINE_BYTES:
+                to_do = "Check the `sizes` of the capture before."
+                raise InputError(f"a line of at most {_MAX_LINE_BYTES} bytes", "a longer one", to_do, where)
+            if not await self._more():
+                return len(self._held)
+            searched = self._place + length
+        return end
+
+    async def _more(self) -> bool:
+        """Get another piece, and let go of what was taken."""
+        del self._held[: self._place]
+        self._place = 0
+        async for piece in self._stream:
+            self._held += piece
+            return True
+        return False

@@ -1,0 +1,94 @@
+"""Jobs on a Dask cluster: the same work, told about in a topic of its scheduler.
+
+The workers need this version of scancell, and must reach the blobs as this server does: in an S3 store, or in a
+folder that all machines have in the same place. One thread a worker, watched by a nanny: ending a job restarts it.
+"""
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future
+from queue import SimpleQueue
+from secrets import token_hex
+from threading import Thread
+from typing import Any
+
+from distributed import Client, KilledWorker
+
+from calib_core.errors import InputError
+from server.jobs import worker
+from server.jobs.pool import Listen, Pool
+from server.settings import Settings
+
+log = logging.getLogger("scancell")
+_CONNECT_S = 10.0
+_RESTART_S = 30.0
+
+
+class DaskPool(Pool):
+    """A cluster that somebody else started, at an address like ``tcp://host:8786``."""
+
+    def __init__(self, settings: Settings, listen: Listen) -> None:
+        try:
+            self._client = Client(settings.dask, timeout=_CONNECT_S, set_as_default=False, name="scancell")
+        except (OSError, TimeoutError, ValueError) as error:
+            got, to_do = f"none there ({error})", "Start it, or correct SCANCELL_DASK; leave it out to solve here."
+            raise InputError("a Dask scheduler", got, to_do, str(settings.dask)) from None
+        self._settings = settings
+        self._topic = f"scancell-{token_hex(8)}"
+        self._told: SimpleQueue[worker.Message | None] = SimpleQueue()
+        self._restarts: list[Thread] = []
+        self._client.subscribe_topic(self._topic, self._hear)
+        self.executor = self._client.get_executor(pure=False)
+        # The client's own thread must not wait for the store.
+        Thread(target=self._pass_on, args=(listen,), daemon=True, name="job progress").start()
+
+    def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
+        """Have work done by whichever worker is free."""
+        return self.executor.submit(_work, self._settings, self._topic, work)
+
+    def get_ready(self) -> "Future[bool]":
+        """Return what is done once a worker is there."""
+        return self.executor.submit(worker.ready)
+
+    def end_worker(self, place: worker.Place) -> None:
+        """Have a worker's nanny replace it; other jobs that waited for it go to others."""
+        restart = Thread(target=self._restart, args=(str(place),), daemon=True)
+        restart.start()
+        self._restarts = [thread for thread in self._restarts if thread.is_alive()] + [restart]
+
+    def is_broken_by(self, error: BaseException) -> bool:
+        """Return whether a worker ended, or the cluster went away."""
+        return isinstance(error, (KilledWorker, CancelledError))
+
+    def is_used_up_by(self, error: BaseException) -> bool:
+        """Return never: the client finds the cluster again by itself."""
+        return False
+
+    def close(self) -> None:
+        """Leave the cluster; it goes on without."""
+        for restart in self._restarts:
+            restart.join(timeout=_RESTART_S)
+        self._told.put(None)
+        self._client.close(timeout=5)
+
+    def _hear(self, event: tuple[float, tuple[str, str, Any]]) -> None:
+        self._told.put(worker.Message(*event[1]))
+
+    def _pass_on(self, listen: Listen) -> None:
+        while (message := self._told.get()) is not None:
+            listen(message)
+
+    def _restart(self, place: str) -> None:
+        try:
+            self._client.restart_workers([place], timeout=_RESTART_S, raise_for_error=False)
+        except Exception:  # it has gone by itself, or has no nanny
+            log.exception("worker %s could not be restarted", place)
+
+
+def _work(settings: Settings, topic: str, work: Callable[[], worker.Solved]) -> worker.Solved:
+    """Do a job on a worker of the cluster."""
+    from distributed import get_worker
+
+    here: Any = get_worker()
+    worker.begin(settings, here.address, lambda message: here.log_event(topic, tuple(message)))
+    return work()

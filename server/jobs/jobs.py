@@ -1,0 +1,264 @@
+"""Solves in worker processes: queued, followed, cancelled, and honest about how they ended."""
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from calib_core.captures.content import BOARD_STEPS
+from calib_core.errors import CalibrationError, ConflictError, NotFoundError
+from server.http.errors import problem, problem_of_status
+from server.jobs import worker
+from server.jobs.pool import Pool
+from server.jobs.pools import open_pool
+from server.settings import Settings
+from server.store.calibrations import measure_frames_anew
+from server.store.database import Store
+from server.store.models import Data
+from server.store.sessions import load_session, unused
+from server.store.solves import (
+    REPLAY,
+    add_answer,
+    add_result,
+    fail_job,
+    job_data,
+    job_row,
+    unfinished_jobs,
+    update_job,
+)
+
+log = logging.getLogger("scancell")
+_ATTEMPTS = 5  # of a job whose worker ended because of others
+
+
+@dataclass
+class _Running:
+    """A job that is with the executor."""
+
+    pool: Pool
+    future: Future[worker.Solved]
+    attempt: int
+    solved_from: Data | None  # what a result is stored with; a replay leaves none
+    place: worker.Place | None = None  # of its worker, once it has begun
+    ended_by_us: bool = False  # by force: the store knows why already
+    timer: threading.Timer | None = field(default=None, repr=False)
+
+
+class Jobs:
+    """The jobs of all sessions."""
+
+    def __init__(self, settings: Settings, store: Store, captures_wait: Callable[[], None]) -> None:
+        self._settings = settings
+        self._store = store
+        self._captures_wait = captures_wait
+        self._running: dict[str, _Running] = {}
+        self._lock = threading.RLock()
+        self._ready: Future[bool] | None = None
+        self._pool: Pool | None = None
+
+    def start(self) -> None:
+        """Say of jobs that an earlier server left that they ended, and get the workers ready."""
+        self._fail_unfinished("the server was restarted while it ran")
+        self._pool = self._new_pool()
+
+    @property
+    def ready(self) -> bool:
+        """Whether a worker waits for jobs, warm."""
+        if not self._settings.warm_up:
+            return self._pool is not None
+        return self._ready is not None and self._ready.done() and self._ready.exception() is None
+
+    def stop(self) -> None:
+        """End everything at once; unfinished jobs say so."""
+        with self._lock:
+            pool, self._pool = self._pool, None
+            running, self._running = self._running, {}
+        for job in running.values():
+            _kill(job)
+        if pool is not None:
+            pool.close()
+        self._fail_unfinished("the server was stopped while it ran")
+
+    def submit(self, job_id: str, attempt: int = 1) -> None:
+        """Hand a stored job to the workers, for the first time or after the worker of another job was ended."""
+        with self._store.read() as db:
+            row = job_row(db, job_id)
+            if row.status != "queued":  # cancelled meanwhile
+                return
+            stored = load_session(db, self._store.blobs, row.session_id)
+            stage = row.stage
+        digests = dict(stored.digests)
+        session = stored.session.to_json()
+        solved_from: Data | None = None
+        if stage == REPLAY:
+            work = partial(worker.replay, job_id, session, dict(stored.results), digests)
+        else:
+            solved_from = {"session": session, "files": digests}
+            solved = {name: stored.results[name] for name in BOARD_STEPS if name in stored.results}
+            work = partial(worker.solve, job_id, session, stage, digests, solved)
+        with self._lock:
+            if self._pool is None:  # the server stops, and says so of its jobs
+                return
+            try:
+                future = self._pool.submit(work)
+            except BrokenProcessPool:  # a worker was killed while it waited
+                self._renew(self._pool)
+                future = self._pool.submit(work)
+            self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
+        future.add_done_callback(lambda done: self._ended(job_id, done))
+
+    def cancel(self, job_id: str) -> Data:
+        """End a job that waits or runs, and return it.
+
+        Raises
+        ------
+        ConflictError
+            If it has ended already.
+        """
+        with self._store.write() as db:
+            cancelled = update_job(db, job_id, "cancelled", "cancelled")
+            job = job_data(job_row(db, job_id))
+        if not cancelled and job["status"] != "cancelled":
+            raise ConflictError(
+                "a job that waits or runs", f"one that is {job['status']}", "There is nothing to cancel.", job_id
+            )
+        self.end(job_id)
+        return job
+
+    def end(self, job_id: str) -> None:
+        """End what a job does, if it still does something; the store is not told."""
+        with self._lock:
+            running = self._running.get(job_id)
+            if running is None:
+                return
+            has_begun = running.place is not None
+            if not running.future.cancel() or has_begun:  # an executor may call off what goes on all the same
+                running.ended_by_us = True
+                _kill(running)
+
+    def _fail_unfinished(self, got: str) -> None:
+        error = problem_of_status(503, f"the job did not end: {got}", "The server restarted; run it again.")
+        with self._store.write() as db:
+            for job_id in unfinished_jobs(db):
+                fail_job(db, job_id, error)
+
+    def _new_pool(self) -> Pool:
+        pool = open_pool(self._settings, self._listen)
+        if self._settings.warm_up:
+            self._ready = pool.get_ready()
+        return pool
+
+    def _renew(self, broken: Pool) -> None:
+        with self._lock:
+            if self._pool is broken:
+                broken.close()
+                self._pool = self._new_pool()
+
+    def _listen(self, message: worker.Message) -> None:
+        try:
+            self._note(*message)
+        except Exception:  # the next report may be stored again: a full disk, a locked database
+            log.exception("the progress of job %s could not be stored", message.job)
+
+    def _note(self, job_id: str, kind: str, value: Any) -> None:
+        if kind == "started":
+            with self._lock:
+                running = self._running.get(job_id)
+                if running is None:
+                    return
+                again, running.place = running.place is not None, value
+                if running.ended_by_us:
+                    _kill(running)
+                if again:  # a cluster gives a job to another worker when one is killed; here that is told instead
+                    threading.Thread(target=self._lost, args=(job_id,), daemon=True).start()
+                    return
+                running.timer = threading.Timer(self._settings.job_timeout_s, self._time_out, [job_id])
+                running.timer.daemon = True
+                running.timer.start()
+            fraction, text = 0.0, "started"
+        else:
+            fraction, text = value
+        with self._store.write() as db:
+            update_job(db, job_id, "running", text, min(max(fraction, 0.0), 1.0))
+
+    def _time_out(self, job_id: str) -> None:
+        limit = f"{self._settings.job_timeout_s:g} s"
+        error = problem_of_status(
+            504,
+            f"the job was still running after {limit}",
+            "Give it less data, or raise SCANCELL_JOB_TIMEOUT_S; then run it again.",
+        )
+        with self._store.write() as db:
+            fail_job(db, job_id, error)
+        self.end(job_id)
+
+    def _lost(self, job_id: str) -> None:
+        with self._store.write() as db:
+            fail_job(db, job_id, _worker_ended())
+        self.end(job_id)
+
+    def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
+        with self._lock:
+            running = self._running.pop(job_id, None)
+            if running is None:  # the server stops
+                return
+            if running.timer is not None:
+                running.timer.cancel()
+        error = CancelledError() if future.cancelled() else future.exception()
+        if error is not None and running.pool.is_used_up_by(error):
+            self._renew(running.pool)
+            innocent = running.place is None or running.pool.broken_on_purpose
+            if not running.ended_by_us and innocent and running.attempt < _ATTEMPTS:
+                self._submit_again(job_id, running.attempt + 1)
+                return
+        if error is not None:
+            with self._store.write() as db:
+                gone = running.pool.is_broken_by(error) or isinstance(error, CancelledError)
+                fail_job(db, job_id, _worker_ended() if gone else _explain(error))  # `cancel` has noted it before
+            return
+        solved = future.result()
+        with self._store.write() as db:
+            if running.solved_from is None:
+                add_answer(db, job_id, solved.result)
+                return
+            former = add_result(db, job_id, solved.result, running.solved_from, solved.outputs)
+            row = job_row(db, job_id) if solved.result["stage"] in BOARD_STEPS else None
+            wait = row is not None and measure_frames_anew(db, row.session_id, row.stage)
+        if wait:
+            self._captures_wait()
+        with self._store.read() as db:
+            former = unused(db, former)
+        self._store.blobs.remove(former)
+
+    def _submit_again(self, job_id: str, attempt: int) -> None:
+        with self._store.write() as db:
+            if not update_job(db, job_id, "queued", "waiting for its turn again", 0.0):
+                return
+        try:
+            self.submit(job_id, attempt)
+        except NotFoundError:
+            log.info("job %s went with its session", job_id)
+
+
+def _kill(running: _Running) -> None:
+    """End the worker that a job runs in."""
+    if running.place is not None and (running.future.cancelled() or not running.future.done()):
+        running.pool.end_worker(running.place)
+
+
+def _worker_ended() -> Data:
+    got = "the worker process ended unexpectedly (it was killed, or memory ran out)"
+    return problem_of_status(500, got, "Run it again.")
+
+
+def _explain(error: BaseException) -> Data:
+    if isinstance(error, CalibrationError):
+        return problem(error)
+    log.error("a job failed unexpectedly", exc_info=error)
+    return problem_of_status(
+        500, f"an error of the program itself ({type(error).__name__}: {error})", "Look into the server's log."
+    )

@@ -1,0 +1,215 @@
+"""Processes in which captures are measured as they arrive.
+
+The service itself stays free to answer meanwhile, and a file that makes a library crash, hang or take all memory
+costs one process, not the service.
+"""
+
+import logging
+import multiprocessing
+import signal
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from multiprocessing.context import BaseContext
+from typing import Any
+
+from calib_core.errors import CalibrationError
+from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
+from server.http.json_text import JsonText
+from server.jobs.child_processes import deaf_to_interrupts
+from server.jobs.measuring import check_poses, measured_with_text, unmeasured, warm_up
+
+log = logging.getLogger("scancell")
+
+_START_TIMEOUT_S = 300.0  # kernels are compiled where no cache of them is left
+_READY = "ready"
+_ATTEMPTS = 2  # a process may have been ended for what it did not do
+
+
+class Measuring:
+    """Measures captures in processes of its own, which start when they are needed first.
+
+    Parameters
+    ----------
+    processes : int
+        How many captures at once.
+    timeout_s : float
+        What takes longer is given up; the capture is kept all the same.
+    """
+
+    def __init__(self, processes: int, timeout_s: float) -> None:
+        self._timeout_s = timeout_s
+        self._context = _context()
+        self._turns = threading.BoundedSemaphore(processes)
+        self._idle: list[_Process] = []
+        self._all: set[_Process] = set()
+        self._lock = threading.Lock()
+        self._closed = False
+        self._threads = ThreadPoolExecutor(processes, "measuring")
+
+    def measure(self, session: Session, capture: Capture, read: Callable[[str], bytes]) -> Measured:
+        """Return what was measured; where nothing could be, the verdict `fail` and why: the capture is kept.
+
+        Raises
+        ------
+        InputError, TooLargeError
+            If the record or a file is of no use at all.
+        """
+        cell = session.model_copy(update={"captures": []}).to_json()
+        contents = {name: read(name) for name in capture.files}
+        return Measured.model_validate_json(self.measured_text(cell, capture, contents))
+
+    def submit(self, cell: dict[str, Any], capture: Capture, contents: Mapping[str, bytes]) -> Future[JsonText]:
+        """Return what `measure` will have returned, as JSON text.
+
+        Parameters
+        ----------
+        cell : dict
+            The session's record without captures.
+        capture : Capture
+        contents : mapping of str to bytes
+            Its files, by name.
+        """
+        return self._threads.submit(self.measured_text, cell, capture, contents)
+
+    def measured_text(self, cell: dict[str, Any], capture: Capture, contents: Mapping[str, bytes]) -> JsonText:
+        """Return what `submit` promises, in this thread."""
+        work = (cell, capture.to_json(), contents)
+        for _ in range(_ATTEMPTS):
+            process = self._take()
+            try:
+                answer = process.ask(work, self._timeout_s)
+            except TimeoutError:
+                got = f"measuring it took longer than {self._timeout_s:g} s"
+                to_do = "The capture is kept; send less at once: thin or crop it."
+                return _text_of(unmeasured(capture, got, to_do))
+            except (EOFError, OSError):
+                log.warning("the process that measured capture %s ended", capture.id)
+                continue
+            finally:
+                self._give_back(process)
+            if isinstance(answer, CalibrationError):
+                raise answer
+            return JsonText(answer)
+        got = "the process that measured it ended (a library failed, or memory ran out)"
+        return _text_of(unmeasured(capture, got, "The capture is kept; report this with its file."))
+
+    def warm_up(self) -> None:
+        """Have one process ready."""
+        self._give_back(self._take())
+
+    def stop(self) -> None:
+        """End all processes."""
+        with self._lock:
+            self._closed = True
+            self._threads.shutdown(wait=False, cancel_futures=True)
+            processes, self._all = self._all, set()
+            self._idle.clear()
+        for process in processes:
+            process.end()
+
+    def _take(self) -> "_Process":
+        self._turns.acquire()
+        try:
+            with self._lock:
+                if self._idle:
+                    return self._idle.pop()
+            process = _Process(self._context)
+            with self._lock:
+                self._all.add(process)
+            if self._closed:
+                self._drop(process)
+            return process
+        except BaseException:
+            self._turns.release()
+            raise
+
+    def _give_back(self, process: "_Process") -> None:
+        if process.usable and not self._closed:
+            with self._lock:
+                self._idle.append(process)
+        else:
+            self._drop(process)
+        self._turns.release()
+
+    def _drop(self, process: "_Process") -> None:
+        with self._lock:
+            self._all.discard(process)
+        process.end()
+
+
+class _Process:
+    """One process that measures one capture at a time."""
+
+    def __init__(self, context: Any) -> None:
+        self._connection, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(other,), daemon=True)
+        with deaf_to_interrupts():
+            self._process.start()
+        other.close()
+        self.usable = self._started()
+
+    def ask(self, work: object, timeout_s: float) -> Any:
+        """Return the answer to one piece of work; raises TimeoutError, or EOFError where the process ended."""
+        usable, self.usable = self.usable, False  # until all went well
+        if not usable:
+            raise EOFError
+        self._connection.send(work)
+        if not self._connection.poll(timeout_s):
+            raise TimeoutError
+        answer = self._connection.recv()
+        self.usable = True
+        return answer
+
+    def _started(self) -> bool:
+        try:
+            return self._connection.poll(_START_TIMEOUT_S) and self._connection.recv() == _READY
+        except (EOFError, OSError):
+            return False
+
+    def end(self) -> None:
+        """End the process at once."""
+        self.usable = False
+        self._process.kill()
+        self._process.join()
+        self._connection.close()
+
+
+def _text_of(measured: Measured) -> JsonText:
+    return JsonText(measured.model_dump_json(exclude_unset=True))
+
+
+def _context() -> BaseContext:
+    """Return how processes are started: from one that has imported what they need, where the system can."""
+    if sys.platform == "win32":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__, "calib_core.captures.measure", "calib_core.simulation"])
+    return context
+
+
+def _serve(connection: "Connection[Any, Any]") -> None:
+    """Measure what comes until the service hangs up."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        warm_up()
+    except Exception:  # the capture itself will meet the fault again and say so
+        log.exception("a measuring process could not be warmed up")
+    with suppress(EOFError, OSError):  # the service has hung up, maybe before this process was ready
+        connection.send(_READY)
+        while True:
+            work: tuple[dict[str, Any], dict[str, Any], Mapping[str, bytes]] = connection.recv()
+            connection.send(_answer(*work))
+
+
+def _answer(cell: dict[str, Any], record: dict[str, Any], contents: Mapping[str, bytes]) -> object:
+    try:
+        session = parse_session(cell, "session")
+        capture = parse_capture(record, "record")
+        check_poses(session, capture)
+        return measured_with_text(session, capture, contents.__getitem__)[1]
+    except CalibrationError as error:
+        return error

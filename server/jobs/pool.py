@@ -1,0 +1,48 @@
+"""What every pool of workers can do."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+
+from server.jobs import worker
+
+Listen = Callable[[worker.Message], None]
+
+
+class Pool(ABC):
+    """Workers that do jobs, wherever they are.
+
+    Attributes
+    ----------
+    executor : Executor
+        What jobs are submitted to; it is not used any more once the pool is `broken`.
+    broken_on_purpose : bool
+        Whether workers were ended that may have had other jobs in their hands.
+    """
+
+    executor: Executor
+    broken_on_purpose = False
+
+    @abstractmethod
+    def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
+        """Have work done; raises BrokenProcessPool if the pool is used up."""
+
+    @abstractmethod
+    def get_ready(self) -> "Future[bool]":
+        """Return what is done once a worker waits for jobs."""
+
+    @abstractmethod
+    def end_worker(self, place: worker.Place) -> None:
+        """End a worker at once, whatever it does."""
+
+    @abstractmethod
+    def is_broken_by(self, error: BaseException) -> bool:
+        """Return whether a job failed because its worker is gone."""
+
+    @abstractmethod
+    def is_used_up_by(self, error: BaseException) -> bool:
+        """Return whether the pool as a whole is gone with that worker, and must be made anew."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all workers that are this pool's own."""

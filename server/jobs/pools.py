@@ -1,0 +1,96 @@
+"""Where jobs are done: an executor of the standard library's kind, what its workers tell, and how one is ended."""
+
+import logging
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.queues import Queue
+
+from calib_core.errors import InputError
+from server.jobs import worker
+from server.jobs.child_processes import WorkerContext
+from server.jobs.pool import Listen, Pool
+from server.settings import Settings
+
+log = logging.getLogger("scancell")
+
+
+class ProcessPool(Pool):
+    """Worker processes of this server; one that ends takes the pool along."""
+
+    def __init__(self, settings: Settings, listen: Listen) -> None:
+        self._context = WorkerContext()
+        self._initialized: set[worker.Place] = set()
+        self._queue: Queue[worker.Message | None] = self._context.Queue()
+        self.executor = ProcessPoolExecutor(
+            settings.workers,
+            mp_context=self._context,
+            initializer=worker.initialize,
+            initargs=(self._queue, settings),
+        )
+        threading.Thread(target=self._pass_on, args=(listen,), daemon=True, name="job progress").start()
+
+    def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
+        """Have work done; raises BrokenProcessPool if a worker has ended."""
+        return self.executor.submit(work)
+
+    def get_ready(self) -> "Future[bool]":
+        """Return what is done once a worker is warm."""
+        return self.executor.submit(worker.ready)
+
+    def end_worker(self, place: worker.Place) -> None:
+        """End a worker, and the pool with it."""
+        assert isinstance(place, int)
+        self.broken_on_purpose = True
+        try:
+            os.kill(place, signal.SIGTERM)
+        except ProcessLookupError:
+            log.info("worker %d has ended already", place)
+
+    def is_broken_by(self, error: BaseException) -> bool:
+        """Return whether a worker process ended."""
+        return isinstance(error, BrokenProcessPool)
+
+    def is_used_up_by(self, error: BaseException) -> bool:
+        """Return the same: the executor does nothing more then."""
+        return isinstance(error, BrokenProcessPool)
+
+    def close(self) -> None:
+        """Let go of the workers; those at work must be ended by `end_worker`.
+
+        Those that still get ready have nothing to let go of, and would look for what is not there any more.
+        """
+        self.executor.shutdown(wait=False, cancel_futures=True)
+        for process in self._context.started:
+            if process.pid is not None and process.pid not in self._initialized:
+                process.kill()
+        self._queue.put(None)
+
+    def _pass_on(self, listen: Listen) -> None:
+        while (message := self._queue.get()) is not None:
+            if message.kind == "initialized":
+                self._initialized.add(message.value)
+            else:
+                listen(message)
+        self._queue.close()
+
+
+def open_pool(settings: Settings, listen: Listen) -> Pool:
+    """Return the workers that the settings name: a Dask cluster's, or processes of this server.
+
+    Raises
+    ------
+    InputError
+        If there is no such cluster.
+    """
+    if settings.dask is None:
+        return ProcessPool(settings, listen)
+    try:
+        from server.jobs.dask_pool import DaskPool
+    except ModuleNotFoundError:
+        to_do = "Install it: pip install 'scancell[dask]'; or leave SCANCELL_DASK out."
+        raise InputError("the extra 'dask'", "an installation without it", to_do, "dask") from None
+    return DaskPool(settings, listen)

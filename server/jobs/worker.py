@@ -1,0 +1,189 @@
+"""What runs in a worker process: one solve at a time, told about in a queue."""
+
+import logging
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import parent_process
+from multiprocessing.queues import Queue
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from calib_core.errors import InputError
+from server.store.blob_places import open_blobs
+from server.store.blobs import Blobs
+from server.store.sessions import Output
+
+if TYPE_CHECKING:
+    from server.settings import Settings
+
+Place = int | str
+"""Where a worker is: its process id, or its address in a cluster."""
+
+
+class Message(NamedTuple):
+    """What a worker tells of a job: that it is "started", at its place; or "progress", (fraction, message).
+
+    That it is "initialized", at its place, it tells before there is any job.
+    """
+
+    job: str
+    kind: str
+    value: Any
+
+
+log = logging.getLogger("scancell")
+
+_REPORT_EVERY_S = 0.2
+_REPORT_STEP = 0.03  # a long step's name is told however soon it follows the one before
+_settings: "Settings | None" = None
+_place: Place = 0
+_tell: Callable[[Message], None] | None = None
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A stage's result (or a replay's comparison) as JSON data, and the files that it made, by name, as blobs."""
+
+    result: dict[str, Any]
+    outputs: Mapping[str, Output]
+
+
+def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
+    """Prepare a fresh worker process."""
+    begin(settings, os.getpid(), queue.put)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server decides when its workers end
+    threading.Thread(target=_end_with_the_server, daemon=True).start()
+    if settings.warm_up:
+        try:
+            warm_up()
+        except Exception:  # the solve itself will meet the fault again and say so
+            log.exception("a worker could not be warmed up")
+    queue.put(Message("", "initialized", os.getpid()))
+
+
+def begin(settings: "Settings", place: Place, tell: Callable[[Message], None]) -> None:
+    """Say what this process works with, where it is, and whom it tells."""
+    global _settings, _place, _tell
+    _settings, _place, _tell = settings, place, tell
+
+
+def _end_with_the_server() -> None:
+    server = parent_process()
+    if server is not None:
+        server.join()
+        os._exit(1)
+
+
+def warm_up() -> None:
+    """Import and compile what a solve needs, by solving a small simulated session."""
+    from calib_core.simulation import simulate
+    from calib_core.stages.pipeline import solve_stage
+
+    simulated = simulate("tcp", 1)
+    solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
+
+
+def ready() -> bool:
+    """Return that this process has been initialized."""
+    return True
+
+
+def solve(
+    job_id: str,
+    session: Mapping[str, Any],
+    stage: str,
+    digests: Mapping[str, str],
+    solved: Mapping[str, Mapping[str, Any]],
+) -> Solved:
+    """Solve a stage of a session, files given by the SHA-256 of their blobs.
+
+    `solved` are results of camera and plane of light, on which raw frames rest while they are fresh.
+
+    Raises
+    ------
+    CalibrationError
+        What the stage's solver says; also where there is no room for the files that it makes.
+    """
+    progress = started(job_id)
+    from calib_core.captures.solved_optics import recall
+    from calib_core.records import parse_session
+    from calib_core.stages.pipeline import solve_stage
+    from server.http.strict_json import plain_json
+
+    recall(solved)
+    outputs = _Outputs(_blobs(), stage)
+    result = solve_stage(parse_session(session), stage, _reader(digests), progress, outputs.store)
+    return Solved(plain_json(result), outputs.stored)
+
+
+def replay(
+    job_id: str, session: Mapping[str, Any], results: Mapping[str, Any], digests: Mapping[str, str]
+) -> Solved:
+    """Solve every stage with a stored result afresh and compare: the record `Recomputed` as JSON data.
+
+    Raises
+    ------
+    CalibrationError
+        Where no result is stored; a stage that cannot be solved any more says so in the comparison.
+    """
+    progress = started(job_id)
+    from calib_core.records import parse_session
+    from calib_core.review.compare import Compared, compare_results
+    from calib_core.review.replay import replay as compare_all
+
+    record = parse_session(session)
+    fresh: dict[str, Any] = {}
+    compared = compare_all(record, _reader(digests), results, progress, fresh=fresh.__setitem__)
+    stages = {
+        stage: compare_results(Compared("", results[stage], record), Compared("", new, record)).to_json()
+        for stage, new in fresh.items()
+    }
+    return Solved({"replay": compared.to_json(), "stages": stages}, {})
+
+
+def started(job_id: str) -> Callable[[float, str], None]:
+    """Say that a job runs here, and return what tells of its progress."""
+    assert _tell is not None
+    tell = _tell
+    tell(Message(job_id, "started", _place))
+    told_s = told_fraction = 0.0
+
+    def progress(fraction: float, message: str) -> None:
+        nonlocal told_s, told_fraction
+        if time.monotonic() - told_s > _REPORT_EVERY_S or fraction - told_fraction > _REPORT_STEP:
+            told_s, told_fraction = time.monotonic(), fraction
+            tell(Message(job_id, "progress", (float(fraction), message)))
+
+    return progress
+
+
+@cache
+def _blobs() -> Blobs:
+    assert _settings is not None
+    return open_blobs(_settings.blob_place)
+
+
+def _reader(digests: Mapping[str, str]) -> Callable[[str], bytes]:
+    blobs = _blobs()
+    return lambda name: blobs.read(digests[name])
+
+
+class _Outputs:
+    """What a stage makes beside its result, stored as blobs; the server refers to them once the job is done."""
+
+    def __init__(self, blobs: Blobs, stage: str) -> None:
+        self._blobs, self._stage = blobs, stage
+        self.stored: dict[str, Output] = {}
+
+    def store(self, name: str, pieces: Iterable[bytes | memoryview]) -> None:
+        """Store one file; raises InputError where there is no room for it."""
+        try:
+            self.stored[name] = Output(*self._blobs.put_pieces(pieces))
+        except OSError as error:
+            got = (error.strerror or type(error).__name__).lower()
+            to_do = "Make room there, then run it again; what was stored before is untouched."
+            raise InputError(f"room in the data folder for {name}", got, to_do, self._stage) from None
