@@ -36,12 +36,25 @@ export interface AuditPage {
   next: string | null;
 }
 
+export interface Axis {
+  label: string;
+  unit?: string;
+  low?: number | null;
+  high?: number | null;
+}
+
 export interface AxisDifference {
   axis: string;
   unit: "deg" | "mm";
   difference: number;
   sigma: number;
   sigmas: number | null;
+}
+
+export interface Band {
+  low: number;
+  high: number;
+  label: string;
 }
 
 export interface BatchAnswer {
@@ -98,6 +111,8 @@ export interface CameraResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "camera";
   model: "plain" | "rational" | "tilted" | "segmental";
   image_size: unknown[];
@@ -191,6 +206,8 @@ export interface ChainResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "chain";
   tool0_from_laser: number[][];
   covariance: number[][];
@@ -256,6 +273,13 @@ export interface CloudShown {
   diameter_mm?: number | null;
 }
 
+export interface Column {
+  label: string;
+  unit?: string;
+  decimals?: number;
+  align?: "left" | "right";
+}
+
 export interface Comparison {
   stage: string;
   left: Side;
@@ -273,6 +297,20 @@ export interface EncoderScaleError {
   applied: boolean;
 }
 
+export interface Figure {
+  id?: string | null;
+  title?: string | null;
+  detail?: boolean;
+  kind?: "figure";
+  label: string;
+  quantity?: Quantity | null;
+  text?: string | null;
+  limit?: Quantity | null;
+  limit_label?: string | null;
+  remark?: string | null;
+  headline?: boolean;
+}
+
 export interface FigureDifference {
   name: string;
   left: number | null;
@@ -283,6 +321,21 @@ export interface FolderState {
   available: boolean;
   folders: string[];
   watch: Watch | null;
+}
+
+export interface Frame {
+  id?: string | null;
+  title?: string | null;
+  detail?: boolean;
+  kind?: "frame";
+  name: string;
+  into: string;
+  outof: string;
+  matrix: number[][];
+  covariance?: number[][] | null;
+  convention: string;
+  convention_label: string;
+  numbers?: FrameNumber[];
 }
 
 export interface FrameDifference {
@@ -296,6 +349,11 @@ export interface FrameDifference {
   point_mm: number[];
   at_workpiece_mm: number;
   at_workpiece_sigma_mm: number;
+}
+
+export interface FrameNumber {
+  label: string;
+  quantity: Quantity;
 }
 
 export interface Guide {
@@ -400,6 +458,8 @@ export interface LaserPlaneResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "laser-plane";
   plane_in_camera: PlaneInCamera;
   camera_from_laser: number[][];
@@ -493,6 +553,8 @@ export interface MergeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "merge";
   frame: "turntable" | "base";
   cloud: string | null;
@@ -552,6 +614,15 @@ export interface NewToken {
   days?: number | null;
 }
 
+export interface Note {
+  id?: string | null;
+  title?: string | null;
+  detail?: boolean;
+  kind?: "note";
+  text: string;
+  level?: "pass" | "warn" | "fail" | "info";
+}
+
 export interface PastResult {
   number: number;
   created: string;
@@ -565,9 +636,33 @@ export interface PastResult {
   figures: Record<string, number>;
 }
 
+export interface Picture {
+  id?: string | null;
+  title?: string | null;
+  detail?: boolean;
+  kind?: "picture";
+  drawing?: string | null;
+  capture?: string | null;
+  file?: string | null;
+  alt: string;
+}
+
 export interface PlaneInCamera {
   normal: number[];
   distance_mm: number;
+}
+
+export interface Plot {
+  id?: string | null;
+  title?: string | null;
+  detail?: boolean;
+  kind?: "plot";
+  shape: "captures" | "line" | "xy" | "histogram" | "grid";
+  caption: string;
+  x: Axis;
+  y: Axis;
+  series: Series[];
+  band?: Band | null;
 }
 
 export interface PoseLine {
@@ -596,6 +691,13 @@ export interface Problem {
   got: string;
   to_do: string;
   where: string;
+}
+
+export interface Quantity {
+  value: number | null;
+  unit?: string;
+  uncertainty?: number | null;
+  decimals?: number;
 }
 
 export interface Recomputed {
@@ -652,6 +754,13 @@ export interface Robot {
   brand?: string | null;
 }
 
+export interface Row {
+  cells: (string | number | Quantity | null)[];
+  capture?: string | null;
+  used?: boolean;
+  reason?: string | null;
+}
+
 export interface RowDifference {
   capture: string;
   left_used?: boolean | null;
@@ -671,6 +780,14 @@ export interface Scanner {
 export interface SceneControls {
   views: string[];
   layers: LayerShown[];
+}
+
+export interface Series {
+  label?: string;
+  x?: number[];
+  y: (number | null)[];
+  captures?: string[];
+  reasons?: (string | null)[];
 }
 
 export interface Session {
@@ -749,6 +866,8 @@ export interface StoredCameraResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "camera";
   model: "plain" | "rational" | "tilted" | "segmental";
   image_size: unknown[];
@@ -810,6 +929,8 @@ export interface StoredChainResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "chain";
   tool0_from_laser: number[][];
   covariance: number[][];
@@ -847,6 +968,8 @@ export interface StoredLaserPlaneResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "laser-plane";
   plane_in_camera: PlaneInCamera;
   camera_from_laser: number[][];
@@ -870,6 +993,8 @@ export interface StoredMergeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "merge";
   frame: "turntable" | "base";
   cloud: string | null;
@@ -916,6 +1041,8 @@ export interface StoredTcpResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "tcp";
   tool0_from_laser: number[][];
   covariance: number[][];
@@ -956,12 +1083,24 @@ export interface StoredTurntableResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
   tool0_from_laser: number[][];
   undetermined?: Undetermined[];
   variance_components: VarianceComponents;
   residuals: TurntableResidual[];
+}
+
+export interface Table {
+  id?: string | null;
+  title?: string | null;
+  detail?: boolean;
+  kind?: "table";
+  caption?: string;
+  columns: Column[];
+  rows: Row[];
 }
 
 export interface TableCircle {
@@ -1004,6 +1143,8 @@ export interface TcpResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "tcp";
   tool0_from_laser: number[][];
   covariance: number[][];
@@ -1112,6 +1253,8 @@ export interface TurntableResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
   tool0_from_laser: number[][];

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.records.base import Matrix4, Record, Rows, Vector3, Verdict
+from calib_core.records.evidence import AnyBlock
 
 
 class CaptureResidual(Record):
@@ -35,13 +36,19 @@ class TcpResidual(CaptureResidual):
 
 
 class Result(Record):
-    """What every stage's result has, beside the name of its `stage`."""
+    """What every stage's result has, beside the name of its `stage`.
+
+    `warnings` are doubts, one sentence a cause; `notes` say what else is worth knowing; `evidence` is the result
+    told in blocks, as terminal, report and page show it.
+    """
 
     method: str
     software: str
     inputs_sha256: str
     verdict: Verdict
     warnings: list[str] = Field(default_factory=list)
+    notes: list[str] = Field(default_factory=list)
+    evidence: list[AnyBlock] = Field(default_factory=list[AnyBlock])
 
 
 class VarianceComponents(Record):

@@ -22,6 +22,7 @@ ROUNDING: Final = 1e-15
 MAX_LISTED: Final = 100
 
 _ABOUT: Final = ("software", "method", "inputs_sha256")  # they explain a difference, and are none
+_WORDS: Final = ("warnings", "notes", "evidence")  # they tell the numbers, which are compared themselves
 _MISSING: Final = object()
 
 
@@ -146,7 +147,7 @@ def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
 
 
 def _compared(result: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in result.items() if name not in _ABOUT}
+    return {name: value for name, value in result.items() if name not in (*_ABOUT, *_WORDS)}
 
 
 def _why(
