@@ -1,7 +1,7 @@
 """Examples of the API, recorded from the real server as it takes the simulated cell through the whole chain.
 
-`PYTHONPATH=. python tests/web/api_examples.py` writes them to server/http/api_examples.json, from where they go into
-the OpenAPI document; a test says which operations have none, or ones that their schema does not allow.
+`PYTHONPATH=. python tests/web/api_examples.py` writes them to server/http/api_examples.json, from where they go
+into the OpenAPI document; a test says which operations have none, or ones that their schema does not allow.
 """
 
 import json
