@@ -12,16 +12,16 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from calib_core import __version__
 from server.auth.logins import Logins
-from server.auth.middleware import Door
+from server.auth.middleware import AuthMiddleware
 from server.auth.refusals import Refusals
 from server.housekeeping import Housekeeping
 from server.http import errors, openapi
-from server.http.access_log import Watch
-from server.http.body_draining import Drain
-from server.http.disconnects import Gone
+from server.http.access_log import AccessLog
+from server.http.body_draining import BodyDraining
+from server.http.disconnects import Disconnects
 from server.http.events import Hub
-from server.http.security_headers import Guard
-from server.http.timeouts import Patience
+from server.http.security_headers import SecurityHeaders
+from server.http.timeouts import Timeouts
 from server.http.uploads import Room
 from server.jobs.backlog import Backlog
 from server.jobs.jobs import Jobs
@@ -53,7 +53,7 @@ from server.settings import Settings
 from server.sources.folder_watch import session_watcher
 from server.sources.intake import Intake
 from server.store.database import Store
-from server.store.group_commit import Together
+from server.store.group_commit import GroupCommit
 
 _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
 
@@ -82,14 +82,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.past_scenes = past_scenes
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         housekeeping = Housekeeping(store)
-        together = Together(store)
+        group_commit = GroupCommit(store)
         app.state.measuring, app.state.backlog = measuring, backlog
-        app.state.intake = Intake(store, measuring, together)
+        app.state.intake = Intake(store, measuring, group_commit)
         app.state.logins = Logins(settings.data, store)
         watcher = app.state.watcher = session_watcher(settings, store, measuring)
         try:
             await run_in_threadpool(_start, store, jobs)
-            together.start()
+            group_commit.start()
             backlog.start()
             watcher.start()
             housekeeping.start()
@@ -103,7 +103,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(watcher.stop)
             await run_in_threadpool(backlog.stop)
             await run_in_threadpool(housekeeping.stop)
-            await run_in_threadpool(together.stop)
+            await run_in_threadpool(group_commit.stop)
             await run_in_threadpool(measuring.stop)
             store.close()
 
@@ -147,12 +147,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(trials_router)
     app.include_router(cloud_router)
     app.mount("/web", GZipMiddleware(StaticFiles(directory=settings.web, check_dir=False), minimum_size=500))
-    app.add_middleware(Patience, settings=settings)
-    app.add_middleware(Door, settings=settings)
-    app.add_middleware(Guard, settings=settings)
-    app.add_middleware(Drain)
-    app.add_middleware(Gone)
-    app.add_middleware(Watch, metrics=app.state.metrics)
+    app.add_middleware(Timeouts, settings=settings)
+    app.add_middleware(AuthMiddleware, settings=settings)
+    app.add_middleware(SecurityHeaders, settings=settings)
+    app.add_middleware(BodyDraining)
+    app.add_middleware(Disconnects)
+    app.add_middleware(AccessLog, metrics=app.state.metrics)
     return app
 
 

@@ -15,7 +15,7 @@ from server.auth.slow_heads import SlowHeads
 from server.http.events import Hub
 from server.http.protocol import LimitedHttp
 from server.settings import Settings, is_loopback
-from server.store.store_lock import claimed
+from server.store.store_lock import store_lock
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
 
@@ -59,7 +59,7 @@ class WorkbenchServer(uvicorn.Server):
         sys.setswitchinterval(_SWITCH_S)
         gc.freeze()  # modules and routes stay: nobody's request waits while they are looked through
         gc.set_threshold(_NEW_OBJECTS)
-        with claimed(self._settings):
+        with store_lock(self._settings):
             if self._settings.login_required:
                 require_admin(self._settings)
             super().run(sockets)

@@ -1,4 +1,4 @@
-"""The door: who sends a request, whether they may, how often, and for how long a stream may go on."""
+"""Who sends a request, whether they may, how often, and for how long a stream may go on."""
 
 import asyncio
 from collections.abc import Callable
@@ -27,7 +27,7 @@ _LOOPBACK_FACTOR = 10.0
 """How many times more often a program on this machine may ask."""
 
 
-class Door:
+class AuthMiddleware:
     """The layer of the application that knows who asks; behind it every request has an identity with the right."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:

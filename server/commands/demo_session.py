@@ -36,11 +36,11 @@ def keep_session(
     from server.store.archives import add_import, read_import
     from server.store.database import Store
     from server.store.sessions import list_sessions
-    from server.store.store_lock import claimed
+    from server.store.store_lock import store_lock
 
     settings = Settings(data=data)
     name = simulated.session.name
-    with claimed(settings), tempfile.TemporaryDirectory(prefix="scancell-demo-") as temporary:
+    with store_lock(settings), tempfile.TemporaryDirectory(prefix="scancell-demo-") as temporary:
         store = Store(settings, lambda _event: None)
         try:
             with store.read() as db:

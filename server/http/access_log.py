@@ -22,7 +22,7 @@ _HEADER = "X-Request-ID"
 _START, _NUMBERS = token_hex(4), count()  # differs from one start of the server to the next
 
 
-class Watch:
+class AccessLog:
     """The outermost layer of the application."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:

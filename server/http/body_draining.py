@@ -14,7 +14,7 @@ _LONGEST_S = 10.0
 _LONGEST_PAUSE_S = 1.0  # who has stopped sending is told why at once
 
 
-class Drain:
+class BodyDraining:
     """A layer of the application that takes in what the others have left of a body, up to a limit."""
 
     def __init__(self, app: ASGIApp) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Header, Path, Query, Request
 
 from server.http.events import Hub
-from server.http.idempotency import Once
+from server.http.idempotency import Idempotency
 from server.http.uploads import Room
 from server.jobs.backlog import Backlog
 from server.jobs.jobs import Jobs
@@ -81,7 +81,7 @@ Again = Annotated[str | None, Query(max_length=64, description="The `id` of a ca
 Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
 
 
-async def _once(
+async def _idempotency(
     request: Request,
     idempotency_key: Annotated[
         str | None,
@@ -91,8 +91,8 @@ async def _once(
             description="Any text, fresh for each new request: a repeated request with it does nothing twice.",
         ),
     ] = None,
-) -> Once:
-    return Once(f"{request.method} {request.url.path}", idempotency_key)
+) -> Idempotency:
+    return Idempotency(f"{request.method} {request.url.path}", idempotency_key)
 
 
-OnceDep = Annotated[Once, Depends(_once)]
+IdempotencyDep = Annotated[Idempotency, Depends(_idempotency)]

@@ -5,7 +5,7 @@ from starlette.websockets import WebSocketDisconnect
 from uvicorn.protocols.utils import ClientDisconnected
 
 
-class Gone:
+class Disconnects:
     """A layer of the application that ends a WebSocket in silence once it was refused or its other side hung up.
 
     What is sent then fails with an OSError, which further in would be taken for a disk that cannot be used; and
@@ -20,27 +20,27 @@ class Gone:
         if scope["type"] != "websocket":
             await self._app(scope, receive, send)
             return
-        gone = False
+        disconnected = False
 
-        async def hearing() -> Message:
-            nonlocal gone
+        async def receive_noting() -> Message:
+            nonlocal disconnected
             message = await receive()
-            gone = gone or message["type"] == "websocket.disconnect"
+            disconnected = disconnected or message["type"] == "websocket.disconnect"
             return message
 
-        async def saying(message: Message) -> None:
-            nonlocal gone
+        async def send_noting(message: Message) -> None:
+            nonlocal disconnected
             try:
                 await send(message)
             except OSError as error:
-                gone = True
+                disconnected = True
                 raise WebSocketDisconnect(1006) from error
-            gone = gone or message["type"] == "websocket.http.response.body"
+            disconnected = disconnected or message["type"] == "websocket.http.response.body"
 
         try:
-            await self._app(scope, hearing, saying)
+            await self._app(scope, receive_noting, send_noting)
         except WebSocketDisconnect:
-            if not gone:
+            if not disconnected:
                 raise
-        if gone:
+        if disconnected:
             raise ClientDisconnected

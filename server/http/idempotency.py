@@ -16,7 +16,7 @@ from server.store.database import Store
 from server.store.models import AnswerRow, Data
 
 
-class Once:
+class Idempotency:
     """The request's Idempotency-Key: the same key with the same content is answered once and then repeated."""
 
     def __init__(self, scope: str, key: str | None) -> None:

@@ -23,7 +23,7 @@ from server.settings import Settings, is_loopback
 _NO_DEVICES = "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=(), display-capture=()"
 
 
-class Guard:
+class SecurityHeaders:
     """The outermost layer of the application."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:

@@ -10,7 +10,7 @@ from server.http.uploads import comes_in_pieces
 from server.settings import Settings
 
 
-class Patience:
+class Timeouts:
     """A layer of the application that ends what would otherwise wait for ever."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
@@ -23,7 +23,7 @@ class Patience:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        receive = self._hurried(receive)
+        receive = self._with_body_timeout(receive)
         if comes_in_pieces(scope["path"]):  # they must come in time, the answer may take what it needs
             await self._app(scope, receive, send)
             return
@@ -51,10 +51,10 @@ class Patience:
             if late is not None:
                 await late
 
-    def _hurried(self, receive: Receive) -> Receive:
+    def _with_body_timeout(self, receive: Receive) -> Receive:
         whole = False
 
-        async def in_time() -> Message:
+        async def receive_in_time() -> Message:
             nonlocal whole
             if whole:  # from here on it tells of a disconnection, which has its time
                 return await receive()
@@ -68,7 +68,7 @@ class Patience:
             whole = message["type"] != "http.request" or not message.get("more_body", False)
             return message
 
-        return in_time
+        return receive_in_time
 
 
 class _Answer:

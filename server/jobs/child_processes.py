@@ -9,7 +9,7 @@ from typing import Any
 
 
 @contextmanager
-def deaf_to_interrupts() -> Generator[None]:
+def ignoring_interrupts() -> Generator[None]:
     """Let processes that are started meanwhile not hear Ctrl-C, which a terminal sends to every one of them.
 
     They may ignore it themselves only once they run: by then it may have ended them in the middle of an import.
@@ -26,7 +26,7 @@ def deaf_to_interrupts() -> Generator[None]:
 
 
 class WorkerContext(SpawnContext):
-    """How an executor starts its processes: deaf to Ctrl-C, and `started` knows each of them."""
+    """How an executor starts its processes: not hearing Ctrl-C, and `started` knows each of them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -37,12 +37,12 @@ class WorkerContext(SpawnContext):
         self, *args: Any, **named: Any
     ) -> SpawnProcess:
         """Return a process to be started."""
-        process = _DeafProcess(*args, **named)
+        process = _UninterruptedProcess(*args, **named)
         self.started.append(process)
         return process
 
 
-class _DeafProcess(SpawnProcess):
+class _UninterruptedProcess(SpawnProcess):
     def start(self) -> None:
-        with deaf_to_interrupts():
+        with ignoring_interrupts():
             super().start()

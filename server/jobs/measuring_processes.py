@@ -19,7 +19,7 @@ from typing import Any
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from server.http.json_text import JsonText
-from server.jobs.child_processes import deaf_to_interrupts
+from server.jobs.child_processes import ignoring_interrupts
 from server.jobs.measuring import check_poses, measured_with_text, unmeasured, warm_up
 
 log = logging.getLogger("scancell")
@@ -147,7 +147,7 @@ class _Process:
     def __init__(self, context: Any) -> None:
         self._connection, other = context.Pipe()
         self._process = context.Process(target=_serve, args=(other,), daemon=True)
-        with deaf_to_interrupts():
+        with ignoring_interrupts():
             self._process.start()
         other.close()
         self.usable = self._started()

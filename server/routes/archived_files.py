@@ -12,7 +12,7 @@ from server.http.dependencies import SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import KeptFile, KeptFiles
 from server.http.strict_json import StrictRoute
-from server.store.archived_files import kept_files
+from server.store.archived_files import archived_files
 from server.store.sessions import session_row
 
 router = APIRouter(prefix="/sessions/{session_id}/kept", tags=["archives"], route_class=StrictRoute)
@@ -30,7 +30,7 @@ def list_kept(session_id: SessionId, store: StoreDep) -> KeptFiles:
     """List what the archive held that this session was imported from: its scene, report, truth, notes."""
     with store.read() as db:
         session_row(db, session_id)
-        kept = kept_files(db, session_id)
+        kept = archived_files(db, session_id)
     return KeptFiles(items=[KeptFile(name=name, bytes=f.size, sha256=f.sha256) for name, f in kept.items()])
 
 
@@ -50,7 +50,7 @@ def get_kept(
     """Return a file of the archive byte for byte; `scene.html` and `report.html` as pages on their own."""
     with store.read() as db:
         session_row(db, session_id)
-        kept = kept_files(db, session_id)
+        kept = archived_files(db, session_id)
     if name not in kept:
         there = ", ".join(sorted(kept)) or "it kept none"
         raise NotFoundError(

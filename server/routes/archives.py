@@ -11,11 +11,11 @@ from starlette.datastructures import UploadFile
 
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
 from calib_core.errors import CalibrationError, InputError
-from server.http.dependencies import MeasuringDep, OnceDep, SessionId, StoreDep
+from server.http.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredSession
 from server.http.strict_json import StrictRoute
-from server.store.archived_files import kept_files
+from server.store.archived_files import archived_files
 from server.store.models import Data
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
@@ -80,7 +80,7 @@ def get_archive(
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-        kept, past = kept_files(db, session_id), history_bytes(db, session_id)
+        kept, past = archived_files(db, session_id), history_bytes(db, session_id)
     file = store.blobs.scratch()
     try:
         pack_stored(stored, kept, file, {**_pages(stored, scene), HISTORY_FILE: past})
@@ -96,7 +96,9 @@ def get_archive(
 
 
 @router.post("/archives", status_code=201, response_model=StoredSession, openapi_extra=_BODY)
-def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep, measuring: MeasuringDep) -> Response:
+def import_archive(
+    archive: ArchiveDep, idempotency: IdempotencyDep, store: StoreDep, measuring: MeasuringDep
+) -> Response:
     """Make a session from an archive, with its captures and results; what is wrong with it leaves nothing behind.
 
     What else it holds (scene, report, truth, notes) is kept as it came: GET …/kept.
@@ -104,7 +106,7 @@ def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep, measurin
     from server.store.archives import add_import, digest_of, read_import
 
     content = digest_of(archive)
-    answered = once.answered(store, content)
+    answered = idempotency.answered(store, content)
     if answered is not None:
         return answered
     found = read_import(archive, store.blobs, measuring.measure)
@@ -112,12 +114,12 @@ def import_archive(archive: ArchiveDep, once: OnceDep, store: StoreDep, measurin
     def act(db: Any) -> Data:
         return session_data(db, add_import(db, found))
 
-    answer, _ = once.run(store, content, 201, act)
+    answer, _ = idempotency.run(store, content, 201, act)
     return answer
 
 
 @router.post("/archives/verify", response_model=ArchiveFacts, openapi_extra=_BODY)
-def verify_archive(archive: ArchiveDep, _: OnceDep) -> ArchiveFacts:
+def verify_archive(archive: ArchiveDep, _: IdempotencyDep) -> ArchiveFacts:
     """Check that an archive is whole, unaltered and a session; stores nothing."""
     from calib_core.archive.archive import verify
 

@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Session
-from server.http.dependencies import BacklogDep, OnceDep, SessionId, SettingsDep, StoreDep
+from server.http.dependencies import BacklogDep, IdempotencyDep, SessionId, SettingsDep, StoreDep
 from server.http.errors import problem
 from server.http.json_text import JsonText
 from server.http.schemas import BatchAnswer
@@ -52,7 +52,7 @@ _BODY: dict[str, Any] = {
 async def add_batch(
     session_id: SessionId,
     request: Request,
-    once: OnceDep,
+    idempotency: IdempotencyDep,
     store: StoreDep,
     backlog: BacklogDep,
     settings: SettingsDep,
@@ -71,7 +71,7 @@ async def add_batch(
 
     body = pieces()
     items: list[Data] = []
-    if await run_in_threadpool(once.known, store):
+    if await run_in_threadpool(idempotency.known, store):
         async for _ in body:
             pass
     else:
@@ -81,7 +81,7 @@ async def add_batch(
             async for bunch in bunches(body, settings.max_upload_bytes):
                 items += await run_in_threadpool(_store_bunch, store, session, session_id, record, bunch)
     answer: Data = {"items": items, "stored": sum(item["status"] < 300 for item in items)}
-    response, _ = await run_in_threadpool(once.run, store, digest.hexdigest(), 200, lambda _: answer)
+    response, _ = await run_in_threadpool(idempotency.run, store, digest.hexdigest(), 200, lambda _: answer)
     return response
 
 

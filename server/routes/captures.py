@@ -16,18 +16,18 @@ from server.http.dependencies import (
     Again,
     CaptureId,
     Cursor,
+    IdempotencyDep,
     IfMatch,
     IntakeDep,
     Limit,
     MeasuringDep,
-    OnceDep,
     RoomDep,
     SessionId,
     SettingsDep,
     StoreDep,
 )
 from server.http.downloads import Download
-from server.http.idempotency import Once
+from server.http.idempotency import Idempotency
 from server.http.json_text import JsonText
 from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.http.strict_json import StrictRoute, parse_json
@@ -78,7 +78,7 @@ async def add(
         str,
         Form(description="The capture's record, as JSON.", max_length=1_000_000, examples=[_RECORD_EXAMPLE]),
     ],
-    once: OnceDep,
+    idempotency: IdempotencyDep,
     store: StoreDep,
     measuring: MeasuringDep,
     room: RoomDep,
@@ -109,20 +109,20 @@ async def add(
 
     def store_large() -> Response:
         with room.taken(size_bytes):
-            return _store(store, measuring, once, session_id, *contents_of_upload())
+            return _store(store, measuring, idempotency, session_id, *contents_of_upload())
 
     if size_bytes > MOST_BYTES:
         return await run_in_threadpool(store_large)
     capture, contents = contents_of_upload()
     if is_simple(capture):
-        return await intake.take(once, session_id, capture, contents)
-    return await run_in_threadpool(_store, store, measuring, once, session_id, capture, contents)
+        return await intake.take(idempotency, session_id, capture, contents)
+    return await run_in_threadpool(_store, store, measuring, idempotency, session_id, capture, contents)
 
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
 def take_simulated(
     session_id: SessionId,
-    once: OnceDep,
+    idempotency: IdempotencyDep,
     store: StoreDep,
     measuring: MeasuringDep,
     step: Step | None = None,
@@ -133,7 +133,7 @@ def take_simulated(
     What is taken again has a name of its own (`p05-again`); arm and scanner err anew.
     """
     content = f"again {again}" if again else f"next {step}" if step else "next"
-    answered = once.answered(store, content)
+    answered = idempotency.answered(store, content)
     if answered is not None:
         return answered
     with store.read() as db:
@@ -148,20 +148,20 @@ def take_simulated(
         capture, contents = capture_again(scenario, seed, taken, again)
     else:
         capture, contents = next_capture(scenario, seed, taken, step)
-    return _store(store, measuring, once, session_id, capture, contents, content=content)
+    return _store(store, measuring, idempotency, session_id, capture, contents, content=content)
 
 
 def _store(
     store: Store,
     measuring: Measuring,
-    once: Once,
+    idempotency: Idempotency,
     session_id: str,
     capture: Capture,
     contents: Mapping[str, bytes],
     content: Any = None,
 ) -> Response:
     content = content or [capture.to_json(), digests_of(contents)]
-    answered = once.answered(store, content)
+    answered = idempotency.answered(store, content)
     if answered is not None:
         return answered
     arrival, record = receive(store, measuring, session_id, capture, contents)
@@ -172,7 +172,7 @@ def _store(
             raise stored
         return stored
 
-    answer, _ = once.run(store, content, 201, act)
+    answer, _ = idempotency.run(store, content, 201, act)
     return answer
 
 

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError
 from calib_core.records import Stage
 from calib_core.review.compare import Comparison
-from server.http.dependencies import JobId, JobsDep, OnceDep, SessionId, StageName, StoreDep
+from server.http.dependencies import IdempotencyDep, JobId, JobsDep, SessionId, StageName, StoreDep
 from server.http.schemas import Job
 from server.http.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
 from server.http.schemas_results import StageResult
@@ -89,7 +89,7 @@ def compare(
 
 
 @router.post("/sessions/{session_id}/replay", status_code=202, response_model=Job)
-def recompute(session_id: SessionId, once: OnceDep, store: StoreDep, jobs: JobsDep) -> Response:
+def recompute(session_id: SessionId, idempotency: IdempotencyDep, store: StoreDep, jobs: JobsDep) -> Response:
     """Start solving every stage with a result afresh, to compare; nothing of the session is changed.
 
     Answers at once with the job; its answer has the comparison.
@@ -101,7 +101,7 @@ def recompute(session_id: SessionId, once: OnceDep, store: StoreDep, jobs: JobsD
             raise ConflictError("stored results to compare with", "none", "Solve the session first.", session_id)
         return job_data(create_job(db, locked_session(db, session_id), REPLAY))
 
-    answer, first = once.run(store, "replay", 202, act)
+    answer, first = idempotency.run(store, "replay", 202, act)
     if first:
         jobs.submit(json.loads(bytes(answer.body))["id"])
     return answer

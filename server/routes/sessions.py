@@ -14,12 +14,12 @@ from server.http.dependencies import (
     BacklogDep,
     Cursor,
     HubDep,
+    IdempotencyDep,
     IfMatch,
     JobsDep,
     LastEventId,
     Limit,
     MeasuringDep,
-    OnceDep,
     SessionId,
     StoreDep,
 )
@@ -67,7 +67,7 @@ _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "
 
 
 @router.post("", status_code=201, response_model=StoredSession)
-def create(body: NewSession, once: OnceDep, store: StoreDep) -> Response:
+def create(body: NewSession, idempotency: IdempotencyDep, store: StoreDep) -> Response:
     """Make a session, of a real cell or of the simulated one."""
     record = {name: value for name, value in body.to_json().items() if name not in STORE_FIELDS}
     simulated = None
@@ -83,7 +83,7 @@ def create(body: NewSession, once: OnceDep, store: StoreDep) -> Response:
     def act(db: Any) -> Data:
         return session_data(db, create_session(db, session, simulated))
 
-    answer, _ = once.run(store, body.to_json(), 201, act)
+    answer, _ = idempotency.run(store, body.to_json(), 201, act)
     return answer
 
 
@@ -131,14 +131,14 @@ def change(
     for capture in session.captures:
         check_poses(session, capture)
     anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
-    at_once = anew and len(session.captures) <= _MEASURED_AT_ONCE
-    measured = _measured_anew(replace(before, session=session), measuring.measure) if at_once else {}
+    at_idempotency = anew and len(session.captures) <= _MEASURED_AT_ONCE
+    measured = _measured_anew(replace(before, session=session), measuring.measure) if at_idempotency else {}
     with store.write() as db:
         row = locked_session(db, session_id)
         require_revision(row, if_match)
         if row.revision != revision:
             raise ConflictError("a session that rests", "one that was just changed", "Send the change again.")
-        if anew and not at_once:
+        if anew and not at_idempotency:
             measure_anew(db, session_id, {c.id: to_wait(c, _CHANGED) for c in session.captures})
         change_session(db, row, _without_captures(session), measured)
         answer = session_data(db, row)
@@ -173,7 +173,7 @@ def guidance(session_id: SessionId, store: StoreDep) -> Response:
 
 
 @router.post("/{session_id}/pose-lines", response_model=PoseLines)
-def pose_lines(session_id: SessionId, body: PoseText, _: OnceDep, store: StoreDep) -> Response:
+def pose_lines(session_id: SessionId, body: PoseText, _: IdempotencyDep, store: StoreDep) -> Response:
     """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
     from calib_core.robots import parse_pose_lines
 

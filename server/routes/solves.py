@@ -10,7 +10,16 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
-from server.http.dependencies import HubDep, JobId, JobsDep, LastEventId, OnceDep, SessionId, StageName, StoreDep
+from server.http.dependencies import (
+    HubDep,
+    IdempotencyDep,
+    JobId,
+    JobsDep,
+    LastEventId,
+    SessionId,
+    StageName,
+    StoreDep,
+)
 from server.http.events import follow, to_sse
 from server.http.schemas import Job
 from server.http.schemas_results import StoredResult
@@ -24,7 +33,9 @@ router = APIRouter(tags=["solves"], route_class=StrictRoute)
 
 
 @router.post("/sessions/{session_id}/solve/{stage}", status_code=202, response_model=Job)
-def solve(session_id: SessionId, stage: StageName, once: OnceDep, store: StoreDep, jobs: JobsDep) -> Response:
+def solve(
+    session_id: SessionId, stage: StageName, idempotency: IdempotencyDep, store: StoreDep, jobs: JobsDep
+) -> Response:
     """Start solving a stage; answers at once with the job, whose end brings the result."""
     from calib_core.stages.graph import stage_captures
 
@@ -32,7 +43,7 @@ def solve(session_id: SessionId, stage: StageName, once: OnceDep, store: StoreDe
         stage_captures(load_session(db, store.blobs, session_id).session, stage)  # refuses an unknown stage
         return job_data(create_job(db, locked_session(db, session_id), stage))
 
-    answer, first = once.run(store, "solve", 202, act)
+    answer, first = idempotency.run(store, "solve", 202, act)
     if first:
         jobs.submit(json.loads(bytes(answer.body))["id"])
     return answer
@@ -46,7 +57,7 @@ def get_job(job_id: JobId, store: StoreDep) -> Response:
 
 
 @router.post("/jobs/{job_id}/cancel", response_model=Job)
-def cancel(job_id: JobId, _: OnceDep, jobs: JobsDep) -> Response:
+def cancel(job_id: JobId, _: IdempotencyDep, jobs: JobsDep) -> Response:
     """End a job that waits or runs; cancelling it again changes nothing."""
     return JSONResponse(jobs.cancel(job_id))
 

@@ -12,7 +12,7 @@ from server.auth.logins import Identity, Logins
 from server.auth.middleware import cookie_name
 from server.auth.refusals import Refusals
 from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecords
-from server.http.dependencies import Cursor, Limit, OnceDep, SettingsDep, StoreDep
+from server.http.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep
 from server.http.errors import LoginError
 from server.http.strict_json import StrictRoute
 from server.store.audit import acting, list_audit
@@ -51,7 +51,7 @@ def me(identity: IdentityDep) -> Response:
 @router.post("/login", response_model=Me)
 def log_in(
     body: LoginRequest,
-    _: OnceDep,
+    _: IdempotencyDep,
     request: Request,
     store: StoreDep,
     logins: LoginsDep,
@@ -83,7 +83,7 @@ def log_in(
 
 
 @router.post("/logout", status_code=204)
-def log_out(_: OnceDep, request: Request, response: Response, store: StoreDep, logins: LoginsDep) -> None:
+def log_out(_: IdempotencyDep, request: Request, response: Response, store: StoreDep, logins: LoginsDep) -> None:
     """End the login of the cookie that comes with this request, if there is one."""
     name = cookie_name(request)
     cookie = request.cookies.get(name)
@@ -104,7 +104,7 @@ def list_all(store: StoreDep) -> Response:
 
 
 @router.post("/tokens", status_code=201, response_model=MadeToken)
-def make(body: NewToken, once: OnceDep, store: StoreDep, logins: LoginsDep) -> Response:
+def make(body: NewToken, idempotency: IdempotencyDep, store: StoreDep, logins: LoginsDep) -> Response:
     """Make a token. It stands in this answer alone: only a hash of it is kept."""
     made: list[str] = []
 
@@ -114,7 +114,7 @@ def make(body: NewToken, once: OnceDep, store: StoreDep, logins: LoginsDep) -> R
         made.append(token)
         return {**record, "token": None}
 
-    answer, first = once.run(store, body.model_dump(), 201, act)
+    answer, first = idempotency.run(store, body.model_dump(), 201, act)
     if not first:
         return answer
     return JSONResponse({**json.loads(bytes(answer.body)), "token": made[0]}, 201)

@@ -12,14 +12,14 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture
-from server.http.idempotency import Once
+from server.http.idempotency import Idempotency
 from server.http.json_text import JsonText
 from server.http.uploads import digests_of
 from server.jobs.measuring_processes import Measuring
 from server.store.arrivals import Arrival, add_captures, session_record
 from server.store.calibrations import needs_calibration
 from server.store.database import Store
-from server.store.group_commit import Together
+from server.store.group_commit import GroupCommit
 from server.store.models import Data
 from server.store.sessions import empty_session
 
@@ -49,11 +49,13 @@ class Intake:
     measured again.
     """
 
-    def __init__(self, store: Store, measuring: Measuring, together: Together) -> None:
+    def __init__(self, store: Store, measuring: Measuring, together: GroupCommit) -> None:
         self._store, self._measuring, self._together = store, measuring, together
         self._known: OrderedDict[str, _Known] = OrderedDict()
 
-    async def take(self, once: Once, session_id: str, capture: Capture, contents: Mapping[str, bytes]) -> Response:
+    async def take(
+        self, idempotency: Idempotency, session_id: str, capture: Capture, contents: Mapping[str, bytes]
+    ) -> Response:
         """Measure and store a capture; return the answer to its request.
 
         Raises
@@ -62,23 +64,23 @@ class Intake:
             If it cannot be used at all, its id or a file's name is taken, or the cell never rests.
         """
         content = None
-        if once.has_key:
+        if idempotency.has_key:
             content = [capture.to_json(), digests_of(contents)]
-            answered = await run_in_threadpool(once.answered, self._store, content)
+            answered = await run_in_threadpool(idempotency.answered, self._store, content)
             if answered is not None:
                 return answered
         known = self._known.get(session_id) or await self._read(session_id)
         try:
-            return await self._taken(once, session_id, capture, contents, known, content)
+            return await self._taken(idempotency, session_id, capture, contents, known, content)
         except CalibrationError:
             fresh = await self._read(session_id)
             if fresh.record["cell"] == known.record["cell"]:
                 raise
-            return await self._taken(once, session_id, capture, contents, fresh, content)
+            return await self._taken(idempotency, session_id, capture, contents, fresh, content)
 
     async def _taken(
         self,
-        once: Once,
+        idempotency: Idempotency,
         session_id: str,
         capture: Capture,
         contents: Mapping[str, bytes],
@@ -97,7 +99,7 @@ class Intake:
                     raise stored
                 return stored
 
-            return once.within(db, content, 201, add)[0]
+            return idempotency.within(db, content, 201, add)[0]
 
         return await asyncio.wrap_future(self._together.submit(act, list(contents.values())))
 

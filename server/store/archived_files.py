@@ -1,4 +1,4 @@
-"""What an imported archive held beside session and results: scene, report, truth, notes, kept as they came."""
+"""What an imported archive held beside session and results: scene, report, truth, notes, archived as they came."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -12,7 +12,7 @@ from server.store.sessions import OF_ARCHIVE, Output
 _PREFIX: Final = "archive:"  # so that no stage's output ever has the same name
 
 
-def keep(db: Transaction, session_id: str, files: Mapping[str, Output]) -> None:
+def add_archived_files(db: Transaction, session_id: str, files: Mapping[str, Output]) -> None:
     """Store files of an archive by their names in it."""
     db.add_all(
         OutputRow(session_id=session_id, name=_PREFIX + name, stage=OF_ARCHIVE, sha256=file.sha256, size=file.size)
@@ -20,8 +20,8 @@ def keep(db: Transaction, session_id: str, files: Mapping[str, Output]) -> None:
     )
 
 
-def kept_files(db: Transaction, session_id: str) -> dict[str, Output]:
-    """Return what was kept, by the names in the archive."""
+def archived_files(db: Transaction, session_id: str) -> dict[str, Output]:
+    """Return what was archived, by the names in the archive."""
     query = select(OutputRow).where(OutputRow.session_id == session_id, OutputRow.stage == OF_ARCHIVE)
     rows = db.scalars(query.order_by(OutputRow.name))
     return {row.name.removeprefix(_PREFIX): Output(row.sha256, row.size) for row in rows}

@@ -25,7 +25,7 @@ from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import FORMAT, Capture, Measured, Session
 from calib_core.stages.graph import STAGES
 from server.jobs.measuring import Measure, check_poses, measure
-from server.store.archived_files import keep
+from server.store.archived_files import add_archived_files
 from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
 from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
@@ -159,7 +159,7 @@ def add_import(db: Transaction, found: Import) -> SessionRow:
         store_result(db, row, stage, result, solved_from, found.outputs.get(stage), created)
     if found.reference is not None:
         set_reference(db, row, found.reference)
-    keep(db, row.id, found.kept)
+    add_archived_files(db, row.id, found.kept)
     return row
 
 

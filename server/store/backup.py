@@ -24,7 +24,7 @@ from server.store.blob_places import open_blobs
 from server.store.blobs import CHUNK_BYTES, Blobs
 from server.store.doctor import Progress, referring, rows_of
 from server.store.engine import engine_of, reading
-from server.store.folder import owned
+from server.store.folder import folder_lock
 from server.store.models import now
 from server.store.schema import stored_revision, upgrade
 
@@ -203,7 +203,7 @@ def restore(source: Path, settings: Settings) -> Backup:
     manifest = _manifest(source)
     kept = FolderBlobs(source / "blobs")
     engine = engine_of(settings.sql_url)
-    with owned(settings.data):
+    with folder_lock(settings.data):
         target = open_blobs(settings.blob_place)
         try:
             with engine.execution_options(writing=True).begin() as connection:

@@ -9,7 +9,7 @@ from calib_core.errors import ConflictError, InputError
 
 
 @contextmanager
-def owned(folder: Path) -> Generator[None]:
+def folder_lock(folder: Path) -> Generator[None]:
     """Keep other servers from a data folder meanwhile; a server that is killed lets go of it by itself.
 
     Raises

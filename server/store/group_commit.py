@@ -29,7 +29,7 @@ class _Write:
     done: Future[Any] = field(default_factory=Future[Any])
 
 
-class Together:
+class GroupCommit:
     """A thread that takes all writes that wait and makes one transaction of them.
 
     Each succeeds or fails as if it were alone.  What one does before it refuses would stay, so each looks first

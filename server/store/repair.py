@@ -10,7 +10,7 @@ from server.store.blob_folder import FolderBlobs
 from server.store.blob_places import open_blobs
 from server.store.doctor import Examination, each_damaged, referring
 from server.store.engine import engine_of, reading
-from server.store.store_lock import claimed
+from server.store.store_lock import store_lock
 
 
 def repair(settings: Settings, found: Examination, backup: Path | None) -> list[str]:
@@ -29,7 +29,7 @@ def repair(settings: Settings, found: Examination, backup: Path | None) -> list[
         If a server uses the store.
     """
     done: list[str] = []
-    with claimed(settings):
+    with store_lock(settings):
         blobs = open_blobs(settings.blob_place)
         if backup is not None:
             kept = FolderBlobs(backup / "blobs")

@@ -11,14 +11,14 @@ from calib_core.errors import ConflictError, InputError
 from server.settings import Settings
 from server.store.database import Store
 from server.store.engine import engine_of
-from server.store.folder import owned
+from server.store.folder import folder_lock
 
 _LOCK: Final = 0x7363616E63656C6C  # "scancell": PostgreSQL's advisory locks have numbers for names
 _END_THE_OTHER: Final = "End the other server, or choose another database."
 
 
 @contextmanager
-def claimed(settings: Settings) -> Generator[None]:
+def store_lock(settings: Settings) -> Generator[None]:
     """Keep other servers from data folder and database meanwhile, the tables brought up to date.
 
     A server that is killed lets go of both by itself.
@@ -30,7 +30,7 @@ def claimed(settings: Settings) -> Generator[None]:
     ConflictError
         If another server uses them.
     """
-    with owned(settings.data), _database_claimed(settings):
+    with folder_lock(settings.data), _database_lock(settings):
         store = Store(settings, lambda _: None)
         try:
             store.migrate()
@@ -42,7 +42,7 @@ def claimed(settings: Settings) -> Generator[None]:
 
 
 @contextmanager
-def _database_claimed(settings: Settings) -> Generator[None]:
+def _database_lock(settings: Settings) -> Generator[None]:
     engine = engine_of(settings.sql_url)
     if engine.dialect.name == "sqlite":  # it lies in the folder
         yield
@@ -53,14 +53,14 @@ def _database_claimed(settings: Settings) -> Generator[None]:
     except DBAPIError as error:
         raise _unusable(settings, error) from None
     try:
-        _claim(connection)
+        _take_lock(connection)
         yield
     finally:
         connection.close()
         engine.dispose()
 
 
-def _claim(connection: Connection) -> None:
+def _take_lock(connection: Connection) -> None:
     if not connection.scalar(text("SELECT pg_try_advisory_lock(:lock)"), {"lock": _LOCK}):
         raise ConflictError("a database that no other server uses", "one in use", _END_THE_OTHER, "database_url")
 

@@ -18,7 +18,7 @@ from calib_core.simulation import simulate
 from server.jobs.measuring import measure
 from server.settings import Settings
 from server.store.models import folded
-from server.store.store_lock import claimed
+from server.store.store_lock import store_lock
 
 _TARGET_MS = 100.0
 _CAPTURES = 100  # of each session
@@ -56,7 +56,7 @@ def run(full: bool) -> list[Row]:
 
 def fill(data: Path, sessions: int) -> list[str]:
     """Fill a data folder with sessions of a simulated cell, each with 100 captures; return their ids."""
-    with claimed(Settings(data=data)):
+    with store_lock(Settings(data=data)):
         pass
     simulated = simulate("tcp", 1)
     record = simulated.session.to_json()

@@ -12,7 +12,7 @@ from sqlalchemy import text
 from calib_core.errors import ConflictError, DamagedError, InputError
 from server.cli import main
 from server.settings import Settings
-from server.store import store_lock as claim
+from server.store import store_lock
 from server.store.backup import MANIFEST, back_up, restore
 from server.store.blob_folder import FolderBlobs
 from server.store.blob_places import open_blobs
@@ -200,7 +200,7 @@ def test_the_commands_say_what_they_did(tmp_path: Path, capsys: pytest.CaptureFi
     assert "scancell serve --data" in capsys.readouterr().err
     assert not (tmp_path / "data").exists()
     assert main(["backup", "--data", data, "--out", out]) == 2
-    with claim.claimed(Settings(data=tmp_path / "data")):
+    with store_lock.store_lock(Settings(data=tmp_path / "data")):
         pass
     assert main(["doctor", "--data", data]) == 0
     assert "0 sessions, 0 captures, 0 files: nothing is damaged" in capsys.readouterr().out

@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server.auth.buckets import Buckets
-from server.http.timeouts import Patience
+from server.http.timeouts import Timeouts
 from server.serve import WorkbenchServer
 from server.settings import Settings
 from tests.server.access import bearer, guarded, make_tokens
@@ -150,7 +150,7 @@ def test_an_answer_must_begin_in_time(tmp_path: Path, begins: bool) -> None:
     async def receive() -> Any:
         return {"type": "http.request", "body": b"", "more_body": False}
 
-    patience = Patience(slow, Settings(data=tmp_path, answer_timeout_s=0.1))
+    patience = Timeouts(slow, Settings(data=tmp_path, answer_timeout_s=0.1))
     scope = {"type": "http", "path": "/x", "method": "POST"}
     with ThreadPoolExecutor(1) as thread:  # a browser's test before may have left an event loop in this one
         thread.submit(lambda: asyncio.run(patience(scope, receive, send))).result()

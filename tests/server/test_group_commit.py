@@ -13,7 +13,7 @@ from calib_core.errors import ConflictError
 from server.store.access import AuditRow
 from server.store.audit import Act, acting
 from server.store.database import Store
-from server.store.group_commit import Together
+from server.store.group_commit import GroupCommit
 from server.store.models import EventRow, SessionRow
 from server.store.sessions import create_session, session_row
 
@@ -21,8 +21,8 @@ RECORD = {"cell": {"pose_convention": "ur"}}
 
 
 @pytest.fixture
-def together(store: Store) -> Iterator[Together]:
-    together = Together(store)
+def together(store: Store) -> Iterator[GroupCommit]:
+    together = GroupCommit(store)
     yield together
     together.stop()
 
@@ -40,7 +40,7 @@ def by(name: str) -> Act:
 
 
 def test_writes_that_wait_share_a_transaction_and_only_the_refused_one_fails(
-    store: Store, together: Together, published: list[EventRow]
+    store: Store, together: GroupCommit, published: list[EventRow]
 ) -> None:
     acting.set(by("first"))
     first = together.submit(added, [b"of the first"])
@@ -61,7 +61,7 @@ def test_writes_that_wait_share_a_transaction_and_only_the_refused_one_fails(
 
 
 def test_one_that_breaks_the_transaction_leaves_the_others_whole(
-    store: Store, together: Together, published: list[EventRow]
+    store: Store, together: GroupCommit, published: list[EventRow]
 ) -> None:
     def broken(db: Transaction, _: Sequence[str]) -> None:
         added(db, ())
@@ -82,7 +82,9 @@ def test_one_that_breaks_the_transaction_leaves_the_others_whole(
     assert [event.session_id for event in published] == whole
 
 
-def test_many_threads_write_at_once_and_a_stop_waits_for_what_was_given(store: Store, together: Together) -> None:
+def test_many_threads_write_at_once_and_a_stop_waits_for_what_was_given(
+    store: Store, together: GroupCommit
+) -> None:
     together.start()
     ids: list[str] = []
 
