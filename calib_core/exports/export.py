@@ -1,26 +1,38 @@
 """The calibrated tool frame for other programs."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_clouds import MEDIA_TYPES
-from calib_core.errors import ConflictError, InputError
+from calib_core.errors import InputError
+from calib_core.exports.answer import Answer, answer_of
+from calib_core.exports.entry import Export, Settings
+from calib_core.exports.registry import all_exports, export_named
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
+from calib_core.records.parsing import input_error
 from calib_core.robots import CONVENTIONS, to_pose
-
-FORMATS = ("json",)
 
 _ORDER = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
 _STEP_RAD, _STEP_MM = 1e-5, 1e-2
 
 
-def export(session: Session, results: Mapping[str, Record | Mapping[str, Any]], name: str) -> tuple[str, str]:
-    """Return the calibrated tool frame in a format, and the format's media type.
+def export(
+    session: Session,
+    results: Mapping[str, Record | Mapping[str, Any]],
+    name: str,
+    stale: Collection[str] = (),
+    allow: Collection[str] = ("stale", "fail"),
+    settings: Mapping[str, Any] | None = None,
+    backup: bytes | None = None,
+    date: str = "",
+) -> tuple[bytes, Export]:
+    """Return the answer in an export's syntax, and the export's entry.
 
     Parameters
     ----------
@@ -28,29 +40,50 @@ def export(session: Session, results: Mapping[str, Record | Mapping[str, Any]], 
     results : mapping
         The stages' results by stage, as records or as their JSON data.
     name : str
-        One of `FORMATS`.
+        As in `all_exports`.
+    stale : collection of str
+        The stages whose results are stale.
+    allow : collection of str
+        Of `stale` and `fail`: what may be exported all the same.
+    settings : mapping, optional
+        The export's settings.
+    backup : bytes, optional
+        A controller's own file: one entry of it is changed.
+    date : str, optional
+        When the answer was solved.
 
     Raises
     ------
     InputError
-        If the format is unknown.
+        If the format or a setting is unknown, or the backup is not one that it can change.
     ConflictError
-        If the tcp stage is not solved yet.
+        If nothing is solved yet, or the answer is stale or failed and that is not allowed.
     """
-    if name not in FORMATS:
-        raise InputError(
-            "an export format among " + ", ".join(FORMATS),
-            f"'{name}'",
-            f"Name one of these; merged clouds come as {', '.join(MEDIA_TYPES)}.",
-            "format",
-        )
-    found = results.get("tcp")
-    if found is None:
-        raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
-    result = result_data(found) if isinstance(found, Record) else dict(found)
-    frames = tool_frame(session, result) | table_frames(results)
-    text = json.dumps(frames, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return text, "application/json"
+    entry = export_named(name, tuple(MEDIA_TYPES))
+    answer = answer_of(session, results, stale, date)
+    answer.require_usable(allow)
+    try:
+        chosen = entry.settings.model_validate(dict(settings or {}))
+    except ValidationError as error:
+        raise input_error(error, settings, f"settings of '{name}'") from None
+    if backup is None:
+        content = entry.write(answer, chosen)
+    elif entry.patch is None:
+        able = ", ".join(e.name for e in all_exports() if e.patch)
+        raise InputError(f"an export that can change a backup: {able}", f"'{name}'", "Name one of these.", "into")
+    else:
+        content = entry.patch(backup, answer, chosen)
+    return (content.encode() if isinstance(content, str) else content), entry
+
+
+def frames_json(answer: Answer, settings: Settings) -> str:
+    """Return tool and table in every convention, with their uncertainty, as JSON."""
+    results = answer.results
+    source = results.get("tcp") or results[answer.stage]
+    frames = tool_frame(answer.session, source) | table_frames(results)
+    if answer.faults:
+        frames["not_to_be_used"] = list(answer.faults)
+    return json.dumps(frames, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -61,7 +94,7 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "format": "scancell-tool/1",
         "session": session.name,
-        "stage": "tcp",
+        "stage": result["stage"],
         "verdict": result["verdict"],
         "warnings": result["warnings"],
         "software": result["software"],

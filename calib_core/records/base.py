@@ -1,18 +1,20 @@
 """What records are made of: names, numbers with limits, a frozen base that keeps fields it does not know."""
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from calib_core.robots.conventions import CONVENTIONS
 
 FORMAT = "scancell-session/1"
 Step = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan"]
 Kind = Literal["frame", "profile", "cloud", "sweep", "center"]
 Stage = Literal["camera", "laser-plane", "tcp", "turntable", "chain", "verify", "merge"]
 Verdict = Literal["pass", "warn", "fail"]
-PoseConvention = Literal[
-    "matrix", "quaternion-xyzw", "quaternion-wxyz", "abb", "kuka", "fanuc", "ur",
-    "staubli", "kawasaki", "yaskawa", "mitsubishi", "nachi", "ros",
-]  # fmt: skip
+if TYPE_CHECKING:
+    PoseConvention = str
+else:
+    PoseConvention = Literal[tuple(CONVENTIONS)]  # whatever the robots' registry has
 Identifier = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

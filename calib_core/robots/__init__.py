@@ -4,12 +4,16 @@
 gives the numbers again, and `CONVENTIONS` has every convention with its formula, units and source.
 """
 
-from calib_core.robots.conventions import CONVENTIONS, Convention
+from calib_core.robots.brand import Brand
+from calib_core.robots.convention import Convention
+from calib_core.robots.conventions import BRANDS, CONVENTIONS
 from calib_core.robots.lines import PoseLine, parse_pose_lines
 from calib_core.robots.poses import convention_named, parse_pose, to_pose
 
 __all__ = [
+    "BRANDS",
     "CONVENTIONS",
+    "Brand",
     "Convention",
     "PoseLine",
     "convention_named",

@@ -18,8 +18,8 @@ from calib_core.archive.folder import (
 from calib_core.archive.stored_clouds import MEDIA_TYPES
 from calib_core.archive.stored_results import stored_results
 from calib_core.errors import CalibrationError, InputError
-from calib_core.exports.export import FORMATS
 from calib_core.exports.export import export as export_results
+from calib_core.exports.registry import export_named
 from calib_core.formats.point_writers import write_pieces
 from calib_core.records import (
     CameraResult,
@@ -112,14 +112,16 @@ def export(path: Path, name: str, out: Path | None = None) -> int:
     with opened(path) as folder:
         session, read = load_session(folder)
         results: dict[str, Record | Mapping[str, Any]] = {**load_results(folder)}
-        if name in FORMATS and _is_stale(session, read, results.get("tcp")):
+        export_named(name, tuple(MEDIA_TYPES))
+        if _is_stale(session, read, results.get("tcp")):
             with progress_bar() as progress:
                 results |= run_stages(session, read, "tcp", progress)
     content, _ = export_results(session, results, name)
     if out is None:
-        sys.stdout.write(content)
+        sys.stdout.buffer.write(content)
+        sys.stdout.flush()
     else:
-        write_atomically(out, content.encode())
+        write_atomically(out, content)
         print(out)
     return 0
 

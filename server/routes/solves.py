@@ -119,5 +119,5 @@ def export_results(
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-    content, media_type = export(stored.session, stored.results, name)
-    return Response(content, media_type=media_type)
+    content, entry = export(stored.session, stored.results, name)
+    return Response(content, media_type=entry.media_type)

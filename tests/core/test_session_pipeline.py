@@ -139,8 +139,8 @@ def test_the_inputs_hash_follows_what_the_result_depends_on(simulated, result):
 
 
 def test_every_convention_of_the_export_is_the_same_frame(simulated, result):
-    text, media_type = export(simulated.session, {"tcp": result}, "json")
-    assert media_type == "application/json"
+    text, entry = export(simulated.session, {"tcp": result}, "json")
+    assert entry.media_type == "application/json"
     data = json.loads(text)
     assert data["conventions"].keys() == CONVENTIONS.keys()
     for name, numbers in data["conventions"].items():

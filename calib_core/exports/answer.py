@@ -1,0 +1,135 @@
+"""What exports write: tool and table of a solved session, with what is known about them."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from calib_core.archive.folder import result_data
+from calib_core.errors import ConflictError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Record, Session
+
+_CHOICE = ("chain", "tcp")
+"""Stages whose tool may be the answer, the best first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Tool and table, with uncertainty and origin.
+
+    Parameters
+    ----------
+    session : Session
+    results : mapping
+        All results as JSON data, for exports that tell more.
+    stage : str
+        The stage whose tool this is: `chain` or, without a table, `tcp`.
+    tool0_from_laser : RigidTransform
+    tool_covariance : (6, 6)
+        Of rx ry rz tx ty tz, rad and mm.
+    base_from_turntable : RigidTransform or None
+    table_covariance : (6, 6) or None
+    verdict : str
+    inputs_sha256 : str
+    date : str
+        When it was solved, ISO 8601, or empty.
+    stale : bool
+        Whether its inputs have changed since.
+    """
+
+    session: Session
+    results: Mapping[str, Mapping[str, Any]]
+    stage: str
+    tool0_from_laser: RigidTransform
+    tool_covariance: FloatArray
+    base_from_turntable: RigidTransform | None = None
+    table_covariance: FloatArray | None = None
+    verdict: str = "pass"
+    inputs_sha256: str = ""
+    date: str = ""
+    stale: bool = False
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What speaks against using it: `stale`, `fail`, or both."""
+        return tuple(name for name, holds in (("stale", self.stale), ("fail", self.verdict == "fail")) if holds)
+
+    @property
+    def position_sigma_mm(self) -> float:
+        """The standard deviation of the tool's origin in its worst direction."""
+        return _worst(self.tool_covariance[3:6, 3:6])
+
+    @property
+    def rotation_sigma_deg(self) -> float:
+        """The standard deviation of the tool's orientation about its worst axis."""
+        return float(np.rad2deg(_worst(self.tool_covariance[:3, :3])))
+
+    def require_usable(self, allow: Collection[str] = ()) -> None:
+        """Raise ConflictError where the answer is stale or failed and that is not allowed."""
+        for fault in self.faults:
+            if fault not in allow:
+                got = "one whose inputs have changed" if fault == "stale" else "one with the verdict 'fail'"
+                to_do = f"Solve the session again, or allow it with --allow {fault}: it is marked then."
+                raise ConflictError("an answer that is fresh and not failed", got, to_do, self.stage)
+
+
+def _worst(covariance: FloatArray) -> float:
+    return float(np.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0)))
+
+
+def answer_of(
+    session: Session,
+    results: Mapping[str, Record | Mapping[str, Any]],
+    stale: Collection[str] = (),
+    date: str = "",
+) -> Answer:
+    """Return tool and table of a session's results: those of `chain`, or of `tcp` and `turntable`.
+
+    Parameters
+    ----------
+    session : Session
+    results : mapping
+        The stages' results by stage, as records or as their JSON data.
+    stale : collection of str
+        The stages whose results are stale.
+    date : str, optional
+        When it was solved.
+
+    Raises
+    ------
+    ConflictError
+        If neither `chain` nor `tcp` is solved.
+    """
+    data = {
+        stage: result_data(result) if isinstance(result, Record) else dict(result)
+        for stage, result in results.items()
+    }
+    stage = next((name for name in _CHOICE if name in data), None)
+    if stage is None:
+        raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
+    result = data[stage]
+    table = result if stage == "chain" else data.get("turntable")
+    parts = [stage] if stage == "chain" or table is None else [stage, "turntable"]
+    verdicts = [data[part]["verdict"] for part in parts]
+    covariance_name = "turntable_covariance" if stage == "chain" else "covariance"
+    table_covariance = None if table is None else np.array(table[covariance_name], dtype=float)[:6, :6]
+    turntable = None
+    if table is not None:
+        turntable = RigidTransform.from_rounded(table["base_from_turntable"], "base", "turntable")
+    return Answer(
+        session=session,
+        results=data,
+        stage=stage,
+        tool0_from_laser=RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser"),
+        tool_covariance=np.array(result["covariance"], dtype=float)[:6, :6],
+        base_from_turntable=turntable,
+        table_covariance=table_covariance,
+        verdict=next((v for v in ("fail", "warn") if v in verdicts), "pass"),
+        inputs_sha256=str(result.get("inputs_sha256", "")),
+        date=date,
+        stale=any(part in stale for part in parts),
+        warnings=tuple(result.get("warnings", ())),
+    )

@@ -1,0 +1,13 @@
+"""JSON: tool and table in every pose convention, with their uncertainty."""
+
+from calib_core.exports.answer import Answer
+from calib_core.exports.entry import Export, Settings
+
+
+def _write(answer: Answer, settings: Settings) -> str:
+    from calib_core.exports.export import frames_json  # which imports the registry of this entry
+
+    return frames_json(answer, settings)
+
+
+EXPORT = Export("json", "JSON: tool and table in every pose convention", "application/json", ".json", _write)

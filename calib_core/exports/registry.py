@@ -1,0 +1,32 @@
+"""The list of exports: those of no brand, those that other packages bring, and every brand's."""
+
+from collections.abc import Iterator
+
+from calib_core.errors import InputError
+from calib_core.exports.entry import Export
+from calib_core.registry import Registry
+from calib_core.robots import BRANDS
+
+EXPORTS = Registry("an export", "calib_core.exports", "EXPORT", Export, "scancell.exports")
+
+
+def all_exports() -> Iterator[Export]:
+    """Yield every export, those of no brand first."""
+    yield from EXPORTS
+    for brand in BRANDS:
+        yield from brand.exports()
+
+
+def export_named(name: str, others: tuple[str, ...] = ()) -> Export:
+    """Return an export by its name.
+
+    Raises
+    ------
+    InputError
+        That lists the names, with the `others` that the caller knows besides.
+    """
+    found = next((export for export in all_exports() if export.name == name), None)
+    if found is None:
+        names = ", ".join([*(export.name for export in all_exports()), *others])
+        raise InputError(f"an export format among {names}", f"'{name}'", "Name one of these.", "format")
+    return found

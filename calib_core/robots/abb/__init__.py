@@ -1,0 +1,28 @@
+"""ABB: its pose convention."""
+
+from calib_core.robots.brand import Brand
+from calib_core.robots.convention import QUATERNION, Convention
+
+CONVENTION = Convention(
+    "abb",
+    "ABB robtarget: trans and rot, scalar first",
+    "x y z q1 q2 q3 q4",
+    QUATERNION + " with w = q1, x = q2, y = q3, z = q4",
+    "mm",
+    "ABB",
+    "ABB RAPID Reference Manual, data type orient, examples 1 and 2",
+    "quaternion",
+    "wxyz",
+)
+
+
+class Abb(Brand):
+    """ABB."""
+
+    name = "abb"
+    title = "ABB"
+    conventions = (CONVENTION,)
+    rank = 2
+
+
+BRAND = Abb()

@@ -1,0 +1,94 @@
+"""A robot brand: how it writes poses, how its files are known, read and written."""
+
+from typing import TYPE_CHECKING, Any
+
+from calib_core.robots.convention import Convention
+
+if TYPE_CHECKING:
+    from calib_core.exports.entry import Export
+    from calib_core.robots.controller_file import ControllerFile, Found, Reference
+
+
+class Brand:
+    """One brand, in a folder of its own with a constant `BRAND`; a subclass says what it knows.
+
+    What needs another module is imported when it is called for, so that listing the brands stays cheap.
+
+    Attributes
+    ----------
+    name : str
+        As `--brand` and the exports name it.
+    title : str
+        As a person reads it.
+    conventions : tuple of Convention
+        How its controllers write a pose; the first is that of its files.
+    endings : tuple of str
+        File endings that it may be asked about, with the dot, in lower case.
+    rank : int
+        Where its conventions stand in lists: those of no brand and the most common brands first.
+    flange, base : frozenset of str
+        The tools that are the flange, and the frames that are the base, in lower case.
+    definitions : str
+        The files that define tools and frames, as a person looks for them.
+    """
+
+    name: str
+    title: str
+    conventions: tuple[Convention, ...]
+    endings: tuple[str, ...] = ()
+    rank: int = 1000
+    flange: frozenset[str] = frozenset({"0"})
+    base: frozenset[str] = frozenset({"0"})
+    definitions: str = "the controller's backup"
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether a file is surely of this brand, by what stands in it."""
+        return False
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return what stands in one file, nothing applied yet.
+
+        Raises
+        ------
+        InputError
+            If this brand has no reader, or the file is not one of its files at all.
+        """
+        from calib_core.errors import InputError
+
+        raise InputError("a file of a brand with a reader", f"{self.title}", "Paste the poses' numbers.", name)
+
+    def read(self, data: bytes, name: str) -> "ControllerFile":
+        """Return poses, tools and frames of one file; tools and frames that it defines are applied.
+
+        Raises
+        ------
+        InputError
+            If the file is not one of this brand's at all.
+        """
+        from calib_core.robots.resolve import resolved
+
+        return resolved(self, [self.find(data, name)])
+
+    def doubt(self, what: str, number: "Reference") -> str:
+        """Return what is not certain about a tool that is taken for the flange, or a frame taken for the base."""
+        return ""
+
+    def exports(self) -> "tuple[Export, ...]":
+        """Return what this brand writes."""
+        return ()
+
+    @property
+    def reads(self) -> bool:
+        """Whether files of this brand can be read."""
+        return type(self).find is not Brand.find
+
+    def describe(self) -> dict[str, Any]:
+        """Return the entry as JSON data."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "conventions": [convention.name for convention in self.conventions],
+            "endings": list(self.endings),
+            "reads": self.reads,
+            "exports": [export.name for export in self.exports()],
+        }

@@ -1,0 +1,27 @@
+"""Poses as plain matrices, of no brand."""
+
+from calib_core.robots.brand import Brand
+from calib_core.robots.convention import Convention
+
+CONVENTION = Convention(
+    "matrix",
+    "4×4 matrix, row by row",
+    "r11 r12 r13 x r21 r22 r23 y r31 r32 r33 z 0 0 0 1",
+    "R = [r11 r12 r13; r21 r22 r23; r31 r32 r33], last row 0 0 0 1",
+    "mm",
+    "any",
+    "the definition of base_from_tool0",
+    "matrix",
+)
+
+
+class Matrix(Brand):
+    """4×4 matrices."""
+
+    name = "matrix"
+    title = "4×4 matrices"
+    conventions = (CONVENTION,)
+    rank = 0
+
+
+BRAND = Matrix()

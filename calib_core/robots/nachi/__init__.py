@@ -1,0 +1,28 @@
+"""Nachi: its pose convention."""
+
+from calib_core.robots.brand import Brand
+from calib_core.robots.convention import Convention
+
+CONVENTION = Convention(
+    "nachi",
+    "Nachi roll pitch yaw: roll is about z and comes first in the list",
+    "x y z r p y",
+    "R = Rz(r) · Ry(p) · Rx(y)",
+    "mm, degrees",
+    "Nachi, OTC",
+    "RoboDK post processor for Nachi AX and FD (its sample MOVEX line)",
+    "ZYX",
+    "forward",
+)
+
+
+class Nachi(Brand):
+    """Nachi."""
+
+    name = "nachi"
+    title = "Nachi"
+    conventions = (CONVENTION,)
+    rank = 10
+
+
+BRAND = Nachi()

@@ -1,0 +1,182 @@
+"""From poses of a tool in a frame to poses of the flange in the base, by tools and frames of the same backup."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.robots.brand import Brand
+from calib_core.robots.controller_file import ControllerFile, FilePose, Found, Frame, Reference, Skipped, Taught
+from calib_core.robots.poses import parse_pose, to_pose
+
+
+def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> ControllerFile:
+    """Return what a brand's files hold, tools and frames applied where one of the files defines them.
+
+    Parameters
+    ----------
+    brand : Brand
+    found : sequence of Found
+        What its reader found, one entry a file.
+    as_written : bool
+        Take poses as they stand although a tool or a frame is unknown: the caller has been asked.
+    """
+    skipped = [row for part in found for row in part.skipped]
+    tools = _unequivocal(brand, "tool", [tool for part in found for tool in part.tools], skipped)
+    frames = _unequivocal(brand, "frame", [frame for part in found for frame in part.frames], skipped)
+    poses: list[FilePose] = []
+    for taught in _without_doubles(_settled(found), skipped):
+        try:
+            poses.append(_flange(brand, taught, tools, frames, as_written))
+        except InputError as error:
+            reason = f"{taught.name}: {error.got}. {error.to_do}" if not error.need else f"{taught.name}: {error}"
+            skipped.append(Skipped(taught.line, reason, taught.file))
+        if taught.numbers is None and taught.joints_deg is not None:
+            reason = f"{taught.name}: joints alone, no pose. {_ARM}"
+            skipped.append(Skipped(taught.line, reason, taught.file))
+    skipped.sort(key=lambda row: (row.file, row.line))
+    notes = dict.fromkeys(note for part in found for note in part.notes)
+    return ControllerFile(
+        brand.name, tuple(poses), tuple(tools.values()), tuple(frames.values()), tuple(skipped), tuple(notes)
+    )
+
+
+_ARM = "Name the arm (cell.robot.arm), or record the Cartesian pose."
+
+
+def _settled(found: Sequence[Found]) -> Iterable[Taught]:
+    """Yield every pose with the tools and frames that moves use it with, once for each pair."""
+    moves: dict[str, set[tuple[Reference | None, Reference | None]]] = {}
+    for part in found:
+        for name, pairs in part.moves.items():
+            moves.setdefault(name, set()).update(pairs)
+    for part in found:
+        for taught in part.poses:
+            pairs = moves.get(taught.name.lower())
+            if not pairs or taught.tool is not None or taught.frame is not None:
+                yield taught
+                continue
+            for tool, frame in sorted(pairs, key=str):
+                yield replace(taught, tool=tool, frame=frame)
+
+
+def _unequivocal(brand: Brand, what: str, entries: Sequence[Frame], skipped: list[Skipped]) -> dict[str, Frame]:
+    """Return tools or frames by their number; those that are defined twice in two ways are left out, aloud."""
+    kept: dict[str, Frame] = {}
+    contradicted: set[str] = set()
+    for entry in entries:
+        key = _key(entry.number, entry.group)
+        if key in contradicted:
+            skipped.append(Skipped(entry.line, f"{what} {entry.number} is defined again", entry.file))
+            continue
+        try:
+            parse_pose(entry.convention, entry.pose)
+        except InputError as error:
+            skipped.append(Skipped(entry.line, f"{what} {entry.number}: {error}", entry.file))
+            contradicted.add(key)
+            kept.pop(key, None)
+            continue
+        before = kept.setdefault(key, entry)
+        if (before.pose, before.moving) != (entry.pose, entry.moving):
+            reason = (
+                f"{what} {entry.number} is defined in two ways, here and in line {before.line}"
+                f"{f' of {before.file}' if before.file != entry.file else ''}: neither is taken"
+            )
+            skipped.append(Skipped(entry.line, reason, entry.file))
+            contradicted.add(key)
+            del kept[key]
+    return kept
+
+
+def _without_doubles(poses: Iterable[Taught], skipped: list[Skipped]) -> list[Taught]:
+    """Return the poses; of names that stand twice in one file with other numbers, none."""
+    by_name: dict[tuple[str, str, str, str], list[Taught]] = {}
+    for taught in poses:
+        by_name.setdefault((taught.file, taught.name.lower(), str(taught.tool), str(taught.frame)), []).append(
+            taught
+        )
+    kept: list[Taught] = []
+    for same in by_name.values():
+        first = same[0]
+        others = [t for t in same if (t.numbers, t.joints_deg) != (first.numbers, first.joints_deg)]
+        if others:
+            lines = ", ".join(str(t.line) for t in same)
+            reason = f"{first.name} stands there several times with other numbers (lines {lines}): none is taken"
+            skipped += [Skipped(t.line, reason, t.file) for t in same]
+        else:
+            kept.append(first)
+    return kept
+
+
+def _flange(
+    brand: Brand, taught: Taught, tools: dict[str, Frame], frames: dict[str, Frame], as_written: bool
+) -> FilePose:
+    if taught.refused and not as_written:
+        raise InputError("", taught.refused, "It is not taken.")
+    numbers, doubt = taught.numbers, taught.doubt
+    if numbers is not None:
+        written = parse_pose(taught.convention, numbers)
+        pose, open_points = _applied(brand, taught, written, tools, frames, as_written)
+        doubt = " ".join(filter(None, [doubt, open_points]))
+        if pose is not written:
+            numbers = tuple(to_pose(taught.convention, pose))
+    return FilePose(
+        taught.name, numbers, taught.convention, taught.joints_deg, taught.external, taught.tool, taught.frame,
+        taught.line, taught.file, taught.numbers, doubt,
+    )  # fmt: skip
+
+
+def _applied(
+    brand: Brand,
+    taught: Taught,
+    written: RigidTransform,
+    tools: dict[str, Frame],
+    frames: dict[str, Frame],
+    as_written: bool,
+) -> tuple[RigidTransform, str]:
+    """Return base_from_tool0, and what is left open about it."""
+    pose, doubts = written, []
+    tool, doubt = _looked_up(brand, "tool", taught.tool, tools, as_written)
+    doubts.append(doubt)
+    frame, doubt = _looked_up(brand, "frame", taught.frame, frames, as_written)
+    doubts.append(doubt)
+    if frame is not None:
+        pose = RigidTransform((parse_pose(frame.convention, frame.pose).matrix @ pose.matrix), "base", "tool0")
+    if tool is not None:
+        tool0_from_tool = parse_pose(tool.convention, tool.pose)
+        pose = RigidTransform(pose.matrix @ tool0_from_tool.inverse().matrix, "base", "tool0")
+    return pose, " ".join(filter(None, doubts))
+
+
+def _looked_up(
+    brand: Brand, what: str, number: Reference | None, known: dict[str, Frame], as_written: bool
+) -> tuple[Frame | None, str]:
+    """Return the tool or frame to apply, None where there is nothing to apply, and what is left open."""
+    plain = brand.flange if what == "tool" else brand.base
+    if number is None:
+        where = "of the flange" if what == "tool" else "in the robot's base"
+        return None, f"The file does not say with which {what} it was taught: make sure that it is {where}."
+    entry = known.get(_key(number))
+    if entry is not None:
+        if entry.moving and not as_written:
+            raise InputError("", f"{what} {number} {entry.moving}", "Such poses are not supported yet.")
+        return entry if any(_offset(entry)) else None, ""
+    if str(number).lower() in plain:
+        return None, brand.doubt(what, number)
+    if as_written:
+        return None, f"Taken as written, with {what} {number}, which the file does not define."
+    raise InputError(
+        "",
+        f"taught with {what} {number}, which the file does not define",
+        f"Give the file that defines it as well ({brand.definitions}), or record the flange in the base.",
+    )
+
+
+def _offset(entry: Frame) -> Iterable[bool]:
+    """Tell whether a frame is another than the one that it stands in."""
+    matrix = parse_pose(entry.convention, entry.pose).matrix
+    return (abs(float(matrix[i, j]) - (i == j)) > 0 for i in range(3) for j in range(4))
+
+
+def _key(number: Reference, group: int = 1) -> str:
+    return f"{group}:{str(number).lower()}"

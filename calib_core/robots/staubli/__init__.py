@@ -1,0 +1,28 @@
+"""Stäubli: its pose convention."""
+
+from calib_core.robots.brand import Brand
+from calib_core.robots.convention import Convention
+
+CONVENTION = Convention(
+    "staubli",
+    "Stäubli VAL 3: turns about x, then the new y, then the new z",
+    "x y z Rx Ry Rz",
+    "R = Rx(Rx) · Ry(Ry) · Rz(Rz)",
+    "mm, degrees",
+    "Stäubli",
+    "RoboDK post processor for Stäubli VAL 3",
+    "XYZ",
+    "forward",
+)
+
+
+class Staubli(Brand):
+    """Stäubli."""
+
+    name = "staubli"
+    title = "Stäubli"
+    conventions = (CONVENTION,)
+    rank = 6
+
+
+BRAND = Staubli()
