@@ -14,6 +14,8 @@ from calib_core import __version__
 from server.auth.logins import Logins
 from server.auth.middleware import AuthMiddleware
 from server.auth.refusals import Refusals
+from server.captures.intake import Intake
+from server.captures.measuring_queue import MeasuringQueue
 from server.housekeeping import Housekeeping
 from server.http import errors, openapi
 from server.http.access_log import AccessLog
@@ -22,8 +24,7 @@ from server.http.disconnects import Disconnects
 from server.http.events import Hub
 from server.http.security_headers import SecurityHeaders
 from server.http.timeouts import Timeouts
-from server.http.uploads import Room
-from server.jobs.backlog import Backlog
+from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
 from server.metrics import Metrics
@@ -51,7 +52,6 @@ from server.scenes.stored import follow_scene
 from server.scenes.trials import trials_router
 from server.settings import Settings
 from server.sources.folder_watch import session_watcher
-from server.sources.intake import Intake
 from server.store.database import Store
 from server.store.group_commit import GroupCommit
 
@@ -75,22 +75,22 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         store = Store(settings, hub.publish)
         app.state.metrics.watch_store(store, settings.data)
         measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
-        backlog = Backlog(store, measuring)
-        jobs = Jobs(settings, store, backlog.wake)
+        measuring_queue = MeasuringQueue(store, measuring)
+        jobs = Jobs(settings, store, measuring_queue.wake)
         past_scenes = PastScenes(store)
         scenes = SceneManager(past_scenes.load, partial(follow_scene, hub))
         app.state.past_scenes = past_scenes
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
         housekeeping = Housekeeping(store)
         group_commit = GroupCommit(store)
-        app.state.measuring, app.state.backlog = measuring, backlog
-        app.state.intake = Intake(store, measuring, group_commit)
+        app.state.measuring, app.state.measuring_queue = measuring, measuring_queue
+        intake = app.state.intake = Intake(store, measuring, group_commit)
         app.state.logins = Logins(settings.data, store)
-        watcher = app.state.watcher = session_watcher(settings, store, measuring)
+        watcher = app.state.watcher = session_watcher(settings, store, intake)
         try:
             await run_in_threadpool(_start, store, jobs)
             group_commit.start()
-            backlog.start()
+            measuring_queue.start()
             watcher.start()
             housekeeping.start()
             if settings.warm_up:
@@ -101,7 +101,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(scenes.stop)
             await run_in_threadpool(jobs.stop)
             await run_in_threadpool(watcher.stop)
-            await run_in_threadpool(backlog.stop)
+            await run_in_threadpool(measuring_queue.stop)
             await run_in_threadpool(housekeeping.stop)
             await run_in_threadpool(group_commit.stop)
             await run_in_threadpool(measuring.stop)
@@ -120,7 +120,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings, app.state.hub, app.state.refusals = settings, hub, Refusals()
     app.state.metrics = Metrics()
-    app.state.upload_room = Room(_UPLOADS_IN_MEMORY * settings.max_upload_bytes)
+    app.state.upload_memory = UploadMemory(_UPLOADS_IN_MEMORY * settings.max_upload_bytes)
     errors.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")

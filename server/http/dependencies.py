@@ -4,15 +4,15 @@ from typing import Annotated
 
 from fastapi import Depends, Header, Path, Query, Request
 
+from server.captures.intake import Intake
+from server.captures.measuring_queue import MeasuringQueue
 from server.http.events import Hub
 from server.http.idempotency import Idempotency
-from server.http.uploads import Room
-from server.jobs.backlog import Backlog
+from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
 from server.metrics import Metrics
 from server.settings import Settings
-from server.sources.intake import Intake
 from server.store.database import Store
 
 # These are coroutines because FastAPI hands every plain function to another thread first.
@@ -42,12 +42,12 @@ async def _metrics(request: Request) -> Metrics:
     return request.app.state.metrics
 
 
-async def _room(request: Request) -> Room:
-    return request.app.state.upload_room
+async def _upload_memory(request: Request) -> UploadMemory:
+    return request.app.state.upload_memory
 
 
-async def _backlog(request: Request) -> Backlog:
-    return request.app.state.backlog
+async def _measuring_queue(request: Request) -> MeasuringQueue:
+    return request.app.state.measuring_queue
 
 
 async def _intake(request: Request) -> Intake:
@@ -60,8 +60,8 @@ HubDep = Annotated[Hub, Depends(_hub)]
 JobsDep = Annotated[Jobs, Depends(_jobs)]
 MeasuringDep = Annotated[Measuring, Depends(_measuring)]
 MetricsDep = Annotated[Metrics, Depends(_metrics)]
-RoomDep = Annotated[Room, Depends(_room)]
-BacklogDep = Annotated[Backlog, Depends(_backlog)]
+UploadMemoryDep = Annotated[UploadMemory, Depends(_upload_memory)]
+MeasuringQueueDep = Annotated[MeasuringQueue, Depends(_measuring_queue)]
 IntakeDep = Annotated[Intake, Depends(_intake)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64, examples=["4c1f0a92e6b37d58"])]

@@ -76,5 +76,9 @@ class Idempotency:
         return None if row is None else JSONResponse(row.body, row.status, {"Idempotency-Replayed": "true"})
 
 
+NO_KEY = Idempotency("", None)
+"""Of what comes from elsewhere than a request, or may not be repeated."""
+
+
 def _fingerprint(content: Any) -> str:
     return sha256(json.dumps(content, sort_keys=True, ensure_ascii=False).encode()).hexdigest()

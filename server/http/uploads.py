@@ -1,38 +1,43 @@
 """The files of an upload, under the names that the capture's record gives them."""
 
-import threading
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+import asyncio
+from collections.abc import AsyncGenerator, Mapping
+from contextlib import asynccontextmanager
 from hashlib import sha256
 from pathlib import PurePosixPath
 from typing import Any
 
 from calib_core.errors import InputError
 
+_SMALL_BYTES = 256 * 1024
 
-class Room:
+
+class UploadMemory:
     """How many bytes of uploads may be in memory at once; who comes when it is full waits for others to end.
 
-    Until then an upload lies in a temporary file.
+    Until then an upload lies in a temporary file.  Small ones neither wait nor count.
     """
 
     def __init__(self, size: int) -> None:
         self._size = size
         self._taken = 0
-        self._changed = threading.Condition()
+        self._released = asyncio.Event()
 
-    @contextmanager
-    def taken(self, size: int) -> Generator[None]:
-        """Take room for so many bytes; what is larger than all of it waits until it is alone."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._taken + size <= self._size or not self._taken)
-            self._taken += size
+    @asynccontextmanager
+    async def taken(self, size: int) -> AsyncGenerator[None]:
+        """Take so many bytes; what is larger than all of it waits until it is alone."""
+        if size <= _SMALL_BYTES:
+            yield
+            return
+        while self._taken and self._taken + size > self._size:
+            await self._released.wait()
+        self._taken += size
         try:
             yield
         finally:
-            with self._changed:
-                self._taken -= size
-                self._changed.notify_all()
+            self._taken -= size
+            self._released.set()
+            self._released = asyncio.Event()
 
 
 def comes_in_pieces(path: str) -> bool:

@@ -1,17 +1,16 @@
 """Captures: received, measured, stored; corrected; their files given back."""
 
-from collections.abc import Mapping
 from pathlib import PurePosixPath
-from typing import Annotated, Any
+from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, File, Form, Path, Response, UploadFile
 from fastapi.responses import JSONResponse
-from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
 
-from calib_core.errors import CalibrationError, ConflictError, DamagedError, InputError, TooLargeError
-from calib_core.records import Capture, Measured, Session, Step, parse_capture
+from calib_core.errors import ConflictError, InputError, TooLargeError
+from calib_core.records import Capture, Step, parse_capture
+from server.captures.changes import corrected_capture
 from server.http.dependencies import (
     Again,
     CaptureId,
@@ -21,45 +20,26 @@ from server.http.dependencies import (
     IntakeDep,
     Limit,
     MeasuringDep,
-    RoomDep,
     SessionId,
     SettingsDep,
     StoreDep,
+    UploadMemoryDep,
 )
 from server.http.downloads import Download
-from server.http.idempotency import Idempotency
-from server.http.json_text import JsonText
 from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.http.strict_json import StrictRoute, parse_json
-from server.http.uploads import digests_of, named_files
-from server.jobs.measuring import check_poses
-from server.jobs.measuring_processes import Measuring
-from server.sources.intake import MOST_BYTES, is_simple
-from server.sources.receiving import receive
+from server.http.uploads import named_files
 from server.sources.simulated import capture_again, next_capture
-from server.store.arrivals import add_captures
-from server.store.calibrations import Calibrated, calibrated, needs_calibration
 from server.store.captures import (
     capture_data,
     capture_ids,
     capture_row,
-    change_capture,
     file_digest,
     list_captures,
     remove_capture,
 )
 from server.store.database import Store
-from server.store.models import Data, SessionRow
-from server.store.sessions import (
-    empty_session,
-    etag,
-    load_session,
-    locked_session,
-    merge_patch,
-    require_revision,
-    session_row,
-    unused,
-)
+from server.store.sessions import etag, locked_session, require_revision, session_row, unused
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
 
@@ -79,9 +59,7 @@ async def add(
         Form(description="The capture's record, as JSON.", max_length=1_000_000, examples=[_RECORD_EXAMPLE]),
     ],
     idempotency: IdempotencyDep,
-    store: StoreDep,
-    measuring: MeasuringDep,
-    room: RoomDep,
+    memory: UploadMemoryDep,
     settings: SettingsDep,
     intake: IntakeDep,
     files: Annotated[
@@ -101,30 +79,18 @@ async def add(
             f"at most {settings.max_files_per_capture} files", f"{len(files)}", "Split the capture.", "files"
         )
     data.pop("measured", None)  # of a record that came from here
-    size_bytes = sum(file.size or 0 for file in files)
-
-    def contents_of_upload() -> tuple[Capture, dict[str, bytes]]:
-        contents = named_files(data, [(file.filename or "", file.file.read()) for file in files])
-        return parse_capture(data, "record"), contents
-
-    def store_large() -> Response:
-        with room.taken(size_bytes):
-            return _store(store, measuring, idempotency, session_id, *contents_of_upload())
-
-    if size_bytes > MOST_BYTES:
-        return await run_in_threadpool(store_large)
-    capture, contents = contents_of_upload()
-    if is_simple(capture):
-        return await intake.take(idempotency, session_id, capture, contents)
-    return await run_in_threadpool(_store, store, measuring, idempotency, session_id, capture, contents)
+    async with memory.taken(sum(file.size or 0 for file in files)):
+        contents = named_files(data, [(file.filename or "", await file.read()) for file in files])
+        capture = await run_in_threadpool(parse_capture, data, "record")
+        return await intake.take(session_id, capture, contents, idempotency)
 
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
-def take_simulated(
+async def take_simulated(
     session_id: SessionId,
     idempotency: IdempotencyDep,
     store: StoreDep,
-    measuring: MeasuringDep,
+    intake: IntakeDep,
     step: Step | None = None,
     again: Again = None,
 ) -> Response:
@@ -133,9 +99,16 @@ def take_simulated(
     What is taken again has a name of its own (`p05-again`); arm and scanner err anew.
     """
     content = f"again {again}" if again else f"next {step}" if step else "next"
-    answered = idempotency.answered(store, content)
+    answered = await run_in_threadpool(idempotency.answered, store, content)
     if answered is not None:
         return answered
+    capture, contents = await run_in_threadpool(_simulated, store, session_id, step, again)
+    return await intake.take(session_id, capture, contents, idempotency, content)
+
+
+def _simulated(
+    store: Store, session_id: str, step: str | None, again: str | None
+) -> tuple[Capture, dict[str, bytes]]:
     with store.read() as db:
         row = session_row(db, session_id)
         if row.simulated is None:
@@ -143,37 +116,9 @@ def take_simulated(
                 "a session of the simulated cell", "one of a real cell", "Upload captures to it.", session_id
             )
         device, taken = dict(row.simulated), capture_ids(db, session_id)
-    scenario, seed = device["scenario"], device["seed"]
     if again:
-        capture, contents = capture_again(scenario, seed, taken, again)
-    else:
-        capture, contents = next_capture(scenario, seed, taken, step)
-    return _store(store, measuring, idempotency, session_id, capture, contents, content=content)
-
-
-def _store(
-    store: Store,
-    measuring: Measuring,
-    idempotency: Idempotency,
-    session_id: str,
-    capture: Capture,
-    contents: Mapping[str, bytes],
-    content: Any = None,
-) -> Response:
-    content = content or [capture.to_json(), digests_of(contents)]
-    answered = idempotency.answered(store, content)
-    if answered is not None:
-        return answered
-    arrival, record = receive(store, measuring, session_id, capture, contents)
-
-    def act(db: Transaction) -> JsonText:
-        (stored,) = add_captures(db, session_id, [arrival], record)
-        if isinstance(stored, CalibrationError):
-            raise stored
-        return stored
-
-    answer, _ = idempotency.run(store, content, 201, act)
-    return answer
+        return capture_again(device["scenario"], device["seed"], taken, again)
+    return next_capture(device["scenario"], device["seed"], taken, step)
 
 
 @router.get("/captures", response_model=CapturePage)
@@ -204,48 +149,8 @@ def change(
 ) -> Response:
     """Correct a capture's record; its files stay as they came."""
     changes = {name: value for name, value in body.model_dump(exclude_unset=True).items() if name != "measured"}
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
-        before = capture_row(db, session_id, capture_id)
-        record, revision, measured_before = before.record, before.revision, before.measured
-    capture = _changed(record, changes)
-    check_poses(stored.session, capture)
-    frames = calibrated(stored) if needs_calibration(capture) else Calibrated(stored.session, ())
-    try:
-        measured = frames.told(measuring.measure(frames.session, capture, stored.read))
-    except DamagedError:
-        if set(changes) != {"excluded"}:
-            raise
-        # What the disk has spoiled can still be left out: that is what makes the others count again.
-        measured = Measured.model_validate(measured_before)
-    with store.write() as db:
-        session = locked_session(db, session_id)
-        _require_same_cell(session, stored.session)
-        row = capture_row(db, session_id, capture_id)
-        require_revision(row, if_match)
-        if row.revision != revision:
-            raise ConflictError("a capture that rests", "one that was just changed", "Send the change again.")
-        change_capture(db, session, row, capture.to_json(), measured)
-        answer, tag = capture_data(row), etag(row)
+    answer, tag = corrected_capture(store, measuring.measure, session_id, capture_id, changes, if_match)
     return JSONResponse(answer, headers={"ETag": tag})
-
-
-def _require_same_cell(row: SessionRow, session: Session) -> None:
-    """Refuse what was measured for a cell that was changed meanwhile."""
-    if empty_session(row.record, row.id).cell != session.cell:
-        raise ConflictError("a cell that rests", "one that was just changed", "Send the request again.", "cell")
-
-
-def _changed(record: Data, changes: Data) -> Capture:
-    for name in ("id", "files", "kind"):
-        if name in changes and changes[name] != record.get(name):
-            raise InputError(
-                f"the '{name}' that the capture came with",
-                "another",
-                "Remove the capture and upload it again.",
-                name,
-            )
-    return parse_capture(merge_patch(record, changes), "request")
 
 
 @router.delete("/captures/{capture_id}", status_code=204)

@@ -1,17 +1,16 @@
 """Sessions."""
 
 from collections.abc import AsyncIterator
-from dataclasses import replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
-from calib_core.errors import ConflictError, InputError
-from calib_core.records import Guide, Session, parse_session
+from calib_core.errors import InputError
+from calib_core.records import Guide, parse_session
+from server.captures.changes import corrected_session
 from server.http.dependencies import (
-    BacklogDep,
     Cursor,
     HubDep,
     IdempotencyDep,
@@ -20,6 +19,7 @@ from server.http.dependencies import (
     LastEventId,
     Limit,
     MeasuringDep,
+    MeasuringQueueDep,
     SessionId,
     StoreDep,
 )
@@ -34,36 +34,24 @@ from server.http.schemas import (
     StoredSession,
 )
 from server.http.strict_json import StrictRoute, plain_json
-from server.jobs.backlog import to_wait
-from server.jobs.measuring import Measure, check_poses
 from server.sources.simulated import simulated_session
-from server.store.calibrations import calibrated, needs_calibration
 from server.store.models import Data
 from server.store.sessions import (
     STORE_FIELDS,
-    change_session,
     create_session,
     delete_session,
     etag,
     list_sessions,
     load_session,
     locked_session,
-    merge_patch,
     require_revision,
     session_data,
     session_row,
     unused,
 )
-from server.store.sessions import StoredSession as StoredAs
 from server.store.solves import unfinished_jobs
-from server.store.waiting import measure_anew
 
 router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=StrictRoute)
-
-_MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
-_CHANGED = "It is measured anew: the cell was changed."
-# What measuring a capture depends on, beside the capture.
-_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
 
 
 @router.post("", status_code=201, response_model=StoredSession)
@@ -112,7 +100,7 @@ def change(
     session_id: SessionId,
     body: SessionChanges,
     store: StoreDep,
-    backlog: BacklogDep,
+    queue: MeasuringQueueDep,
     measuring: MeasuringDep,
     if_match: IfMatch = None,
 ) -> Response:
@@ -123,27 +111,8 @@ def change(
     changes = {n: v for n, v in body.model_dump(exclude_unset=True).items() if n not in STORE_FIELDS}
     if "captures" in changes:
         raise InputError("changes of the session", "captures", "Patch each capture by itself.", "captures")
-    with store.read() as db:
-        before = load_session(db, store.blobs, session_id)
-        revision = session_row(db, session_id).revision
-    record = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
-    session = parse_session({**record, "captures": [c.to_json() for c in before.session.captures]}, "request")
-    for capture in session.captures:
-        check_poses(session, capture)
-    anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
-    at_idempotency = anew and len(session.captures) <= _MEASURED_AT_ONCE
-    measured = _measured_anew(replace(before, session=session), measuring.measure) if at_idempotency else {}
-    with store.write() as db:
-        row = locked_session(db, session_id)
-        require_revision(row, if_match)
-        if row.revision != revision:
-            raise ConflictError("a session that rests", "one that was just changed", "Send the change again.")
-        if anew and not at_idempotency:
-            measure_anew(db, session_id, {c.id: to_wait(c, _CHANGED) for c in session.captures})
-        change_session(db, row, _without_captures(session), measured)
-        answer = session_data(db, row)
-        tag = etag(row)
-    backlog.wake()
+    answer, tag = corrected_session(store, measuring.measure, session_id, changes, if_match)
+    queue.wake()
     return JSONResponse(answer, headers={"ETag": tag})
 
 
@@ -208,16 +177,3 @@ async def events(
     """Stream what happens: `capture`, `result`, `job` and `session` events; begins with the newest one."""
     async for event in follow(store, hub, session_id, None if last_event_id is None else int(last_event_id)):
         yield to_sse(event)
-
-
-def _measured_anew(stored: StoredAs, measure: Measure) -> dict[str, Data]:
-    frames = calibrated(stored)
-    measured = {c.id: measure(frames.session, c, stored.read) for c in stored.session.captures}
-    raw = {c.id for c in stored.session.captures if needs_calibration(c)}
-    return {name: (frames.told(seen) if name in raw else seen).to_json() for name, seen in measured.items()}
-
-
-def _without_captures(session: Session) -> Data:
-    record = session.to_json()
-    del record["captures"]
-    return record

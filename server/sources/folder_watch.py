@@ -1,32 +1,26 @@
 """The watcher of this server: what it reads of sessions, and how it stores captures."""
 
+import asyncio
 from collections.abc import Mapping
 
-from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Session
-from server.jobs.measuring_processes import Measuring
+from server.captures.intake import Intake
 from server.settings import Settings
 from server.sources.folder_watcher import Watcher
-from server.sources.receiving import receive
-from server.store.arrivals import add_captures, session_record
+from server.store.arrivals import session_record
 from server.store.captures import capture_ids
 from server.store.database import Store
 from server.store.sessions import empty_session
 
 
-def session_watcher(settings: Settings, store: Store, measuring: Measuring) -> Watcher:
+def session_watcher(settings: Settings, store: Store, intake: Intake) -> Watcher:
     """Return the watcher of folders below `settings.watch_root`, not started yet."""
 
     def load(session_id: str) -> tuple[Session, set[str]]:
         with store.read() as db:
             return empty_session(session_record(db, session_id), session_id), capture_ids(db, session_id)
 
-    def keep(session_id: str, capture: Capture, contents: Mapping[str, bytes]) -> None:
-        arrival, record = receive(store, measuring, session_id, capture, contents)
-        with store.write() as db:
-            (stored,) = add_captures(db, session_id, [arrival], record)
-            if isinstance(stored, CalibrationError):
-                raise stored
+    def take(session_id: str, capture: Capture, contents: Mapping[str, bytes]) -> None:
+        asyncio.run(intake.take(session_id, capture, contents))
 
-    memory = settings.data / "watched.json"
-    return Watcher(settings.watch_root, memory, load, keep, settings.max_upload_bytes)
+    return Watcher(settings.watch_root, settings.data / "watched.json", load, take, settings.max_upload_bytes)

@@ -26,12 +26,12 @@ _MOST_FOLDERS = 200
 
 Load = Callable[[str], tuple[Session, set[str]]]
 """Gives a session's record without captures and the ids of its captures; raises NotFoundError."""
-Keep = Callable[[str, Capture, Mapping[str, bytes]], None]
+Take = Callable[[str, Capture, Mapping[str, bytes]], None]
 """Stores a capture; raises CalibrationError."""
 
 
 @dataclass
-class Watch:
+class WatchedFolder:
     """A session's folder: what was taken of it, and why other files are not.
 
     `refused` maps names to the signatures and sentence of a refusal: it is looked at again once a file changes.
@@ -67,16 +67,16 @@ class Watcher:
         Only folders below it may be watched; None forbids all.
     memory : Path
         The file that outlives a restart.
-    load, keep : callable
+    load, take : callable
     max_bytes : int
         Of one measurement file.
     """
 
-    def __init__(self, root: Path | None, memory: Path, load: Load, keep: Keep, max_bytes: int) -> None:
+    def __init__(self, root: Path | None, memory: Path, load: Load, take: Take, max_bytes: int) -> None:
         self._root = root.resolve() if root is not None else None
         self._memory = memory
-        self._load, self._keep, self._max_bytes = load, keep, max_bytes
-        self._watches: dict[str, Watch] = {}
+        self._load, self._take_in, self._max_bytes = load, take, max_bytes
+        self._watches: dict[str, WatchedFolder] = {}
         self._lock = threading.Lock()
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watched folders", daemon=True)
@@ -88,7 +88,7 @@ class Watcher:
         if self._memory.is_file():
             for session_id, kept in json.loads(self._memory.read_text(encoding="utf-8")).items():
                 taken = {name: (size, time_ns) for name, (size, time_ns) in kept["taken"].items()}
-                self._watches[session_id] = Watch(kept["folder"], kept["step"], taken)
+                self._watches[session_id] = WatchedFolder(kept["folder"], kept["step"], taken)
         self._thread.start()
 
     def stop(self) -> None:
@@ -117,7 +117,7 @@ class Watcher:
             raise _not_there(folder)
         self._inside(folder)
         with self._lock:
-            self._watches[session_id] = Watch(folder, step)
+            self._watches[session_id] = WatchedFolder(folder, step)
             self._remember()
 
     def end(self, session_id: str) -> None:
@@ -141,7 +141,7 @@ class Watcher:
         while not self._stopped.wait(_LOOK_EVERY_S):
             self.look(time.monotonic())
 
-    def _look_at(self, session_id: str, watch: Watch, now_s: float) -> None:
+    def _look_at(self, session_id: str, watch: WatchedFolder, now_s: float) -> None:
         try:
             folder = self._inside(watch.folder)
             found = files_in(folder)
@@ -163,7 +163,13 @@ class Watcher:
                 watch.waiting.append(name)
 
     def _take(
-        self, session_id: str, watch: Watch, folder: Path, name: str, notes: list[str], signatures: list[Signature]
+        self,
+        session_id: str,
+        watch: WatchedFolder,
+        folder: Path,
+        name: str,
+        notes: list[str],
+        signatures: list[Signature],
     ) -> None:
         session, ids = self._load(session_id)
         try:
@@ -171,7 +177,7 @@ class Watcher:
             content = self._read(folder / name)
             if files_in(folder).get(name) != signatures[0]:
                 return  # it was written on while it was read
-            self._keep(session_id, capture, {capture.files[0]: content})
+            self._take_in(session_id, capture, {capture.files[0]: content})
         except NotFoundError:
             raise
         except (CalibrationError, OSError) as error:

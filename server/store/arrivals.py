@@ -68,18 +68,6 @@ def session_record(db: Transaction, session_id: str) -> Data:
     return _required(found, session_id)[0]
 
 
-def require_free(db: Transaction, session_id: str, capture: Capture, digests: Mapping[str, str]) -> None:
-    """Refuse a capture whose id is taken, or whose file name stands for other bytes in this session.
-
-    Raises
-    ------
-    ConflictError
-    """
-    (reason,) = _refusals(db, session_id, [(capture, digests)])
-    if reason is not None:
-        raise reason
-
-
 def _refusals(db: Transaction, session_id: str, arriving: Sequence[_Named]) -> list[CalibrationError | None]:
     """Return for each capture why it cannot be stored, None where it can."""
     run = db.connection().execute

@@ -20,7 +20,7 @@ _BUNCH_BYTES = 8_000_000
 
 
 @dataclass(frozen=True)
-class Raw:
+class CaptureInBody:
     """A capture as it came: its record's data and its files' bytes, or why the body cannot be read on."""
 
     where: str
@@ -28,11 +28,25 @@ class Raw:
     contents: Sequence[bytes]
     broken: CalibrationError | None = None
 
+    def parsed(self, session: Session) -> tuple[Capture, Mapping[str, bytes]] | CalibrationError:
+        """Return the capture and its files by name, or why it is of no use."""
+        if self.broken is not None:
+            return self.broken
+        try:
+            capture = parse_capture(self.data, self.where)
+            if not len(set(capture.files)) == len(self.contents) == len(capture.files):
+                got, to_do = f"{len(capture.files)} for {len(self.contents)}", "Name each file once, in its order."
+                raise InputError("as many different `files` as `sizes`", got, to_do, self.where)
+            check_poses(session, capture)
+        except CalibrationError as error:
+            return error
+        return capture, dict(zip(capture.files, self.contents, strict=True))
 
-async def bunches(stream: AsyncIterator[bytes], max_capture_bytes: int) -> AsyncIterator[list[Raw]]:
+
+async def bunches(stream: AsyncIterator[bytes], max_capture_bytes: int) -> AsyncIterator[list[CaptureInBody]]:
     """Yield the captures of a body in bunches that fit in memory; a body that cannot be read on ends with why."""
     body = _Body(stream)
-    bunch: list[Raw] = []
+    bunch: list[CaptureInBody] = []
     held = number = 0
     while True:
         number += 1
@@ -43,9 +57,9 @@ async def bunches(stream: AsyncIterator[bytes], max_capture_bytes: int) -> Async
                 break
             data = parse_json(line, where)
             sizes = _sizes(data, where, max_capture_bytes)
-            bunch.append(Raw(where, data, [await body.take(size, where) for size in sizes]))
+            bunch.append(CaptureInBody(where, data, [await body.take(size, where) for size in sizes]))
         except CalibrationError as error:
-            bunch.append(Raw(where, {}, [], error))
+            bunch.append(CaptureInBody(where, {}, [], error))
             break
         held += sum(sizes)
         if len(bunch) == _BUNCH_CAPTURES or held > _BUNCH_BYTES:
@@ -53,24 +67,6 @@ async def bunches(stream: AsyncIterator[bytes], max_capture_bytes: int) -> Async
             bunch, held = [], 0
     if bunch:
         yield bunch
-
-
-def parsed(raw: Raw, session: Session) -> tuple[Capture, Mapping[str, bytes]]:
-    """Return the capture and its files by name.
-
-    Raises
-    ------
-    CalibrationError
-        If it is of no use, or was not read.
-    """
-    if raw.broken is not None:
-        raise raw.broken
-    capture = parse_capture(raw.data, raw.where)
-    if len(set(capture.files)) != len(raw.contents) or len(capture.files) != len(raw.contents):
-        got, to_do = f"{len(capture.files)} for {len(raw.contents)}", "Name each file once, in its order."
-        raise InputError("as many different `files` as `sizes`", got, to_do, raw.where)
-    check_poses(session, capture)
-    return capture, dict(zip(capture.files, raw.contents, strict=True))
 
 
 def _sizes(data: Any, where: str, limit: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""Captures that came many at once are measured after they were acknowledged, in the order of their arrival."""
+"""Captures whose senders did not wait are measured after they were acknowledged, in the order of their arrival."""
 
 import logging
 import threading
@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from itertools import groupby
 
 from calib_core.errors import CalibrationError, NotFoundError
-from calib_core.records import Capture, Measured, parse_capture
+from calib_core.records import Capture, Measured, Session, parse_capture
+from server.captures.measurer import Measurer
 from server.jobs.measuring import unmeasured
 from server.jobs.measuring_processes import Measuring
-from server.store.calibrations import Calibrated, calibrated_session, needs_calibration
+from server.store.calibrations import Calibrated, calibrated_session
 from server.store.database import Store
 from server.store.sessions import empty_session
 from server.store.waiting import Waiting, first_waiting, note_measured
@@ -22,7 +23,7 @@ _PAUSE_S = 5.0
 _LOOK_S = 60.0  # a capture may begin to wait in the moment in which the plane of light is solved
 
 
-class Backlog:
+class MeasuringQueue:
     """A thread that measures what waits; a restarted server goes on with it."""
 
     def __init__(self, store: Store, measuring: Measuring) -> None:
@@ -32,7 +33,7 @@ class Backlog:
         self._batches = 0
         self._woken = threading.Event()
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="backlog", daemon=True)
+        self._thread = threading.Thread(target=self._work, name="measuring queue", daemon=True)
 
     def start(self) -> None:
         """Begin with what an earlier server left."""
@@ -90,32 +91,27 @@ class Backlog:
 
     def _measure_of_session(self, session_id: str, waiting: Sequence[Waiting]) -> None:
         session = empty_session(waiting[0].session_record, session_id)
-        frames: Calibrated | None = None
+        measurer = Measurer(self._measuring.measure, session, lambda: self._calibrated(session_id, session))
         measured: list[Measured] = []
         for one in waiting:
             if self._stopping.is_set():
                 break
             capture = parse_capture(one.record, "record")
-            if needs_calibration(capture) and frames is None:
-                frames = self._calibrated(session_id)
-            used = frames.session if frames and needs_calibration(capture) else session
             try:
-                seen = self._measuring.measure(
-                    used, capture, lambda name, one=one: self._store.blobs.read(one.digests[name])
+                measured.append(
+                    measurer.measure(capture, lambda name, one=one: self._store.blobs.read(one.digests[name]))
                 )
-                seen = frames.told(seen) if frames and used is frames.session else seen
             except CalibrationError as error:
-                seen = _of_no_use(capture, error)
-            measured.append(seen)
+                measured.append(unmeasured(capture, f"Need {error.need}, got {error.got}.", error.to_do))
         with self._store.write() as db:
             note_measured(db, session_id, waiting[: len(measured)], measured)
 
-    def _calibrated(self, session_id: str) -> Calibrated | None:
+    def _calibrated(self, session_id: str, session: Session) -> Calibrated:
         try:
             with self._store.read() as db:
                 return calibrated_session(db, self._store.blobs, session_id)
         except NotFoundError:
-            return None  # it was removed meanwhile
+            return Calibrated(session, ())  # it was removed meanwhile
 
 
 def to_wait(capture: Capture, reason: str = "It is not measured yet: it came with many others.") -> Measured:
@@ -127,7 +123,3 @@ def to_wait(capture: Capture, reason: str = "It is not measured yet: it came wit
         reason=reason,
         to_do="Wait a moment; nothing has to be sent again.",
     )
-
-
-def _of_no_use(capture: Capture, error: CalibrationError) -> Measured:
-    return unmeasured(capture, f"Need {error.need}, got {error.got}.", error.to_do)

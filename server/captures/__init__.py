@@ -1,0 +1,1 @@
+"""Captures on their way in: received, measured, stored, changed."""

@@ -1,0 +1,119 @@
+"""Corrections: of a capture's record, and of the cell that captures were measured in."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from calib_core.errors import ConflictError, DamagedError, InputError
+from calib_core.records import Capture, Measured, parse_capture, parse_session
+from server.captures.measurer import Measurer
+from server.captures.measuring_queue import to_wait
+from server.jobs.measuring import Measure, check_poses
+from server.store.calibrations import calibrated
+from server.store.captures import capture_data, capture_row, change_capture
+from server.store.database import Store
+from server.store.models import Data
+from server.store.sessions import (
+    change_session,
+    empty_session,
+    etag,
+    load_session,
+    locked_session,
+    merge_patch,
+    require_revision,
+    session_data,
+    session_row,
+)
+from server.store.waiting import measure_anew
+
+_MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
+_CHANGED = "It is measured anew: the cell was changed."
+# What measuring a capture depends on, beside the capture.
+_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
+_FIXED = ("id", "files", "kind")
+
+
+def corrected_capture(
+    store: Store,
+    measure: Measure,
+    session_id: str,
+    capture_id: str,
+    changes: Mapping[str, object],
+    if_match: str | None,
+) -> tuple[Data, str]:
+    """Change a capture's record, measure it anew, and return it with its new ETag; its files stay as they came.
+
+    Raises
+    ------
+    CalibrationError
+        If the change is of no use, or something else was changed meanwhile.
+    """
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+        before = capture_row(db, session_id, capture_id)
+        record, revision, measured_before = before.record, before.revision, before.measured
+    capture = _changed(record, changes)
+    check_poses(stored.session, capture)
+    try:
+        measured = Measurer(measure, stored.session, lambda: calibrated(stored)).measure(capture, stored.read)
+    except DamagedError:
+        if set(changes) != {"excluded"}:
+            raise
+        # What the disk has spoiled can still be left out: that is what makes the others count again.
+        measured = Measured.model_validate(measured_before)
+    with store.write() as db:
+        session = locked_session(db, session_id)
+        if empty_session(session.record, session_id).cell != stored.session.cell:
+            raise _changed_meanwhile("cell")
+        row = capture_row(db, session_id, capture_id)
+        require_revision(row, if_match)
+        if row.revision != revision:
+            raise _changed_meanwhile("capture")
+        change_capture(db, session, row, capture.to_json(), measured)
+        return capture_data(row), etag(row)
+
+
+def corrected_session(
+    store: Store, measure: Measure, session_id: str, changes: Mapping[str, object], if_match: str | None
+) -> tuple[Data, str]:
+    """Change a session's name or cell, and return it with its new ETag.
+
+    Captures are measured anew where the cell's change bears on them: a few at once, more by the queue.
+
+    Raises
+    ------
+    CalibrationError
+        If the change is of no use, or something else was changed meanwhile.
+    """
+    with store.read() as db:
+        before = load_session(db, store.blobs, session_id)
+        revision = session_row(db, session_id).revision
+    captures = before.session.captures
+    record: Data = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
+    session = parse_session({**record, "captures": [capture.to_json() for capture in captures]}, "request")
+    for capture in captures:
+        check_poses(session, capture)
+    anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
+    at_once = anew and len(captures) <= _MEASURED_AT_ONCE
+    measurer = Measurer(measure, session, lambda: calibrated(replace(before, session=session)))
+    measured = {c.id: measurer.measure(c, before.read).to_json() for c in captures} if at_once else {}
+    with store.write() as db:
+        row = locked_session(db, session_id)
+        require_revision(row, if_match)
+        if row.revision != revision:
+            raise _changed_meanwhile("session")
+        if anew and not at_once:
+            measure_anew(db, session_id, {c.id: to_wait(c, _CHANGED) for c in captures})
+        change_session(db, row, {n: v for n, v in session.to_json().items() if n != "captures"}, measured)
+        return session_data(db, row), etag(row)
+
+
+def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
+    for name in _FIXED:
+        if name in changes and changes[name] != record.get(name):
+            to_do = "Remove the capture and upload it again."
+            raise InputError(f"the '{name}' that the capture came with", "another", to_do, name)
+    return parse_capture(merge_patch(record, changes), "request")
+
+
+def _changed_meanwhile(what: str) -> ConflictError:
+    return ConflictError(f"a {what} that rests", "one that was just changed", "Send the change again.", what)
