@@ -8,7 +8,6 @@ import importlib
 import pkgutil
 from collections.abc import Iterator
 from functools import cached_property
-from importlib.metadata import entry_points
 from typing import Generic, Protocol, TypeVar
 
 from calib_core.errors import InputError
@@ -81,7 +80,11 @@ class Registry(Generic[Entry]):
                 yield entry
 
     def _from_elsewhere(self) -> Iterator[Entry]:
-        for point in entry_points(group=self._group) if self._group else ():
+        if self._group is None:
+            return
+        from importlib.metadata import entry_points  # takes longer than the rest of `scancell --help`
+
+        for point in entry_points(group=self._group):
             entry = point.load()
             if not isinstance(entry, self._kind):
                 raise TypeError(f"the entry point '{point.name}' of '{self._group}' is no {self._kind.__name__}")

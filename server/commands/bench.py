@@ -1,32 +1,47 @@
 """`scancell bench`: the benchmarks of the checkout, as a table."""
 
+import argparse
 import importlib.util
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from calib_core.errors import InputError
+from server.console.command import NOT_ACCEPTED, OK, Command
+from server.console.output import print_result
 
 _FOLDER = Path(__file__).resolve().parents[2] / "tests" / "benchmarks"
 
 
-def bench(names: Sequence[str], full: bool) -> int:
-    """Run benchmarks and print their figures; return 1 where one does not hold."""
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("names", nargs="*", metavar="NAME", help="which ones (default all)")
+    parser.add_argument("--full", action="store_true", help="with all seeds and sizes: takes minutes")
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run benchmarks and print their figures as they are found; return 1 where one does not hold."""
+    from calib_core.errors import InputError
+
     known = {path.stem.removeprefix("bench_"): path for path in sorted(_FOLDER.glob("bench_*.py"))}
     if not known:
         raise InputError("the benchmarks", "none", "Run this command in a checkout of the project.", str(_FOLDER))
-    for name in names:
+    for name in options.names:
         if name not in known:
             raise InputError("a benchmark among " + ", ".join(known), f"'{name}'", "Name one of these.", "bench")
-    holds = True
-    for name in names or known:
-        print(f"\n{name}", flush=True)
-        for row in _load(known[name]).run(full):
+    table: dict[str, list[dict[str, Any]]] = {}
+    for name in options.names or known:
+        if not options.json:
+            print_result(options, f"\n{name}", None)
+        table[name] = []
+        for row in _load(known[name]).run(options.full):
+            table[name].append(
+                {"what": row.what, "target": row.target, "measured": row.measured, "holds": row.holds}
+            )
             mark = {True: "holds", False: "FAILS", None: ""}[row.holds]
-            print(f"  {row.what:58} {row.target:>22} {row.measured:>26}  {mark}", flush=True)
-            holds = holds and row.holds is not False
-    return 0 if holds else 1
+            if not options.json:
+                print_result(options, f"  {row.what:58} {row.target:>22} {row.measured:>26}  {mark}", None)
+    if options.json:
+        print_result(options, "", table)
+    return NOT_ACCEPTED if any(row["holds"] is False for rows in table.values() for row in rows) else OK
 
 
 def _load(path: Path) -> Any:
@@ -40,3 +55,6 @@ def _load(path: Path) -> Any:
     sys.modules[path.stem] = module
     spec.loader.exec_module(module)
     return module
+
+
+COMMAND = Command("bench", "run the benchmarks, side by side with peers", "installation", _arguments, _run)

@@ -1,21 +1,29 @@
 """`scancell serve`: the workbench in a browser."""
 
+import argparse
 import signal
 import socket
 import sys
 import threading
 import time
 from contextlib import suppress
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from calib_core.errors import InputError
+from server.console.command import OK, Command, address_arguments
+from server.console.output import print_result, remark
+
+if TYPE_CHECKING:
+    from server.serve import WorkbenchServer
 
 _SWITCH_S = 0.001
 """How long a thread may keep the interpreter while others wait; the one that answers is one of many under load."""
 
 
-def serve(host: str, port: int, data: Path) -> int:
+def serve(options: argparse.Namespace) -> int:
     """Serve until stopped, after printing the address."""
+    from calib_core.errors import InputError
+
+    host, port = options.host, options.port
     if not 0 <= port <= 65535:
         raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
     _require_free(host, port)
@@ -23,35 +31,34 @@ def serve(host: str, port: int, data: Path) -> int:
     from server.serve import WorkbenchServer
     from server.settings import Settings
 
-    settings = Settings(host=host, port=port, data=data)
+    settings = Settings(host=host, port=port, data=options.data)
     set_up(settings.log)
     sys.setswitchinterval(_SWITCH_S)
     server = WorkbenchServer(settings)
     for ending in (signal.SIGINT, signal.SIGTERM):  # uvicorn hears them between its very start and end alone
         signal.signal(ending, server.handle_exit)
-    threading.Thread(target=_announce, args=(server,), daemon=True).start()
+    threading.Thread(target=_announce, args=(options, server), daemon=True).start()
     server.run()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C comes too late to hurry anything
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    print("The workbench has stopped.", flush=True)
-    return 0
+    if not options.json:
+        print_result(options, "The workbench has stopped.", {})
+    return OK
 
 
-def _announce(server: object) -> None:
-    from server.serve import WorkbenchServer
-
-    assert isinstance(server, WorkbenchServer)
+def _announce(options: argparse.Namespace, server: "WorkbenchServer") -> None:
     while not server.started:
         if server.should_exit:
             return
         time.sleep(0.05)
     with suppress(IndexError):  # it may be stopped just as it has started
-        print(f"The workbench is at {server.address} (Ctrl-C ends it)", flush=True)
+        address = server.address
+        print_result(options, f"The workbench is at {address} (Ctrl-C ends it)", {"address": address})
     if server.is_in_the_clear:
-        print(
+        remark(
+            options,
             "Tokens and measurements travel unencrypted. Serve so on a network that you trust alone, or set "
             "SCANCELL_TLS_CERTIFICATE and SCANCELL_TLS_KEY.",
-            file=sys.stderr,
         )
 
 
@@ -63,6 +70,11 @@ def _require_free(host: str, port: int) -> None:
             trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             trial.bind((host, port))
     except OSError as error:
+        from calib_core.errors import InputError
+
         got = error.strerror or type(error).__name__
         to_do = "Choose another with --port (0: any that is free) or --host."
         raise InputError("an address to serve on", got.lower(), to_do, f"{host}:{port}") from None
+
+
+COMMAND = Command("serve", "serve the workbench", "workbench", address_arguments, serve)

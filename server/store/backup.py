@@ -43,6 +43,12 @@ class Backup:
     rows: Mapping[str, int]
     blobs: int
 
+    def __str__(self) -> str:
+        rows = self.rows
+        return (
+            f"{rows['sessions']} sessions, {rows['captures']} captures, {self.blobs} files, as of {self.created}"
+        )
+
 
 class _GoneError(Exception):
     """A blob was removed since the tables were read: its capture was deleted, and the tables must be read anew."""

@@ -10,8 +10,7 @@ import pytest
 from calib_core import __version__
 from calib_core.simulation import simulate
 from server.cli import main
-from server.commands.bench import bench
-from server.commands.schema import PYTHON_CLIENT, SCHEMAS, schema_text
+from server.commands.schema.records import PYTHON_CLIENT, SCHEMAS, schema_text
 from server.render.text.summary import with_uncertainty
 from tests.benchmarks.harness import Row
 
@@ -62,7 +61,7 @@ def test_a_usage_error_is_one_sentence(capsys, arguments, said):
 
 
 def test_a_fault_of_the_program_shows_no_traceback_unless_asked(capsys, monkeypatch):
-    monkeypatch.setattr("server.commands.schema.schema_text", lambda _name: [][0])
+    monkeypatch.setattr("server.commands.schema.records.schema_text", lambda _name: [][0])
     assert main(["schema", "session"]) == 2
     err = capsys.readouterr().err
     assert err.startswith("scancell: unexpected error, a fault of the program (IndexError")
@@ -189,15 +188,12 @@ def test_bench_fails_where_a_figure_does_not_hold(capsys, monkeypatch):
             return [Row("speed", "≥ 4", "5" if full else "3", full)]
 
     monkeypatch.setattr("server.commands.bench._load", lambda _path: Module)
-    assert bench(["arc"] if _has_bench("arc") else [], full=False) == 1
+    assert main(["bench", "tcp"]) == 1
     assert "FAILS" in capsys.readouterr().out
-    assert bench([], full=True) == 0
+    assert main(["bench", "tcp", "--full", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["tcp"][0]["holds"] is True
     assert main(["bench", "nothing"]) == 2
     assert "a benchmark among" in capsys.readouterr().err
-
-
-def _has_bench(name):
-    return (ROOT / "tests" / "benchmarks" / f"bench_{name}.py").exists()
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from calib_core.simulation import simulate
-from server.commands.schema import schema_text
+from server.commands.schema.records import schema_text
 from tests.server.live_server import wait_for
 
 CLIENT = Path(__file__).resolve().parents[2] / "docs" / "client" / "scancell_client.py"

@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 
-from server.commands.demo import demo
+from server.cli import parser
+from server.commands.demo.chain import demo
 
 
 def test_the_demo_prints_the_chain_beside_its_truth_and_leaves_it_in_the_workbench(
     start: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert demo(1, tmp_path / "data") == 0
+    assert demo(parser(["demo"]).parse_args(["demo", "--data", str(tmp_path / "data")])) == 0
     printed = capsys.readouterr().out
     stages = ["tcp", "turntable", "chain", "merge"]
     assert re.findall(r"^(\S+): .* — verdict (\S+)$", printed, re.MULTILINE) == [(s, "pass") for s in stages]

@@ -27,7 +27,7 @@ def schema_text(name: str) -> str:
         If there is none of this name.
     """
     if name == PYTHON_CLIENT:
-        from server.commands.client import client_source
+        from server.commands.schema.client import client_source
 
         return client_source()
     if name not in _RECORDS:

@@ -1,9 +1,7 @@
 """`scancell archive`: pack, unpack, verify and replay a session's archive."""
 
-import json
-import sys
+import argparse
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from calib_core.archive import archive
@@ -16,71 +14,75 @@ from calib_core.records import Session
 from calib_core.review.replay import Replay, StageReplay
 from calib_core.review.replay import replay as replay_session
 from calib_core.stages.stage import ReadFile
-from server.commands.progress import progress_bar
-from server.commands.solving import solved_if_possible
+from server.console.command import NOT_ACCEPTED, OK
+from server.console.output import print_result, remark
+from server.console.progress import progress_bar
+from server.console.solving import solved_if_possible
 
 _LISTED = 10
 
 
-def pack(path: Path, out: Path, with_scene: bool) -> int:
+def pack(options: argparse.Namespace) -> int:
     """Write a session's archive with its report and scene; a session without results is solved for it."""
-    folder = folder_of(path)
+    folder = folder_of(options.session)
     session, read = load_session(folder)
     extra: dict[str, Content] = {}
     results = stored_results(folder)
     if not results:
-        results = solved_if_possible(session, read)
+        results = solved_if_possible(options, session, read)
         extra |= {f"results/{stage}.json": to_json_bytes(result) for stage, result in results.items()}
-    extra |= _report(session, read, results)
-    if with_scene:
-        extra |= _scene(session, read, results)
-    print(f"{out}: {_facts(archive.pack(folder, out, extra))}")
-    return 0
+    extra |= _report(options, session, read, results)
+    if not options.no_scene:
+        extra |= _scene(options, session, read, results)
+    _print_facts(options, str(options.out), archive.pack(folder, options.out, extra))
+    return OK
 
 
-def unpack(file: Path, out: Path) -> int:
+def unpack(options: argparse.Namespace) -> int:
     """Write an archive's files as a folder, whose `data` is the session folder."""
-    print(f"{out / 'data'}: {_facts(archive.unpack(file, out))}")
-    return 0
+    _print_facts(options, str(options.out / "data"), archive.unpack(options.file, options.out))
+    return OK
 
 
-def verify(file: Path) -> int:
+def verify(options: argparse.Namespace) -> int:
     """Check an archive as a whole, and say what it holds."""
-    print(f"{file}: whole and unaltered. {_facts(archive.verify(file))}")
-    return 0
+    _print_facts(options, str(options.file), archive.verify(options.file), "whole and unaltered. ")
+    return OK
 
 
-def replay(path: Path, as_json: bool) -> int:
+def replay(options: argparse.Namespace) -> int:
     """Solve an archive afresh and compare; returns 1 where a number differs."""
-    with archive.opened(path) as folder:
+    with archive.opened(options.file) as folder:
         session, read = load_session(folder)
-        with progress_bar() as progress:
-            found = replay_session(session, read, stored_results(folder), progress, str(path))
-    if as_json:
-        print(json.dumps(found.model_dump(mode="json"), ensure_ascii=False, allow_nan=False))
-    else:
-        print("\n".join(line for stage in found.stages for line in _stage_lines(stage, found)))
-    return 0 if found.equal else 1
+        with progress_bar(options) as progress:
+            found = replay_session(session, read, stored_results(folder), progress, str(options.file))
+    text = "\n".join(line for stage in found.stages for line in _stage_lines(stage, found))
+    print_result(options, text, found.model_dump(mode="json"))
+    return OK if found.equal else NOT_ACCEPTED
 
 
-def _report(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Content]:
+def _report(
+    options: argparse.Namespace, session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Content]:
     from server.render.report.report import report_html
     from server.render.report.stale import stale_stages
 
     stale = stale_stages(session, read, results)
     for stage in stale:
-        print(
-            f"scancell: warning: the result of {stage} is older than its captures: `scancell run` solves it anew.",
-            file=sys.stderr,
+        remark(
+            options,
+            f"warning: the result of {stage} is older than its captures: `scancell run` solves it anew.",
         )
     try:
         return {REPORT_FILE: report_html(session, results, stale).encode()}
     except CalibrationError as error:
-        print(f"scancell: warning: packed without the report: {error}", file=sys.stderr)
+        remark(options, f"warning: packed without the report: {error}")
         return {}
 
 
-def _scene(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Content]:
+def _scene(
+    options: argparse.Namespace, session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Content]:
     from server.jobs.measuring import measure
     from server.scenes.offline import scene_html
     from server.scenes.stored import scene_input
@@ -89,8 +91,12 @@ def _scene(session: Session, read: ReadFile, results: Mapping[str, Mapping[str, 
         measured = [measure(session, capture, read) for capture in session.captures]
         return {SCENE_FILE: scene_html(scene_input(session, read, measured, results)).encode()}
     except CalibrationError as error:
-        print(f"scancell: warning: packed without the scene: {error}", file=sys.stderr)
+        remark(options, f"warning: packed without the scene: {error}")
         return {}
+
+
+def _print_facts(options: argparse.Namespace, where: str, facts: ArchiveFacts, state: str = "") -> None:
+    print_result(options, f"{where}: {state}{_facts(facts)}", {"path": where, **facts.model_dump(mode="json")})
 
 
 def _facts(facts: ArchiveFacts) -> str:

@@ -1,49 +1,52 @@
 """`scancell demo`: the whole chain on the simulated cell, each result beside the truth."""
 
+import argparse
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from calib_core.archive.folder import result_data
 from calib_core.frames import RigidTransform
 from calib_core.records import ChainResult, MergeResult, Result, TcpResult, TurntableResult
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import run
-from server.commands.progress import progress_bar
+from server.console.command import NOT_ACCEPTED, OK
+from server.console.output import print_result, remark
+from server.console.progress import progress_bar
 from server.render.text.summary import with_uncertainty
 
 _SIGMAS_OF_95 = 1.96
 
 
-def demo(seed: int, data: Path | None) -> int:
+def demo(options: argparse.Namespace) -> int:
     """Simulate, solve, and print each step's result beside the known truth; return 1 where a verdict is `fail`.
 
-    The session is kept in the workbench's store at `data`, with all its results; nowhere where it is None.
+    The session is kept in the workbench's store, with all its results; with --no-serve nowhere.
     """
-    simulated = simulate("cell", seed)
+    simulated = simulate("cell", options.seed)
     steps = Counter(capture.step for capture in simulated.session.captures)
-    print(
-        f"Simulated cell, seed {seed}: {steps['tcp']} captures of a still sphere, {steps['turntable']} of one on "
-        f"the turntable, {steps['scan']} scans of a part; random errors"
+    intro = (
+        f"Simulated cell, seed {options.seed}: {steps['tcp']} captures of a still sphere, {steps['turntable']} of "
+        f"one on the turntable, {steps['scan']} scans of a part; random errors"
     )
     made: dict[str, bytes] = {}
 
     def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
         made[name] = b"".join(pieces)
 
-    with progress_bar() as progress:
+    with progress_bar(options) as progress:
         results = run(simulated.session, simulated.files.__getitem__, "all", progress, store)
-    for result in results.values():
-        print("\n".join(_lines(result, results, simulated.truth, made)), flush=True)
-    failed = any(result.verdict == "fail" for result in results.values())
-    if data is not None:
-        from server.commands.demo_session import keep_session
+    lines = [line for result in results.values() for line in _lines(result, results, simulated.truth, made)]
+    data = {"truth": simulated.truth, "results": {name: result_data(result) for name, result in results.items()}}
+    print_result(options, "\n".join([intro, *lines]), data)
+    if not options.no_serve:
+        from server.commands.demo.session import keep_session
 
-        name = keep_session(simulated, results, made, data)
-        print(f"\nThe workbench has it as the session '{name}'", flush=True)
-    return 1 if failed else 0
+        name = keep_session(simulated, results, made, options.data)
+        remark(options, f"the workbench has it as the session '{name}'")
+    return NOT_ACCEPTED if any(result.verdict == "fail" for result in results.values()) else OK
 
 
 def _lines(
@@ -55,7 +58,7 @@ def _lines(
         case TurntableResult() | ChainResult():
             yield from _table(result, truth)
         case MergeResult():
-            from server.commands.demo_merge import merge_lines
+            from server.commands.demo.merge import merge_lines
 
             chain = results["chain"]
             assert isinstance(chain, ChainResult)

@@ -1,14 +1,15 @@
 """A bar on standard error where that is a terminal, and silence elsewhere."""
 
+import argparse
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
 
 @contextmanager
-def progress_bar() -> Generator[Callable[[float, str], None]]:
+def progress_bar(options: argparse.Namespace) -> Generator[Callable[[float, str], None]]:
     """Give a function that shows the fraction done and what is being done."""
-    if not sys.stderr.isatty():
+    if options.quiet or not sys.stderr.isatty():
         yield lambda _fraction, _message: None
         return
     from rich.console import Console

@@ -1,5 +1,6 @@
 """`scancell export` of the merged cloud and its mesh."""
 
+import argparse
 import sys
 import tempfile
 from collections.abc import Iterable
@@ -14,31 +15,28 @@ from calib_core.records import Session
 from calib_core.stages.graph import inputs_sha256
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.stage import ReadFile
-from server.commands.progress import progress_bar
+from server.console.command import OK
+from server.console.output import STANDARD_OUTPUT, write_out
+from server.console.progress import progress_bar
 
 
-def export_cloud(path: Path, wanted: str, out: Path | None) -> int:
+def export_cloud(options: argparse.Namespace) -> int:
     """Write the merged cloud (as STL its mesh) in a format; merges first where none is stored or it is stale."""
-    if out is None and sys.stdout.isatty():
+    if options.out == STANDARD_OUTPUT and sys.stdout.isatty():
         raise InputError("a file to write to", "the terminal", "Add --out FILE, or redirect the output.", "--out")
-    name = MESH_FILE if wanted == "stl" else CLOUD_FILE
-    with opened(path) as folder, tempfile.TemporaryDirectory(prefix="scancell-") as fresh:
+    name = MESH_FILE if options.format == "stl" else CLOUD_FILE
+    with opened(options.session) as folder, tempfile.TemporaryDirectory(prefix="scancell-") as fresh:
         session, read = load_session(folder)
         file = folder / name
         if not file.is_file() or _is_stale(folder, session, read):
-            file = _merged_anew(session, read, Path(fresh)) / name
+            file = _merged_anew(options, session, read, Path(fresh)) / name
         if not file.is_file():
             to_do = "Set cell.merge.mesh to poisson or grid, and look at the merge's warnings."
-            raise InputError("a mesh of the merged cloud", "none", to_do, str(path))
+            raise InputError("a mesh of the merged cloud", "none", to_do, str(options.session))
         with file.open("rb") as content:
-            pieces = in_format(StoredFile(content, str(file)), wanted, str(file))
-            if out is None:
-                for piece in pieces:
-                    sys.stdout.buffer.write(piece)
-            else:
-                write_pieces(out, pieces)
-                print(out)
-    return 0
+            stored = StoredFile(content, str(file))
+            write_out(options, options.out, in_format(stored, options.format, str(file)))
+    return OK
 
 
 def _is_stale(folder: Path, session: Session, read: ReadFile) -> bool:
@@ -46,10 +44,10 @@ def _is_stale(folder: Path, session: Session, read: ReadFile) -> bool:
     return stored is None or stored.get("inputs_sha256") != inputs_sha256(session, "merge", read)
 
 
-def _merged_anew(session: Session, read: ReadFile, folder: Path) -> Path:
+def _merged_anew(options: argparse.Namespace, session: Session, read: ReadFile, folder: Path) -> Path:
     def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
         write_pieces(folder / name, pieces)
 
-    with progress_bar() as progress:
+    with progress_bar(options) as progress:
         solve_stage(session, "merge", read, progress, store)
     return folder

@@ -1,0 +1,37 @@
+"""`scancell archive`: pack, unpack, verify and replay a session's archive."""
+
+import argparse
+from pathlib import Path
+
+from server.console.command import Command, late, session_argument
+
+
+def _pack_arguments(parser: argparse.ArgumentParser) -> None:
+    session_argument(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the zip to write")
+    parser.add_argument("--no-scene", action="store_true", help="leave out the 3-D scene")
+
+
+def _file(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, metavar="FILE", help="the zip")
+
+
+def _unpack_arguments(parser: argparse.ArgumentParser) -> None:
+    _file(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new folder")
+
+
+_ACTIONS = "server.commands.archive.actions"
+_PACK, _UNPACK = "write a session's archive, with its report and scene", "write an archive's files as a folder"
+
+COMMAND = Command(
+    "archive",
+    "pack a session into one zip; unpack, verify or replay one",
+    "session",
+    actions=(
+        Command("pack", _PACK, "", _pack_arguments, late(_ACTIONS, "pack")),
+        Command("unpack", f"{_UNPACK}, all or nothing", "", _unpack_arguments, late(_ACTIONS, "unpack")),
+        Command("verify", "check that an archive is whole and unaltered", "", _file, late(_ACTIONS, "verify")),
+        Command("replay", "solve an archive afresh and compare every number", "", _file, late(_ACTIONS, "replay")),
+    ),
+)

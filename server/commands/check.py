@@ -1,0 +1,35 @@
+"""`scancell check`: what is wrong with a session, and what is still missing."""
+
+import argparse
+import sys
+
+from server.console.command import BAD_INPUT, OK, Command, session_argument
+from server.console.output import print_result
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Print the findings; return 2 where something blocks solving."""
+    from calib_core.archive.archive import opened
+    from calib_core.archive.folder import load_session
+    from calib_core.review.check import check_session
+
+    with opened(options.session) as folder:
+        session, read = load_session(folder)
+        findings = check_session(session, read)
+    errors = sum(finding.level == "error" for finding in findings)
+    lines = [f"{finding.level:8} {finding.where}: {finding.sentence}" for finding in findings]
+    lines += [] if errors else ["Nothing blocks solving."]
+    data = [{"level": f.level, "where": f.where, "sentence": f.sentence} for f in findings]
+    print_result(options, "\n".join(lines), {"session": session.name, "findings": data})
+    if not errors:
+        return OK
+    print(
+        f"scancell: error: {options.session}: {errors} finding(s) block solving; mend what is said there.",
+        file=sys.stderr,
+    )
+    return BAD_INPUT
+
+
+COMMAND = Command(
+    "check", "say what is wrong with a session and what is still missing", "session", session_argument, _run
+)

@@ -1,0 +1,63 @@
+"""`scancell doctor`: is what a server stored still there."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from server.console.command import NOT_ACCEPTED, OK, Command, data_argument
+from server.console.output import print_result
+from server.console.progress import progress_bar
+
+if TYPE_CHECKING:
+    from server.settings import Settings
+    from server.store.doctor import Examination, Finding
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    data_argument(parser)
+    parser.add_argument("--repair", action="store_true", help="mend what can be; no server may run")
+    parser.add_argument("--backup", type=Path, metavar="DIR", help="where --repair takes damaged files from")
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Say what is wrong with a store, and mend what can be if asked to; returns 1 where something is lost."""
+    from dataclasses import asdict
+
+    from calib_core.errors import InputError
+    from server.settings import Settings
+    from server.store.repair import repair
+
+    if options.backup is not None and not options.repair:
+        raise InputError("--repair with --backup", "--backup alone", "Add --repair: only it changes anything.")
+    settings = Settings(data=options.data)
+    found = _examined(options, settings)
+    done: list[str] = []
+    if options.repair:
+        done = repair(settings, found, options.backup)
+        found = _examined(options, settings)
+    lines = [*(f"repaired: {line}" for line in done), *map(_line, found.findings), _sum(found)]
+    print_result(options, "\n".join(lines), {**asdict(found), "repaired": done, "damaged": found.damaged})
+    return NOT_ACCEPTED if found.damaged else OK
+
+
+def _examined(options: argparse.Namespace, settings: "Settings") -> "Examination":
+    from server.store.doctor import examine
+
+    with progress_bar(options) as progress:
+        return examine(settings, progress)
+
+
+def _line(finding: "Finding") -> str:
+    place = f"session {finding.session}" if finding.session else "store"
+    if finding.capture:
+        place += f", capture {finding.capture}"
+    return f"{finding.kind}: {place}: {finding.what}"
+
+
+def _sum(found: "Examination") -> str:
+    looked = f"{found.sessions} sessions, {found.captures} captures, {found.files} files"
+    damage = sum(finding.kind == "damage" for finding in found.findings)
+    return f"{looked}: " + (f"{damage} damaged" if damage else "nothing is damaged")
+
+
+COMMAND = Command("doctor", "say what is wrong with what a server has stored", "workbench", _arguments, _run)

@@ -1,0 +1,33 @@
+"""`scancell token`: who may use a server that others can reach."""
+
+import argparse
+
+from server.console.command import Command, data_argument, late
+
+
+def _create_arguments(parser: argparse.ArgumentParser) -> None:
+    data_argument(parser)
+    parser.add_argument("--name", required=True, metavar="NAME", help="who or what it is for")
+    parser.add_argument("--role", required=True, choices=("read", "capture", "admin"), help="what it may do")
+    parser.add_argument("--days", type=float, metavar="D", help="how long it is good (default: until revoked)")
+
+
+def _revoke_arguments(parser: argparse.ArgumentParser) -> None:
+    data_argument(parser)
+    parser.add_argument("id", metavar="ID", help="as in the list")
+
+
+_ACTIONS = "server.commands.token.actions"
+_LIST, _REVOKE = "print all tokens, without what is secret in them", "end a token and the logins made with it"
+_CREATE = "make a token and print it: this once, for only a hash is kept"
+
+COMMAND = Command(
+    "token",
+    "manage who may use a server that others can reach",
+    "workbench",
+    actions=(
+        Command("create", _CREATE, "", _create_arguments, late(_ACTIONS, "create")),
+        Command("list", _LIST, "", data_argument, late(_ACTIONS, "show")),
+        Command("revoke", _REVOKE, "", _revoke_arguments, late(_ACTIONS, "revoke")),
+    ),
+)

@@ -1,0 +1,64 @@
+"""What `scancell token` does."""
+
+import argparse
+from datetime import timedelta
+
+from calib_core.errors import InputError
+from server.auth.logins import Logins
+from server.console.audited_store import audited_store
+from server.console.command import OK
+from server.console.output import print_result, remark
+from server.store.models import Data
+from server.store.tokens import list_tokens, revoke_token, token_data
+
+_MAY = {
+    "read": "look at everything",
+    "capture": "look, capture and solve",
+    "admin": "do everything, also remove sessions and manage tokens",
+}
+
+
+def create(options: argparse.Namespace) -> int:
+    """Make a token and print it, alone, on standard output."""
+    days, role = options.days, options.role
+    if days is not None and not 0 < days <= 36525:
+        raise InputError(
+            "a time of up to 36525 days", f"{days:g}", "Leave it out for a token without end.", "--days"
+        )
+    with audited_store(options.data, f"token create {role}") as store, store.write() as db:
+        lifetime = None if days is None else timedelta(days=days)
+        record, token = Logins(options.data, store).make_token(db, options.name, role, lifetime)
+    if options.json:
+        print_result(options, "", {**record, "token": token})
+    else:
+        print(token)  # also with --quiet: it is shown this once
+    until = f"until {record['expires']}" if record["expires"] else "until it is revoked"
+    remark(options, f"keep it: it is not shown again. {record['name']} may {_MAY[role]}, {until}.")
+    return OK
+
+
+def show(options: argparse.Namespace) -> int:
+    """Print all tokens, without what is secret in them."""
+    with audited_store(options.data, "token list") as store, store.read() as db:
+        rows = [token_data(row) for row in list_tokens(db)]
+    lines = [f"{row['id']}  {row['role']:8} {_state(row):34} {row['name']}" for row in rows]
+    if rows or options.json:
+        print_result(options, "\n".join(lines), {"tokens": rows})
+    else:
+        remark(options, "no tokens")
+    return OK
+
+
+def revoke(options: argparse.Namespace) -> int:
+    """End a token; a server that runs follows within seconds."""
+    with audited_store(options.data, f"token revoke {options.id}") as store, store.write() as db:
+        revoke_token(db, options.id)
+    if options.json:
+        print_result(options, "", {"revoked": options.id})
+    return OK
+
+
+def _state(row: Data) -> str:
+    if row["revoked"]:
+        return f"revoked {row['revoked']}"
+    return f"until {row['expires']}" if row["expires"] else "good"

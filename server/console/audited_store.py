@@ -1,0 +1,26 @@
+"""A store opened by a command, also while a server uses it."""
+
+import getpass
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from server.settings import Settings
+from server.store.audit import Act, acting
+from server.store.database import Store
+
+
+@contextmanager
+def audited_store(data: Path, command: str) -> Generator[Store]:
+    """Open the store of a data folder, also while a server uses it, for a command, which its log will name."""
+    user = "?"
+    with suppress(OSError, KeyError):  # a user id without a name
+        user = getpass.getuser()
+    store = Store(Settings(data=data), lambda _: None)
+    before = acting.set(Act(f"{user} on the server", "admin", None, "", "command", f"scancell {command}"))
+    try:
+        store.migrate()
+        yield store
+    finally:
+        acting.reset(before)
+        store.close()
