@@ -35,6 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the solves are many and small
     words = sys.argv[1:] if arguments is None else arguments
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks how to go on
+        return _complete()
     try:
         options = parser(words).parse_args(words)
     except SystemExit as end:  # --help, or a usage error that is printed already
@@ -47,6 +49,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("scancell: stopped", file=sys.stderr)
         return 130
+
+
+def _complete() -> int:
+    import argcomplete
+
+    words = os.environ.get("COMP_LINE", "").split()
+    argcomplete.autocomplete(parser(words))
+    return OK
 
 
 def parser(used: Iterable[str]) -> argparse.ArgumentParser:

@@ -10,9 +10,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    import argcomplete
+    from argcomplete.shell_integration import shellcode
 
-    print(argcomplete.shellcode(["scancell"], shell=options.shell))
+    print(shellcode(["scancell"], shell=options.shell))
     return OK
 
 
