@@ -39,6 +39,7 @@ from server.routes import (
     history,
     merged,
     pages,
+    registries,
     sessions,
     solves,
     tokens,
@@ -51,7 +52,7 @@ from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene
 from server.scenes.trials import trials_router
 from server.settings import Settings
-from server.sources.folder_watch import session_watcher
+from server.sources.watched_folder import session_watcher
 from server.store.database import Store
 from server.store.group_commit import GroupCommit
 
@@ -136,6 +137,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         archives,
         archived_files,
         tokens,
+        registries,
         health,
     ):
         api.include_router(module.router)

@@ -167,6 +167,18 @@ export interface CapturePage {
   next: string | null;
 }
 
+export interface CaptureSource {
+  name: string;
+  title: string;
+  settings: Record<string, unknown>;
+  does: string;
+  triggered: boolean;
+}
+
+export interface CaptureSources {
+  items: CaptureSource[];
+}
+
 export interface CaptureUpload {
   record: string;
   files?: string[];
@@ -297,6 +309,19 @@ export interface EncoderScaleError {
   applied: boolean;
 }
 
+export interface ExportFormat {
+  name: string;
+  title: string;
+  settings: Record<string, unknown>;
+  brand: string | null;
+  media_type: string;
+  suffix: string;
+}
+
+export interface ExportFormats {
+  items: ExportFormat[];
+}
+
 export interface Figure {
   id?: string | null;
   title?: string | null;
@@ -315,6 +340,29 @@ export interface FigureDifference {
   name: string;
   left: number | null;
   right: number | null;
+}
+
+export interface FileFormat {
+  name: string;
+  title: string;
+  settings: Record<string, unknown>;
+  endings: string[];
+  kinds: string[];
+}
+
+export interface FileFormats {
+  items: FileFormat[];
+}
+
+export interface Finding {
+  level: "error" | "warning" | "note";
+  where: string;
+  sentence: string;
+}
+
+export interface Findings {
+  items: Finding[];
+  blocks_solving: boolean;
 }
 
 export interface FolderState {
@@ -409,6 +457,11 @@ export interface Job {
   error: Problem | null;
   created: string;
   finished: string | null;
+}
+
+export interface JobPage {
+  items: Job[];
+  next: string | null;
 }
 
 export interface KeptFile {
@@ -665,6 +718,20 @@ export interface Plot {
   band?: Band | null;
 }
 
+export interface PoseConventionEntry {
+  name: string;
+  title: string;
+  settings: Record<string, unknown>;
+  brand: string | null;
+  numbers: string[];
+  units: string;
+  formula: string;
+}
+
+export interface PoseConventions {
+  items: PoseConventionEntry[];
+}
+
 export interface PoseLine {
   line: number;
   text: string;
@@ -839,6 +906,13 @@ export interface SimulatedCell {
   seed?: number;
 }
 
+export interface StageOfCell {
+  name: string;
+  title: string;
+  settings: Record<string, unknown>;
+  steps: string[];
+}
+
 export interface StageReplay {
   stage: string;
   equal: boolean;
@@ -847,6 +921,10 @@ export interface StageReplay {
   difference_count?: number;
   differences?: ReplayDifference[];
   why?: string[];
+}
+
+export interface StagesOfCell {
+  items: StageOfCell[];
 }
 
 export interface Still {

@@ -1,6 +1,6 @@
 """What is wrong with a session, and what is still missing, without solving it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from calib_core.captures.content import pose_of, sphere_of
 from calib_core.captures.measure import measure_capture
@@ -21,7 +21,9 @@ from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 _LEAST_CAPTURES = 5
 
 
-def check_session(session: Session, read: ReadFile) -> list[Finding]:
+def check_session(
+    session: Session, read: ReadFile, measured: Mapping[str, Measured] | None = None
+) -> list[Finding]:
     """Return everything that was found, worst first; a finding of level `error` blocks solving.
 
     Parameters
@@ -29,6 +31,8 @@ def check_session(session: Session, read: ReadFile) -> list[Finding]:
     session : Session
     read : callable
         Returns the bytes of a file by its name in the capture.
+    measured : mapping, optional
+        What was measured in each capture, by id; what is left out is measured now.
     """
     captures = [capture for capture in stage_captures(session, "tcp") if not capture.excluded]
     findings = [*_names(session), *_unsolved_steps(session)]
@@ -37,7 +41,11 @@ def check_session(session: Session, read: ReadFile) -> list[Finding]:
     elif not captures:
         findings.append(_error("captures", "There is no capture with step 'tcp' yet: capture the sphere."))
     else:
-        findings += [*_cell(session, captures), *_captures(session, captures, read), *_poses(session, captures)]
+        findings += [
+            *_cell(session, captures),
+            *_captures(session, captures, read, measured or {}),
+            *_poses(session, captures),
+        ]
     order = ("error", "warning", "note")
     return sorted(findings, key=lambda finding: order.index(finding.level))
 
@@ -66,11 +74,13 @@ def _cell(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
         yield _note("cell", "sphere_diameter_sigma_mm is left out: the diameter is taken as exact.")
 
 
-def _captures(session: Session, captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
+def _captures(
+    session: Session, captures: Sequence[Capture], read: ReadFile, known: Mapping[str, Measured]
+) -> Iterator[Finding]:
     usable = 0
     for capture in captures:
         try:
-            measured = measure_capture(session, capture, read)
+            measured = known.get(capture.id) or measure_capture(session, capture, read)
         except CalibrationError as error:
             yield _found(error)
             continue

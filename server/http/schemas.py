@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.records import Capture, Cell, Finite, Measured, Record, Session, Stage, Verdict
+from calib_core.records import Capture, Cell, Finding, Finite, Measured, Record, Session, Stage, Verdict
 
 
 class SimulatedCell(Record):
@@ -166,18 +166,35 @@ class BatchAnswer(BaseModel):
     stored: int
 
 
+JobStatus = Literal["queued", "running", "done", "failed", "cancelled"]
+
+
 class Job(BaseModel):
     """A solve on its way or past."""
 
     id: str
     session: str
     stage: str
-    status: Literal["queued", "running", "done", "failed", "cancelled"]
+    status: JobStatus
     progress: float
     message: str
     error: Problem | None
     created: str
     finished: str | None
+
+
+class JobPage(BaseModel):
+    """A page of jobs, the newest first; `next` is the following page's cursor."""
+
+    items: list[Job]
+    next: str | None
+
+
+class Findings(BaseModel):
+    """What a check of a session found, worst first."""
+
+    items: list[Finding]
+    blocks_solving: bool
 
 
 class StoredCloudFile(BaseModel):

@@ -8,8 +8,8 @@ from fastapi import APIRouter, File, Form, Path, Response, UploadFile
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
-from calib_core.errors import ConflictError, InputError, TooLargeError
-from calib_core.records import Capture, Step, parse_capture
+from calib_core.errors import InputError, TooLargeError
+from calib_core.records import Step, parse_capture
 from server.captures.changes import corrected_capture
 from server.http.dependencies import (
     Again,
@@ -29,7 +29,9 @@ from server.http.downloads import Download
 from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.http.strict_json import StrictRoute, parse_json
 from server.http.uploads import named_files
-from server.sources.simulated import capture_again, next_capture
+from server.sources.simulated import SOURCE as SIMULATED
+from server.sources.simulated import SimulatedSettings
+from server.sources.source import Occasion, Settings, Source, Taken
 from server.store.captures import (
     capture_data,
     capture_ids,
@@ -39,7 +41,7 @@ from server.store.captures import (
     remove_capture,
 )
 from server.store.database import Store
-from server.store.sessions import etag, locked_session, require_revision, session_row, unused
+from server.store.sessions import empty_session, etag, locked_session, require_revision, session_row, unused
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
 
@@ -102,23 +104,19 @@ async def take_simulated(
     answered = await run_in_threadpool(idempotency.answered, store, content)
     if answered is not None:
         return answered
-    capture, contents = await run_in_threadpool(_simulated, store, session_id, step, again)
+    chosen = SimulatedSettings(step=step, again=again)
+    capture, contents = await run_in_threadpool(_triggered, store, session_id, SIMULATED, chosen)
     return await intake.take(session_id, capture, contents, idempotency, content)
 
 
-def _simulated(
-    store: Store, session_id: str, step: str | None, again: str | None
-) -> tuple[Capture, dict[str, bytes]]:
+def _triggered(store: Store, session_id: str, source: Source, settings: Settings) -> Taken:
+    """Return what a source takes for a session; raises CalibrationError."""
+    assert source.trigger is not None
     with store.read() as db:
         row = session_row(db, session_id)
-        if row.simulated is None:
-            raise ConflictError(
-                "a session of the simulated cell", "one of a real cell", "Upload captures to it.", session_id
-            )
-        device, taken = dict(row.simulated), capture_ids(db, session_id)
-    if again:
-        return capture_again(device["scenario"], device["seed"], taken, again)
-    return next_capture(device["scenario"], device["seed"], taken, step)
+        session, taken = empty_session(row.record, session_id), capture_ids(db, session_id)
+        device = dict(row.simulated or {})
+    return source.trigger(Occasion(session, taken, device, settings))
 
 
 @router.get("/captures", response_model=CapturePage)

@@ -25,6 +25,7 @@ from server.http.dependencies import (
 )
 from server.http.events import follow, to_sse
 from server.http.schemas import (
+    Findings,
     NewSession,
     PoseLine,
     PoseLines,
@@ -139,6 +140,17 @@ def guidance(session_id: SessionId, store: StoreDep) -> Response:
         stored = load_session(db, store.blobs, session_id)
     record = guide(stored.session, list(stored.measured.values()), stored.results_with_stale())
     return JSONResponse(record.to_json())
+
+
+@router.get("/{session_id}/check", response_model=Findings)
+def check(session_id: SessionId, store: StoreDep) -> Findings:
+    """Return what is wrong with the session and what is missing, worst first; an `error` blocks solving."""
+    from calib_core.review.check import check_session
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    findings = check_session(stored.session, stored.read, stored.measured)
+    return Findings(items=findings, blocks_solving=any(finding.level == "error" for finding in findings))
 
 
 @router.post("/{session_id}/pose-lines", response_model=PoseLines)

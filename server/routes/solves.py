@@ -4,30 +4,32 @@ import json
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Response
+from fastapi import APIRouter, Depends, Path, Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
 from server.http.dependencies import (
+    Cursor,
     HubDep,
     IdempotencyDep,
     JobId,
     JobsDep,
     LastEventId,
+    Limit,
     SessionId,
     StageName,
     StoreDep,
 )
 from server.http.events import follow, to_sse
-from server.http.schemas import Job
+from server.http.schemas import Job, JobPage, JobStatus
 from server.http.schemas_results import StoredResult
 from server.http.strict_json import StrictRoute
 from server.store.history import latest_numbers
 from server.store.models import Data
 from server.store.sessions import load_session, locked_session, session_row
-from server.store.solves import ENDED, create_job, job_data, job_row
+from server.store.solves import ENDED, create_job, job_data, job_row, list_jobs
 
 router = APIRouter(tags=["solves"], route_class=StrictRoute)
 
@@ -47,6 +49,19 @@ def solve(
     if first:
         jobs.submit(json.loads(bytes(answer.body))["id"])
     return answer
+
+
+@router.get("/jobs", response_model=JobPage)
+def list_all(
+    store: StoreDep,
+    limit: Limit = 50,
+    cursor: Cursor = None,
+    session: Annotated[str | None, Query(max_length=64, description="Of this session alone.")] = None,
+    status: Annotated[JobStatus | None, Query(description="Of this status alone.")] = None,
+) -> Response:
+    """List jobs, the newest first."""
+    with store.read() as db:
+        return JSONResponse(list_jobs(db, limit, cursor, session, status))
 
 
 @router.get("/jobs/{job_id}", response_model=Job)

@@ -5,14 +5,52 @@ import zlib
 from collections.abc import Collection
 from functools import lru_cache
 from itertools import count
+from typing import TYPE_CHECKING
+
+from pydantic import Field
 
 from calib_core.errors import ConflictError
-from calib_core.records import Capture
-from calib_core.simulation import SimulatedSession, retake, simulate
+from calib_core.records import Capture, Step
+from server.sources.source import Occasion, Settings, Source, Taken
+
+if TYPE_CHECKING:
+    from calib_core.simulation import SimulatedSession
+
+
+class SimulatedSettings(Settings):
+    """Which capture is taken: the next, of `step` where some are left; or one of the cell's own `again`."""
+
+    step: Step | None = None
+    again: str | None = Field(default=None, max_length=64, description="The `id` of a capture to be taken again.")
+
+
+def take(occasion: Occasion) -> Taken:
+    """Return the capture that a session's simulated cell takes.
+
+    Raises
+    ------
+    ConflictError
+        If the session's cell is a real one, or there is nothing left to take.
+    """
+    device, chosen = occasion.device, occasion.settings
+    if not device:
+        raise ConflictError("a session of the simulated cell", "one of a real cell", "Upload captures to it.")
+    if chosen.again:
+        return capture_again(device["scenario"], device["seed"], occasion.taken, chosen.again)
+    return next_capture(device["scenario"], device["seed"], occasion.taken, chosen.step)
+
+
+SOURCE = Source(
+    "simulated",
+    "Simulated cell",
+    "Takes the next capture of the session's simulated cell, or one again.",
+    SimulatedSettings,
+    take,
+)
 
 
 @lru_cache(maxsize=8)
-def simulated_session(scenario: str, seed: int) -> SimulatedSession:
+def simulated_session(scenario: str, seed: int) -> "SimulatedSession":
     """Return everything that a simulated cell will deliver; the same for the same seed.
 
     Raises
@@ -20,6 +58,8 @@ def simulated_session(scenario: str, seed: int) -> SimulatedSession:
     InputError
         If there is no such scenario.
     """
+    from calib_core.simulation import simulate
+
     return simulate(scenario, seed)
 
 
@@ -59,5 +99,7 @@ def capture_again(
     first = re.sub(r"-again\d*$", "", capture)
     names = (f"{first}-again{number if number > 1 else ''}" for number in count(1))
     number, name = next((n, name) for n, name in enumerate(names, start=1) if name not in taken)
+    from calib_core.simulation import retake
+
     place = zlib.crc32(first.encode())
     return retake(simulated_session(scenario, seed), first, name, seed + place + number)

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 
-from sqlalchemy import select
+from sqlalchemy import select, tuple_
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
 from server.store.database import record_event
 from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, now
+from server.store.paging import Page, after_cursor, page_of
 from server.store.sessions import Output, locked_session, new_id
 
 ENDED = ("done", "failed", "cancelled")
@@ -46,6 +47,19 @@ def job_row(db: Transaction, job_id: str) -> JobRow:
 def job_answer(db: Transaction, job_id: str) -> Data | None:
     """Return what a job answered that made no result, None before its end; raises NotFoundError."""
     return job_row(db, job_id).answer
+
+
+def list_jobs(db: Transaction, limit: int, cursor: str | None, session_id: str | None, status: str | None) -> Page:
+    """Return a page of jobs, the newest first, of one session or status where these are given."""
+    query = select(JobRow)
+    if session_id is not None:
+        query = query.where(JobRow.session_id == session_id)
+    if status is not None:
+        query = query.where(JobRow.status == status)
+    if cursor is not None:
+        query = query.where(tuple_(JobRow.created, JobRow.id) < tuple(after_cursor(cursor, str, str)))
+    rows = db.scalars(query.order_by(JobRow.created.desc(), JobRow.id.desc()).limit(limit + 1))
+    return page_of([job_data(row) for row in rows], limit, lambda job: [job["created"], job["id"]])
 
 
 def create_job(db: Transaction, session: SessionRow, stage: str) -> JobRow:

@@ -85,10 +85,22 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
         names["job_id"] = send("POST", f"{session}/solve/{{stage}}", names=names)["id"]
         assert wait_for(client, names["job_id"], 600)["status"] == "done"
     send("GET", f"{api}/jobs/{{job_id}}", names=names)
+    send("GET", f"{api}/jobs", params={"limit": 2})
+    for what in ("formats", "conventions", "exports", "sources", "stages"):
+        send("GET", f"{api}/{what}")
     waiting = client.post(f"/sessions/{there}/solve/chain").json()["id"]
     send("POST", f"{api}/jobs/{{job_id}}/cancel", names={"job_id": waiting})
     names |= {"stage": "tcp", "capture_id": "p01", "place": 3}
-    for path in ("", "/guide", "/captures", "/captures/{capture_id}", "/results", "/timeline", "/clouds"):
+    for path in (
+        "",
+        "/guide",
+        "/check",
+        "/captures",
+        "/captures/{capture_id}",
+        "/results",
+        "/timeline",
+        "/clouds",
+    ):
         send("GET", session + path, names=names)
     for path in ("/results/{stage}", "/results/{stage}/history", "/timeline/{place}"):
         send("GET", session + path, names=names)

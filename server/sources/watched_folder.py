@@ -1,16 +1,35 @@
-"""The watcher of this server: what it reads of sessions, and how it stores captures."""
+"""A folder that something else writes captures into, as a source; the watcher of this server."""
 
 import asyncio
 from collections.abc import Mapping
 
-from calib_core.records import Capture, Session
+from pydantic import Field
+
+from calib_core.records import Capture, Session, Step
 from server.captures.intake import Intake
 from server.settings import Settings
 from server.sources.folder_watcher import Watcher
+from server.sources.source import Settings as SourceSettings
+from server.sources.source import Source
 from server.store.arrivals import session_record
 from server.store.captures import capture_ids
 from server.store.database import Store
 from server.store.sessions import empty_session
+
+
+class FolderSettings(SourceSettings):
+    """The folder to watch, below the server's watched root, and what its captures are taken for."""
+
+    folder: str = Field(description="Below the folder that SCANCELL_WATCH_ROOT names.")
+    step: Step = "tcp"
+
+
+SOURCE = Source(
+    "folder",
+    "Watched folder",
+    "Each measurement in it becomes a capture once it is whole and has its pose beside it.",
+    FolderSettings,
+)
 
 
 def session_watcher(settings: Settings, store: Store, intake: Intake) -> Watcher:

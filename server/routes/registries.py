@@ -1,0 +1,158 @@
+"""What exists: formats, conventions, exports, sources and stages, each with the JSON Schema of its settings.
+
+The page builds its choices, its accepted file endings and its forms from these lists.
+"""
+
+from typing import Any
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from server.http.strict_json import StrictRoute
+
+router = APIRouter(tags=["registries"], route_class=StrictRoute)
+
+_NO_SETTINGS: dict[str, Any] = {"type": "object", "properties": {}, "additionalProperties": False}
+
+
+class _Entry(BaseModel):
+    """An entry of a list; what else it says of itself goes out with it."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str
+    title: str
+    settings: dict[str, Any] = Field(description="The JSON Schema of its settings.")
+
+
+class FileFormat(_Entry):
+    """A format of files that captures come in."""
+
+    endings: list[str] = Field(description="Of its files, with the dot, in lower case.")
+    kinds: list[str] = Field(description="What its files can hold.")
+
+
+class PoseConventionEntry(_Entry):
+    """A way to write a pose: its numbers in their order, their units, and the rotation from them."""
+
+    brand: str | None
+    numbers: list[str]
+    units: str
+    formula: str
+
+
+class ExportFormat(_Entry):
+    """Another program's syntax for the answer."""
+
+    brand: str | None
+    media_type: str
+    suffix: str
+
+
+class CaptureSource(_Entry):
+    """Where captures come from besides uploads; `triggered` where it takes one when it is asked to."""
+
+    does: str
+    triggered: bool
+
+
+class StageOfCell(_Entry):
+    """A stage: the steps whose captures it takes."""
+
+    steps: list[str]
+
+
+class FileFormats(BaseModel):
+    """The formats of files."""
+
+    items: list[FileFormat]
+
+
+class PoseConventions(BaseModel):
+    """The pose conventions, the most common first."""
+
+    items: list[PoseConventionEntry]
+
+
+class ExportFormats(BaseModel):
+    """The exports, those of no brand first."""
+
+    items: list[ExportFormat]
+
+
+class CaptureSources(BaseModel):
+    """The sources of captures."""
+
+    items: list[CaptureSource]
+
+
+class StagesOfCell(BaseModel):
+    """The stages, in their order."""
+
+    items: list[StageOfCell]
+
+
+@router.get("/formats", response_model=FileFormats)
+def formats() -> FileFormats:
+    """List the file formats, and what may be said about a file that does not say it itself."""
+    from server.sources.folder import KINDS
+
+    return FileFormats(
+        items=[
+            FileFormat(
+                name=ending[1:], title=ending[1:].upper(), settings=_NO_SETTINGS, endings=[ending], kinds=[kind]
+            )
+            for ending, kind in KINDS.items()
+        ]
+    )
+
+
+@router.get("/conventions", response_model=PoseConventions)
+def conventions() -> PoseConventions:
+    """List the pose conventions: the names that `pose_convention` may have."""
+    from calib_core.robots.conventions import BRANDS
+
+    return PoseConventions(
+        items=[
+            PoseConventionEntry(
+                name=convention.name,
+                title=convention.description,
+                settings=_NO_SETTINGS,
+                brand=brand.name,
+                numbers=convention.numbers.split(),
+                units=convention.units,
+                formula=convention.formula,
+            )
+            for brand in sorted(BRANDS, key=lambda brand: brand.rank)
+            for convention in brand.conventions
+        ]
+    )
+
+
+@router.get("/exports", response_model=ExportFormats)
+def exports() -> ExportFormats:
+    """List the exports: the names that `GET …/exports/{name}` takes."""
+    from calib_core.exports.registry import all_exports
+
+    return ExportFormats(items=[ExportFormat.model_validate(export.describe()) for export in all_exports()])
+
+
+@router.get("/sources", response_model=CaptureSources)
+def sources() -> CaptureSources:
+    """List where captures come from besides uploads."""
+    from server.sources.registry import SOURCES
+
+    return CaptureSources(items=[CaptureSource.model_validate(source.describe()) for source in SOURCES])
+
+
+@router.get("/stages", response_model=StagesOfCell)
+def stages() -> StagesOfCell:
+    """List the stages: the names that `POST …/solve/{stage}` takes; `all` solves them in their order."""
+    from calib_core.stages.graph import STAGES
+
+    return StagesOfCell(
+        items=[
+            StageOfCell(name=name, title=name, settings=_NO_SETTINGS, steps=list(entry.steps))
+            for name, entry in STAGES.items()
+        ]
+    )

@@ -1,0 +1,75 @@
+"""What a source of captures is: a module of this package, or an entry point of the group ``scancell.sources``."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from calib_core.records import Capture, Session
+
+Taken = tuple[Capture, Mapping[str, bytes]]
+"""A capture and its files by name."""
+
+
+class Settings(BaseModel):
+    """What may be chosen for a source; each has its own subclass, whose JSON Schema is shown."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+@dataclass(frozen=True)
+class Occasion:
+    """When a source is asked for a capture.
+
+    Parameters
+    ----------
+    session : Session
+        Without captures: its cell says the convention of poses.
+    taken : collection of str
+        The ids of its captures.
+    device : mapping
+        What the session keeps of its simulated cell: scenario and seed; empty for a real one.
+    settings : Settings
+        An instance of the source's own.
+    """
+
+    session: Session
+    taken: Collection[str]
+    device: Mapping[str, Any]
+    settings: Any
+
+
+@dataclass(frozen=True)
+class Source:
+    """One source, in a module of its own with a constant `SOURCE`.
+
+    Parameters
+    ----------
+    name : str
+        As the REST path names it.
+    title : str
+        As a person reads it.
+    does : str
+        What it does, a sentence.
+    settings : type
+        The record of its settings.
+    trigger : callable, optional
+        Takes one capture now; raises CalibrationError.  Left out where captures come by themselves.
+    """
+
+    name: str
+    title: str
+    does: str
+    settings: type[Settings] = field(default=Settings)
+    trigger: Callable[[Occasion], Taken] | None = None
+
+    def describe(self) -> dict[str, Any]:
+        """Return the entry as JSON data, with the JSON Schema of its settings."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "does": self.does,
+            "triggered": self.trigger is not None,
+            "settings": self.settings.model_json_schema(),
+        }

@@ -1,0 +1,64 @@
+"""The lists of what exists, from which the page builds its choices and forms."""
+
+import httpx
+import jsonschema_rs
+import pytest
+
+from tests.server.live_server import make_session, simulated_session, upload, wait_for
+from tests.server.test_captures import POSE, arc_csv
+
+
+@pytest.mark.parametrize(
+    ("what", "there"),
+    [
+        ("formats", {"csv", "ply"}),
+        ("conventions", {"fanuc", "matrix", "ur"}),
+        ("exports", {"json"}),
+        ("sources", {"simulated", "folder"}),
+        ("stages", {"tcp", "turntable", "merge"}),
+    ],
+)
+def test_every_list_has_names_titles_and_the_schema_of_each_entrys_settings(
+    client: httpx.Client, what: str, there: set[str]
+) -> None:
+    items = client.get(f"/{what}").json()["items"]
+    names = [item["name"] for item in items]
+    assert there <= set(names)
+    assert len(set(names)) == len(names)
+    for item in items:
+        assert item["title"]
+        jsonschema_rs.meta.validate(item["settings"])
+
+
+def test_every_listed_convention_makes_a_session(client: httpx.Client) -> None:
+    for convention in client.get("/conventions").json()["items"]:
+        session = make_session(client, cell={"pose_convention": convention["name"]})
+        answer = client.post(f"/sessions/{session}/pose-lines", json={"text": "1 2 3"}).json()
+        assert answer["items"][0].get("problem") or len(convention["numbers"]) == 3
+
+
+def test_a_check_says_what_blocks_solving_and_what_does_not(client: httpx.Client) -> None:
+    session = make_session(client)
+    assert client.get(f"/sessions/{session}/check").json()["blocks_solving"]
+    upload(client, session, {"id": "p01", "step": "tcp", "kind": "profile", "pose": POSE}, arc_csv())
+    found = client.get(f"/sessions/{session}/check").json()
+    assert found["items"][0]["level"] == "error"
+    assert any("1 captures show the sphere" in f["sentence"] for f in found["items"])
+    simulated = simulated_session(client, captures=14)
+    assert not client.get(f"/sessions/{simulated}/check").json()["blocks_solving"]
+
+
+def test_jobs_are_listed_by_page_session_and_status(client: httpx.Client) -> None:
+    session = simulated_session(client, captures=2)
+    jobs = [client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(3)]
+    for job in jobs:
+        wait_for(client, job)
+    first = client.get("/jobs", params={"session": session, "limit": 2}).json()
+    rest = client.get("/jobs", params={"session": session, "limit": 2, "cursor": first["next"]}).json()
+    assert rest["next"] is None
+    listed = [*first["items"], *rest["items"]]
+    assert {job["id"] for job in listed} == set(jobs)
+    assert [job["created"] for job in listed] == sorted((job["created"] for job in listed), reverse=True)
+    failed = client.get("/jobs", params={"session": session, "status": "failed"}).json()["items"]
+    assert {job["id"] for job in failed} == set(jobs)
+    assert client.get("/jobs", params={"session": session, "status": "running"}).json()["items"] == []
