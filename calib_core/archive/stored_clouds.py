@@ -1,7 +1,7 @@
 """Stored clouds and meshes: read back as they were written, given in the formats of other programs."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import IO, Any, Final
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
-from calib_core.formats.e57_writer import e57_pieces_of
-from calib_core.formats.point_writers import Pieces, pcd_pieces_of, stl_pieces_of, xyz_pieces
+from calib_core.formats.format import Pieces
+from calib_core.formats.points import FORMATS
 
 CLOUD_FOLDER: Final = "clouds"
 CLOUD_FILE: Final = f"{CLOUD_FOLDER}/merged.ply"
@@ -21,26 +21,29 @@ REFERENCE_FILE: Final = f"{CLOUD_FOLDER}/reference.ply"
 SCAN_COLUMN: Final = "scan"
 """The number of the scan that weighs most around a point, by `MergeResult.scan_names`; −1 where none does."""
 
-MEDIA_TYPES: Final[Mapping[str, str]] = {
-    "ply": "model/ply",
-    "pcd": "application/octet-stream",
-    "xyz": "text/plain",
-    "e57": "model/e57",
-    "stl": "model/stl",
-}
-"""Of each format that clouds and meshes are given in."""
-
-OF_CLOUDS: Final = ("ply", "pcd", "xyz", "e57")
-OF_MESHES: Final = ("ply", "stl")
-
 _MAX_HEADER_BYTES = 4000
 _BLOCK_BYTES = 1 << 20
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 
 
+def media_types() -> dict[str, str]:
+    """Return the media type of each format that clouds or meshes are given in."""
+    return {entry.name: entry.media_type for entry in FORMATS if entry.write_cloud or entry.write_mesh}
+
+
+def cloud_formats() -> list[str]:
+    """Return the formats that clouds are given in."""
+    return [entry.name for entry in FORMATS if entry.write_cloud]
+
+
+def mesh_formats() -> list[str]:
+    """Return the formats that meshes are given in."""
+    return [entry.name for entry in FORMATS if entry.write_mesh]
+
+
 @dataclass(frozen=True, eq=False)
 class StoredCloud:
-    """A cloud or a mesh as `point_writers.ply_pieces` wrote it.
+    """A cloud or a mesh as `formats.ply.ply_pieces` wrote it.
 
     Parameters
     ----------
@@ -82,15 +85,16 @@ def requested(name: str, wanted: str | None) -> tuple[str, str]:
     Raises
     ------
     NotFoundError
-        If the format is none of `MEDIA_TYPES`.
+        If the format is none of `media_types`.
     """
     stem, _, ending = name.rpartition(".")
     if not stem:
         stem, ending = name, "ply"
     wanted = (wanted or ending).lower()
-    if wanted not in MEDIA_TYPES:
+    known = media_types()
+    if wanted not in known:
         raise NotFoundError(
-            "a format among " + ", ".join(MEDIA_TYPES), repr(wanted[:40]), "Name one of these.", "format"
+            "a format among " + ", ".join(known), repr(wanted[:40]), "Name one of these.", "format"
         )
     return f"{CLOUD_FOLDER}/{stem}.ply", wanted
 
@@ -219,22 +223,18 @@ def in_format(stored: StoredFile, wanted: str, where: str) -> Pieces:
     InputError
         If the format is for meshes and this is a cloud, or the other way round.
     """
-    fitting = OF_CLOUDS if stored.faces is None else OF_MESHES
+    fitting = cloud_formats() if stored.faces is None else mesh_formats()
     if wanted not in fitting:
         what, other = ("a cloud", "the mesh") if stored.faces is None else ("a mesh", "the cloud")
         need = f"{what} as " + ", ".join(fitting)
         raise InputError(need, f"'{wanted}'", f"Name one of these, or take {other}.", where)
-    match wanted:
-        case "pcd":
-            return pcd_pieces_of(stored.tables(), stored.points, stored.names)
-        case "xyz":
-            return (piece for table in stored.tables() for piece in xyz_pieces(table[:, :3]))
-        case "e57":
-            return e57_pieces_of((table[:, :3] for table in stored.tables()), stored.points)
-        case "stl":
-            return stl_pieces_of(stored.corners(), stored.triangles(), stored.faces or 0)
-        case _:
-            return stored.bytes()
+    entry = FORMATS.get(wanted, where)
+    if wanted == "ply":
+        return stored.bytes()
+    if stored.faces is None and entry.write_cloud is not None:
+        return entry.write_cloud(stored.tables(), stored.points, stored.names)
+    assert entry.write_mesh is not None
+    return entry.write_mesh(stored.corners(), stored.triangles(), stored.faces or 0)
 
 
 def _not_ours(where: str, got: str) -> InputError:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, MeasurementError
-from calib_core.formats.images import decode_image
+from calib_core.formats.shared.images import decode_image
 from calib_core.optics.board import BoardView, find_board
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.records import Board, Capture, Cell

@@ -1,6 +1,5 @@
 """Scan captures as scans: files read on their grid where they have one, every profile with its way into T."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -9,12 +8,9 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.captures.stripe_frames import read_profile_frame
-from calib_core.captures.sweep import read_sweep, sweep_poses
+from calib_core.captures.sweep import IMAGES, read_sweep, sweep_poses
 from calib_core.errors import InputError
-from calib_core.formats.binary_table import parse_npy
-from calib_core.formats.point_files import parse_pcd
-from calib_core.formats.points import parse_cloud
-from calib_core.formats.text_table import parse_table
+from calib_core.formats.points import known_points, read_file
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, as_rows
 from calib_core.records import Capture, Session
@@ -22,8 +18,6 @@ from calib_core.stages.stage import ReadFile
 
 DEFAULT_SIGMA_MM = 0.02
 """Of a cloud without a grid, whose own noise is not estimated."""
-
-_TABLES = (".csv", ".txt", ".npy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,20 +144,11 @@ def _cloud(capture: Capture, read: ReadFile) -> tuple[np.ndarray, bool]:
     if len(capture.files) != 1:
         raise InputError("one file in a cloud", f"{len(capture.files)}", "Give each its own capture.", capture.id)
     name = capture.files[0]
-    data = read(name)
-    size = _pcd_size(data) if PurePosixPath(name).suffix.lower() == ".pcd" else None
-    if size is not None and min(size) >= 3:
-        points = parse_pcd(data, name)
-        if len(points) != size[0] * size[1]:
-            got = f"{len(points)} points"
-            raise InputError(f"{size[1]} rows of {size[0]} points", got, "Export the cloud again.", name)
-        return points.reshape(size[1], size[0], 3).astype(np.float32), True
-    return as_rows(parse_cloud(data, name).astype(np.float32)), False
-
-
-def _pcd_size(data: bytes) -> tuple[int, int] | None:
-    found = re.search(rb"^WIDTH (\d+)\s+HEIGHT (\d+)", data[:2000], re.MULTILINE)
-    return (int(found[1]), int(found[2])) if found else None
+    reading = read_file(read(name), name, "cloud")
+    known = known_points(reading, name)
+    if reading.grid is not None and min(reading.grid) >= 3:
+        return reading.points.reshape(*reading.grid, 3).astype(np.float32), True
+    return as_rows(known.astype(np.float32)), False
 
 
 def _profiles(
@@ -174,10 +159,10 @@ def _profiles(
     names: list[str] = []
     of_frames = False
     for capture in group.captures:
-        raw = [PurePosixPath(name).suffix.lower() in _TABLES for name in capture.files]
+        raw = [PurePosixPath(name).suffix.lower() not in IMAGES for name in capture.files]
         names += capture.files
         if all(raw):
-            profiles += [_raw_profile(read(name), name) for name in capture.files]
+            profiles += [read_file(read(name), name, "profile").points for name in capture.files]
             continue
         of_frames = True
         if capture.kind == "sweep":
@@ -197,13 +182,6 @@ def _profiles(
     points = np.zeros((len(profiles), len(profiles[0]), 3), dtype=np.float32)
     points[..., 0::2] = np.array(profiles)
     return [pose for _, pose in pairs], [capture for capture, _ in pairs], points
-
-
-def _raw_profile(data: bytes, name: str) -> FloatArray:
-    """Return all columns of a profile (C, 2), blank ones as NaN."""
-    if PurePosixPath(name).suffix.lower() == ".npy":
-        return parse_npy(data, name, 2)
-    return parse_table(data, name, [2, 3], "x_mm,z_mm")[:, :2]
 
 
 def _on_columns(profiles: Sequence[FloatArray]) -> list[FloatArray]:

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from calib_core.captures.stripe_frames import calibration_of
 from calib_core.errors import InputError
-from calib_core.formats.images import decode_image
 from calib_core.formats.points import parse_profile
+from calib_core.formats.shared.images import decode_image
 from calib_core.frames import RigidTransform
 from calib_core.optics.triangulate import profile_from_frame
 from calib_core.pose_track import interpolate_poses

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from calib_core.archive.folder import result_data
-from calib_core.archive.stored_clouds import MEDIA_TYPES
+from calib_core.archive.stored_clouds import media_types
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.entry import Export, Settings
@@ -59,7 +59,7 @@ def export(
     ConflictError
         If nothing is solved yet, or the answer is stale or failed and that is not allowed.
     """
-    entry = export_named(name, tuple(MEDIA_TYPES))
+    entry = export_named(name, tuple(media_types()))
     answer = answer_of(session, results, stale, date)
     answer.require_usable(allow)
     try:

@@ -1,16 +1,31 @@
-"""Profiles and clouds from files, byte for byte as the scanner's program wrote them."""
+"""Profiles and clouds from files as the scanner's program wrote them: which format, and its points."""
 
-import re
-from pathlib import PurePosixPath
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import ValidationError
 
-from calib_core.errors import InputError, TooLargeError
-from calib_core.formats.binary_table import parse_npy
-from calib_core.formats.point_files import parse_pcd, parse_ply
-from calib_core.formats.text_table import parse_table
+from calib_core.errors import CalibrationError, InputError, TooLargeError
+from calib_core.formats.format import (
+    Format,
+    Kind,
+    Match,
+    Pieces,
+    PointKind,
+    Reading,
+    Settings,
+    ending_of,
+    require_kind,
+)
+from calib_core.formats.shared.writing import XYZ, table_of
 from calib_core.frames import FloatArray
+from calib_core.records.parsing import input_error
+from calib_core.registry import Registry
+
+FORMATS: Registry[Format] = Registry("a file format", "calib_core.formats", "FORMAT", Format, "scancell.formats")
 
 MAX_FILE_BYTES = 128_000_000
 """Largest file of a capture; ten million points as float32 fit."""
@@ -18,11 +33,120 @@ MAX_FILE_BYTES = 128_000_000
 MAX_PROFILE_BYTES = 32_000_000
 """Largest file of one profile; the longest stripes have some thousand points."""
 
-PROFILE_SUFFIXES = (".csv", ".txt", ".npy")
-CLOUD_SUFFIXES = (".ply", ".pcd", ".xyz", ".txt", ".csv", ".npy")
+_LEAST_MM, _MOST_MM = 1.0, 20_000.0
 
-_PROFILE_LINE = "x_mm,z_mm"
-_CLOUD_LINE = "x,y,z"
+
+def endings_of(*kinds: Kind) -> tuple[str, ...]:
+    """Return the endings of the files that can hold one of these kinds, of all where none is given."""
+    chosen = [entry for entry in FORMATS if not kinds or set(kinds) & set(entry.kinds)]
+    return tuple(dict.fromkeys(ending for entry in chosen for ending in entry.endings))
+
+
+def usual_kind(name: str) -> Kind | None:
+    """Return what a file with this ending usually holds; None for an ending that no format has."""
+    ending = ending_of(name)
+    return next((entry.kinds[0] for entry in FORMATS if ending in entry.endings), None)
+
+
+def recognise(data: bytes, name: str, kind: Kind | None = None) -> tuple[Format, Match]:
+    """Return the format that a file most probably has, and why; raises InputError where none claims it."""
+    entries = [entry for entry in FORMATS if kind is None or kind in entry.kinds]
+    found = [(entry, entry.recognise(data, name)) for entry in entries]
+    entry, match = max(found, key=lambda each: each[1].sure)
+    if not match.sure:
+        what = f"a {kind}" if kind else "a file"
+        endings = ", ".join(endings_of(kind) if kind else endings_of())
+        to_do = "Export it in one of these formats."
+        raise InputError(f"{what} as {endings}", ending_of(name) or "no ending", to_do, name)
+    return entry, match
+
+
+def read_file(
+    data: bytes,
+    name: str,
+    kind: PointKind | None = None,
+    format_name: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Reading:
+    """Return the points of a file, and what was taken for what.
+
+    Parameters
+    ----------
+    data : bytes
+    name : str
+        The file's name: its ending helps to know the format, and messages begin with it.
+    kind : "profile" or "cloud", optional
+        What is needed; where it is left out the file decides.
+    format_name : str, optional
+        The format; where it is left out it is recognised.
+    settings : mapping, optional
+        What the user says about the file, by the format's own schema.
+
+    Raises
+    ------
+    InputError
+        If it is empty or cut off, holds no numbers, or columns that do not fit.
+    TooLargeError
+        If it is larger than `MAX_FILE_BYTES`, a profile than `MAX_PROFILE_BYTES`.
+    """
+    require_file_size(len(data), name, MAX_PROFILE_BYTES if kind == "profile" else MAX_FILE_BYTES)
+    entry = FORMATS.get(format_name, name) if format_name else recognise(data, name, kind)[0]
+    if not data:
+        raise InputError(f"a {kind or 'file'} with points", "an empty file", "Save the capture again.", name)
+    if entry.read is None:
+        raise InputError("a file of points", f"a file of the format '{entry.name}'", "Export its points.", name)
+    told = _settings(entry, settings or {}, name)
+    try:
+        reading = entry.read(data, name, told, kind)
+    except CalibrationError:
+        raise
+    except Exception as error:  # a reader of another package: its fault must not look like one of the file alone
+        if not entry.read.__module__.startswith("calib_core."):
+            got = f"{type(error).__name__}: {error}"[:200]
+            raise InputError(f"a file as '{entry.name}'", got, "Tell the makers of that format.", name) from error
+        raise
+    require_kind(reading.kind, kind, name, f"the axes {', '.join(reading.axes)}")
+    return replace(reading, format=entry.name).adding(doubts=_doubts_of_size(reading))
+
+
+def parse_profile(data: bytes, name: str, may_be_blank: bool = False) -> FloatArray:
+    """Return the points of a profile file, (N, 2), x and z in L in mm, without the blanks.
+
+    Parameters
+    ----------
+    data : bytes
+    name : str
+        The file's name.
+    may_be_blank : bool
+        Whether a profile of blanks alone is one without points, and not an error.
+
+    Raises
+    ------
+    InputError
+        If it is empty, holds no point that came back, no numbers, or another format.
+    TooLargeError
+        If it is larger than `MAX_PROFILE_BYTES`.
+    """
+    reading = read_file(data, name, "profile")
+    return known_points(reading, name) if not may_be_blank or reading.known.any() else np.empty((0, 2))
+
+
+def parse_cloud(data: bytes, name: str) -> FloatArray:
+    """Return the points of a cloud file, (N, 3) in L in mm, without the blanks; raises as `read_file`."""
+    return known_points(read_file(data, name, "cloud"), name)
+
+
+def known_points(reading: Reading, where: str) -> FloatArray:
+    """Return the points of a reading without the blanks; raises InputError where there are none."""
+    kept = reading.points[reading.known]
+    if not len(kept):
+        raise InputError(
+            f"a {reading.kind} with points",
+            f"{len(reading.points)} blanks: nothing came back to the scanner",
+            "Check distance and exposure, and take the capture again; or set its `excluded` to true.",
+            where,
+        )
+    return kept
 
 
 def require_file_size(size_bytes: int, where: str, limit_bytes: int = MAX_FILE_BYTES) -> None:
@@ -41,121 +165,33 @@ def require_file_size(size_bytes: int, where: str, limit_bytes: int = MAX_FILE_B
         )
 
 
-def parse_profile(data: bytes, name: str, may_be_blank: bool = False) -> FloatArray:
-    """Return the points of a profile file, (N, 2), x and z in L, without the blanks.
-
-    Parameters
-    ----------
-    data : bytes
-        A table of text ``x_mm,z_mm[,intensity]`` with or without its header (comma, semicolon, tab or spaces), or
-        an NPY array (N, 2).
-    name : str
-        The file's name: its ending says what it is, and messages begin with it.
-    may_be_blank : bool
-        Whether a profile of blanks alone is one without points, and not an error.
-
-    Raises
-    ------
-    InputError
-        If it is empty, holds no point that came back, no numbers, or another format.
-    TooLargeError
-        If it is larger than `MAX_PROFILE_BYTES`.
-    """
-    require_file_size(len(data), name, MAX_PROFILE_BYTES)
-    suffix = _suffix(data, name, PROFILE_SUFFIXES, "profile")
-    if suffix == ".npy":
-        points = parse_npy(data, name, 2)
-    else:
-        points = parse_table(data, name, [2, 3], _PROFILE_LINE)[:, :2]
-    if may_be_blank and not np.isfinite(points).all(axis=1).any():
-        return np.empty((0, 2))
-    return _finite(points, name, "profile")
+def _settings(entry: Format, told: Mapping[str, Any], where: str) -> Settings:
+    try:
+        return entry.settings.model_validate(dict(told))
+    except ValidationError as error:
+        raise input_error(error, told, f"{where}: format_settings of '{entry.name}'") from None
 
 
-def parse_cloud(data: bytes, name: str) -> FloatArray:
-    """Return the points of a cloud file, (N, 3) in L, in the file's unit, without the blanks.
-
-    Parameters
-    ----------
-    data : bytes
-        PLY, PCD, a table of text ``x y z …``, or an NPY array (N, 3).
-    name : str
-        The file's name: its ending says what it is, and messages begin with it.
-
-    Raises
-    ------
-    InputError
-        If it is empty, holds no point that came back, no numbers, is cut off, or has another format.
-    TooLargeError
-        If it is larger than `MAX_FILE_BYTES`.
-    """
-    require_file_size(len(data), name)
-    suffix = _suffix(data, name, CLOUD_SUFFIXES, "cloud")
-    if suffix == ".npy":
-        points = parse_npy(data, name, 3)
-    elif suffix == ".ply":
-        points = parse_ply(data, name)
-    elif suffix == ".pcd":
-        points = parse_pcd(data, name)
-    else:
-        points = parse_table(data, name, range(3, 13), _CLOUD_LINE)[:, :3]
-    return _finite(points, name, "cloud")
+def _doubts_of_size(reading: Reading) -> list[str]:
+    """Return a doubt where nobody states the unit and the points are smaller or larger than scanners see."""
+    known = reading.points[reading.known]
+    if reading.unit_from != "assumed" or len(known) < 3:
+        return []
+    extent_mm = float(np.linalg.norm(known.max(axis=0) - known.min(axis=0)))
+    if 0 < extent_mm < _LEAST_MM:
+        return [f"All points lie within {extent_mm:.3g} mm: they look like metres. If they are, give the unit m."]
+    if extent_mm > _MOST_MM:
+        return [
+            f"The points span {extent_mm / 1000:.3g} m: they look like micrometres. If they are, give the unit um."
+        ]
+    return []
 
 
-def kind_of_file(data: bytes, name: str) -> Literal["profile", "cloud"]:
-    """Return whether a file holds a profile or a cloud, by its ending; NPY, CSV and TXT by their columns too.
-
-    Three columns of a CSV are a profile with intensities, unless its header names y.
-
-    Raises
-    ------
-    InputError
-        If the ending is none of a profile or a cloud.
-    """
-    suffix = PurePosixPath(name).suffix.lower()
-    if suffix == ".npy":
-        try:
-            parse_npy(data, name, 3)
-        except InputError:
-            return "profile"
-        return "cloud"
-    if suffix in (".csv", ".txt"):
-        first = data[:200].split(b"\n")[0].decode("latin-1").lower()
-        words = re.split(r"[,;\s]+", first.strip())
-        if suffix == ".csv":
-            return "cloud" if any(word in ("y", "y_mm", '"y"') for word in words) else "profile"
-        return "profile" if len(words) == 2 else "cloud"
-    if suffix in CLOUD_SUFFIXES:
-        return "cloud"
-    raise _unknown(name, PROFILE_SUFFIXES + CLOUD_SUFFIXES, "file")
-
-
-def _suffix(data: bytes, name: str, known: tuple[str, ...], what: str) -> str:
-    suffix = PurePosixPath(name).suffix.lower()
-    if suffix not in known:
-        raise _unknown(name, known, what)
-    if not data:
-        raise InputError(f"a {what} with points", "an empty file", "Save the capture again.", name)
-    return suffix
-
-
-def _unknown(name: str, known: tuple[str, ...], what: str) -> InputError:
-    endings = ", ".join(dict.fromkeys(known))
-    return InputError(
-        f"a {what} as {endings}",
-        PurePosixPath(name).suffix or "no ending",
-        "Export it in one of these formats.",
-        name,
-    )
-
-
-def _finite(points: FloatArray, name: str, what: str) -> FloatArray:
-    kept = points[np.isfinite(points).all(axis=1)]
-    if not len(kept):
-        raise InputError(
-            f"a {what} with points",
-            f"{len(points)} blanks: nothing came back to the scanner",
-            "Check distance and exposure, and take the capture again; or set its `excluded` to true.",
-            name,
-        )
-    return kept
+def cloud_pieces(name: str, points_mm: ArrayLike) -> Pieces:
+    """Give the file of a cloud (N, 3) in the format that the file's name ends in; raises InputError."""
+    ending = ending_of(name)
+    writers = {ending: entry.write_cloud for entry in FORMATS if entry.write_cloud for ending in entry.endings}
+    if ending not in writers:
+        raise InputError("a cloud's file as " + ", ".join(writers), ending or "no ending", "Name it so.", name)
+    table = table_of(points_mm, XYZ)
+    return writers[ending]([table], len(table), XYZ)

@@ -25,7 +25,7 @@ def _run(options: argparse.Namespace) -> int:
     """Solve a session, store its results, print them; return 0 where all are accepted, else 1."""
     from calib_core.archive.archive import is_archive, opened
     from calib_core.archive.folder import folder_of, load_session, result_data
-    from calib_core.formats.point_writers import write_pieces
+    from calib_core.formats.shared.writing import write_pieces
     from calib_core.stages.pipeline import run
     from server.console.progress import progress_bar
 

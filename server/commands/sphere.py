@@ -1,47 +1,75 @@
 """`scancell sphere`: the sphere in one cloud or profile."""
 
 import argparse
+import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from server.console.command import OK, Command
 from server.console.output import print_result, remark
 
+if TYPE_CHECKING:
+    from calib_core.frames import FloatArray
+
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=Path, metavar="FILE", help="profile: csv, npy; cloud: ply, pcd, xyz, npy")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="a profile or cloud: CSV, PLY, E57 … (docs/formats.md)"
+    )
     parser.add_argument("--diameter-mm", type=float, metavar="D", help="the sphere's diameter, where it is known")
-    parser.add_argument("--unit", choices=("mm", "m"), help="the file's unit of length (default mm)")
+    parser.add_argument(
+        "--unit", choices=("mm", "m", "um", "cm", "in"), help="the file's unit (default: its own, mm)"
+    )
+    parser.add_argument("--format", metavar="NAME", help="the file's format, where it is not recognised")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a setting of the format, such as z_scale_mm=0.001",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
     """Fit the file's sphere, or the circle of a profile, and print it."""
     from calib_core.archive.folder import read_bytes
     from calib_core.errors import InputError, MeasurementError
-    from calib_core.formats.points import kind_of_file
+    from calib_core.formats.points import known_points, read_file
 
     file, diameter_mm = options.file, options.diameter_mm
     if diameter_mm is not None and not (math.isfinite(diameter_mm) and diameter_mm > 0):
         raise InputError("a positive diameter in mm", f"{diameter_mm}", "Give it in mm.", "--diameter-mm")
     data = read_bytes(file, "Name the scanner's file.")
-    scale = 1000.0 if options.unit == "m" else 1.0
-    fit = _profile if kind_of_file(data, file.name) == "profile" else _cloud
+    reading = read_file(data, str(file), format_name=options.format, settings=_settings(options))
+    points = known_points(reading, str(file))
+    for doubt in reading.doubts:
+        remark(options, f"warning: {file}: {doubt}")
     try:
-        found = fit(data, str(file), diameter_mm, scale)
+        found = _profile(points, diameter_mm) if reading.kind == "profile" else _cloud(points, diameter_mm)
     except MeasurementError as error:
         raise error.at(str(file)) from None
-    if options.unit is None and diameter_mm is None and found["radius_mm"] < 1:
-        remark(options, f"warning: {file}: a radius below 1 mm looks like metres: add --unit m.")
+    found |= {"read": reading.to_json(rows=0)}
     print_result(options, _text(found), found)
     return OK
 
 
-def _profile(data: bytes, name: str, diameter_mm: float | None, scale: float) -> dict[str, Any]:
-    from calib_core.formats.points import parse_profile
+def _settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the settings as told: values are JSON where they can be, else text."""
+    told: dict[str, Any] = {"unit": options.unit} if options.unit else {}
+    for pair in options.set:
+        name, _, value = pair.partition("=")
+        try:
+            told[name] = json.loads(value)
+        except ValueError:
+            told[name] = value
+    return told
+
+
+def _profile(points: "FloatArray", diameter_mm: float | None) -> dict[str, Any]:
     from calib_core.sphere.arc import fit_arc
 
-    arc = fit_arc(parse_profile(data, name) * scale, diameter_mm)
+    arc = fit_arc(points, diameter_mm)
     x, z = arc.center_mm.tolist()
     found: dict[str, Any] = {"kind": "profile", "center_mm": [x, z], "radius_mm": arc.radius_mm}
     if diameter_mm is not None:
@@ -58,11 +86,10 @@ def _profile(data: bytes, name: str, diameter_mm: float | None, scale: float) ->
     }
 
 
-def _cloud(data: bytes, name: str, diameter_mm: float | None, scale: float) -> dict[str, Any]:
-    from calib_core.formats.points import parse_cloud
+def _cloud(points: "FloatArray", diameter_mm: float | None) -> dict[str, Any]:
     from calib_core.sphere.cloud import fit_sphere
 
-    fit = fit_sphere(parse_cloud(data, name) * scale, diameter_mm)
+    fit = fit_sphere(points, diameter_mm)
     return {
         "kind": "cloud",
         "center_mm": fit.center_mm.tolist(),
@@ -81,6 +108,8 @@ def _text(found: dict[str, Any]) -> str:
     axes = "x z" if found["kind"] == "profile" else "x y z"
     sigmas = [math.sqrt(row[i]) for i, row in enumerate(found["covariance"])]
     lines = [
+        f"read  {found['read']['sentence']}",
+        *(f"      {note}" for note in found["read"]["notes"]),
         f"centre {axes}  {center} mm  (standard deviations {' '.join(f'{s:.4f}' for s in sigmas)})",
         f"radius  {found['radius_mm']:.4f} mm",
         f"rms  {found['rms_mm']:.4f} mm over {found['inliers']} of {found['points']} points",

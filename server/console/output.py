@@ -33,7 +33,7 @@ def write_out(options: argparse.Namespace, out: Path, pieces: Iterable[bytes | m
         If it cannot be written there; or `-` is a terminal that cannot show it, or wanted for JSON.
     """
     from calib_core.errors import InputError
-    from calib_core.formats.point_writers import write_pieces
+    from calib_core.formats.shared.writing import write_pieces
 
     if out != STANDARD_OUTPUT:
         write_pieces(out, pieces)

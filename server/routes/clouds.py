@@ -32,7 +32,7 @@ CloudFormat = Annotated[
 @router.get("/sessions/{session_id}/clouds", response_model=StoredCloudFiles)
 def list_clouds(session_id: SessionId, store: StoreDep) -> StoredCloudFiles:
     """Return the clouds and meshes that there are, with the formats that each is given in."""
-    from calib_core.archive.stored_clouds import MESH_FILE, OF_CLOUDS, OF_MESHES, REFERENCE_FILE
+    from calib_core.archive.stored_clouds import MESH_FILE, REFERENCE_FILE, cloud_formats, mesh_formats
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
@@ -41,7 +41,7 @@ def list_clouds(session_id: SessionId, store: StoreDep) -> StoredCloudFiles:
             name=PurePosixPath(name).name,
             bytes=output.size,
             sha256=output.sha256,
-            formats=list(OF_MESHES if name in (MESH_FILE, REFERENCE_FILE) else OF_CLOUDS),
+            formats=mesh_formats() if name in (MESH_FILE, REFERENCE_FILE) else cloud_formats(),
         )
         for name, output in sorted(stored.outputs.items())
     ]
@@ -57,7 +57,7 @@ def get_cloud(
     session_id: SessionId, name: CloudName, store: StoreDep, wanted: CloudFormat = None
 ) -> StreamingResponse:
     """Return the merged cloud or its mesh; as PLY it is what the merge stored, byte for byte."""
-    from calib_core.archive.stored_clouds import MEDIA_TYPES, StoredFile, in_format, requested
+    from calib_core.archive.stored_clouds import StoredFile, in_format, media_types, requested
 
     file, chosen = requested(name, wanted)
     with store.read() as db:
@@ -72,13 +72,13 @@ def get_cloud(
     content = store.blobs.open(output.sha256)
     if chosen == "ply":
         headers["Content-Length"] = str(output.size)
-        return Download(content, MEDIA_TYPES[chosen], headers)
+        return Download(content, media_types()[chosen], headers)
     try:
         pieces = in_format(StoredFile(content, file), chosen, file)
     except BaseException:
         content.close()
         raise
-    return Download(content, MEDIA_TYPES[chosen], headers, pieces)
+    return Download(content, media_types()[chosen], headers, pieces)
 
 
 def _missing(stored: StoredSession, name: str) -> NotFoundError:

@@ -105,8 +105,8 @@ def put_reference(
     ],
 ) -> ReferenceMesh:
     """Store the mesh that says what the object should be, in place of the one before."""
-    from calib_core.formats.mesh_files import parse_mesh
-    from calib_core.formats.point_writers import ply_pieces
+    from calib_core.formats.meshes import parse_mesh
+    from calib_core.formats.ply import ply_pieces
 
     with store.read() as db:
         merge = load_session(db, store.blobs, session_id).results.get("merge")

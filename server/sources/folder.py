@@ -15,10 +15,6 @@ from typing import Any
 from calib_core.errors import InputError
 from calib_core.records import Capture, Session, Step, parse_capture
 
-KINDS = {
-    ".csv": "profile", ".npy": "profile", ".ply": "cloud", ".pcd": "cloud", ".xyz": "cloud", ".png": "frame",
-    ".tif": "frame", ".tiff": "frame", ".bmp": "frame", ".jpg": "frame", ".jpeg": "frame",
-}  # fmt: skip
 POSE_FILES = ("poses.txt", "poses.csv")
 _POSE_ENDINGS = (".txt", ".pose")
 _OF_BOARD = ("camera", "laser-plane")  # their captures need no robot
@@ -60,7 +56,7 @@ def files_in(folder: Path) -> dict[str, Signature]:
 
 def measurements(names: Collection[str]) -> list[str]:
     """Return those names that hold a capture, in the order of their names; pose tables are none."""
-    return sorted(n for n in names if Path(n).suffix.lower() in KINDS and n.lower() not in POSE_FILES)
+    return sorted(n for n in names if _usual_kind(n) and n.lower() not in POSE_FILES)
 
 
 def notes_of(name: str, names: Collection[str]) -> list[str]:
@@ -111,8 +107,15 @@ def capture_of(
     return parse_capture({**record, "id": capture_id, "files": [file]}, name)
 
 
+def _usual_kind(name: str) -> str | None:
+    """Return what a file holds by its ending; texts tell poses here."""
+    from calib_core.formats.points import usual_kind
+
+    return None if Path(name).suffix.lower() in _POSE_ENDINGS else usual_kind(name)
+
+
 def _kind(name: str, session: Session) -> str:
-    kind = KINDS[Path(name).suffix.lower()]
+    kind = _usual_kind(name) or "profile"
     return "cloud" if kind == "profile" and session.cell.scanner.kind == "cloud" else kind
 
 

@@ -8,7 +8,8 @@ import open3d as o3d
 import trimesh
 from harness import Row, interleaved_medians_s
 
-from calib_core.formats.point_writers import ply_pieces, write_pieces
+from calib_core.formats.ply import ply_pieces
+from calib_core.formats.shared.writing import write_pieces
 
 
 def run(full: bool) -> list[Row]:

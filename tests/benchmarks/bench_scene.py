@@ -9,7 +9,7 @@ from harness import Row
 from playwright.sync_api import sync_playwright
 
 from calib_core.archive.stored_clouds import CLOUD_FILE, read_stored_ply
-from calib_core.formats.point_writers import ply_pieces
+from calib_core.formats.ply import ply_pieces
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import run as solve
 from server.scenes.facts import SceneInput

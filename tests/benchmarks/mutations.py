@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from calib_core.archive.archive import pack_files
-from calib_core.formats.point_writers import cloud_pieces
+from calib_core.formats.points import cloud_pieces
 from calib_core.simulation import simulate
 from tests.core.archives import entries_of, resealed
 

@@ -136,7 +136,7 @@ def test_sphere_in_metres_is_named_and_read_with_its_unit(tmp_path, capsys):
     assert main(["sphere", file, "--diameter-mm", "50", "--unit", "m", "--json"]) == 0
     np.testing.assert_allclose(json.loads(capsys.readouterr().out)["center_mm"], [10, 20, 300], atol=0.01)
     assert main(["sphere", file, "--json"]) == 0  # nothing to compare with: the radius itself is told
-    assert "looks like metres" in capsys.readouterr().err
+    assert "look like metres" in capsys.readouterr().err
 
 
 def test_sphere_of_a_profile_gives_both_sides(tmp_path, capsys):

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.formats.mesh_files import parse_mesh
-from calib_core.formats.point_writers import ply_pieces, stl_pieces
+from calib_core.formats.meshes import parse_mesh
+from calib_core.formats.ply import ply_pieces
+from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import build_part
 
 BOX = trimesh.creation.box((30.0, 20.0, 10.0))
@@ -66,7 +67,7 @@ def test_faces_of_four_corners_are_cut_in_two() -> None:
         ("part.stl", written("stl")[:-7], "announced"),
         ("part.stl", b"solid x\n vertex 1 2\nendsolid", "corner"),
         ("part.ply", written("ply")[:-5], "fewer bytes"),
-        ("part.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n", "without an end"),
+        ("part.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n", "without a line end_header"),
         ("part.ply", written("ply").replace(b"float y", b"float x"), "alike"),
         ("cloud.ply", b"".join(bytes(p) for p in ply_pieces(np.eye(3))), "no triangle"),
     ],

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 from calib_core.errors import InputError
-from calib_core.formats.point_writers import (
-    cloud_pieces,
-    pcd_pieces,
-    ply_pieces,
-    stl_pieces,
-    write_pieces,
-    xyz_pieces,
-)
-from calib_core.formats.points import parse_cloud
+from calib_core.formats.pcd import pcd_pieces
+from calib_core.formats.ply import ply_pieces
+from calib_core.formats.points import cloud_pieces, parse_cloud
+from calib_core.formats.shared.writing import write_pieces
+from calib_core.formats.stl import stl_pieces
+from calib_core.formats.xyz import xyz_pieces
 from calib_core.kernels.checksum import crc32c_rows
 
 POINTS = np.random.default_rng(0).uniform(-300, 300, (20_000, 3)).astype(np.float32)
@@ -147,7 +144,7 @@ def test_a_cloud_without_points_is_refused(write):
 def test_columns_without_names_unknown_endings_and_wrong_corners_are_refused():
     with pytest.raises(InputError, match="3 columns"):
         list(ply_pieces(WITH_NORMALS))
-    with pytest.raises(InputError, match=r"\.ply, \.pcd, \.xyz, \.e57"):
+    with pytest.raises(InputError, match=r"\.e57, \.pcd, \.ply, \.xyz"):
         cloud_pieces("cloud.las", POINTS)
     with pytest.raises(InputError, match="corners among 3"):
         list(stl_pieces(POINTS[:3], [[0, 1, 3]]))

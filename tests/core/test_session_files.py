@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
-from calib_core.formats.points import MAX_PROFILE_BYTES, kind_of_file, parse_cloud, parse_profile
+from calib_core.formats.points import MAX_PROFILE_BYTES, parse_cloud, parse_profile, read_file, usual_kind
 
 PROFILE = np.array([[-1.5, 200.25], [0.0, 201.0], [2.5, 199.125]])
 CLOUD = np.array([[1.0, 2.0, 3.0], [-4.5, 5.25, 6.0], [7.0, 8.0, -9.75], [0.5, 0.25, 0.125]])
@@ -120,11 +120,15 @@ def test_a_table_longer_than_one_block_keeps_its_order_and_line_numbers():
         (b"x_mm,z_mm\n1,2\n3,abc\n", "p.csv", "'abc' in line 3"),
         (b"x_mm,z_mm\n1,2\n3", "p.csv", "1 in line 3"),
         (b"1,2,3,4\n", "p.csv", "4 in line 1"),
-        (b"z_mm,x_mm\n1,2\n", "p.csv", "the header 'z_mm,x_mm'"),
-        (b"x_m,z_m\n1,2\n", "p.csv", "in metres"),
+        (b"z_mm,x_mm,x_mm\n1,2,3\n", "p.csv", "2 columns named x in the header above line 2"),
+        (
+            b"time,distance\n1,2\n",
+            "p.csv",
+            "no column named x or z in the header above line 2: 'time', 'distance'",
+        ),
         (b"1_0,2\n", "p.csv", "'1_0' in line 1"),
         (b"\x89PNG\x00\x00", "p.csv", "bytes that are no text"),
-        (b"1,2\n", "p.dat", ".dat"),
+        (b"1,2\n", "p.docx", ".docx"),
         (b"", "p.npy", "an empty file"),
         (b"1,2\n3,4\n5,6\n", "p.npy", "does not begin like one"),
         (npy(CLOUD)[:-8], "c.npy", "3 in the file"),
@@ -192,8 +196,13 @@ def test_no_bytes_raise_anything_but_a_clear_error(name, head, body):
         (b"1 2 3\n", "a.txt", "cloud"),
         (npy(PROFILE), "a.npy", "profile"),
         (npy(CLOUD), "a.npy", "cloud"),
-        (b"", "a.ply", "cloud"),
+        (b"x;y;z\n1,5;2;3\n", "a.txt", "cloud"),
+        (b"X [mm]\tZ [mm]\tI\n1\t2\t3\n", "a.txt", "profile"),
     ],
 )
 def test_the_kind_of_a_file_by_ending_and_columns(data, name, kind):
-    assert kind_of_file(data, name) == kind
+    assert read_file(data, name).kind == kind
+
+
+def test_the_usual_kind_by_the_ending_alone():
+    assert [usual_kind(f"a.{e}") for e in ("csv", "ply", "TIFF", "step")] == ["profile", "cloud", "frame", None]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
-from calib_core.formats.images import decode_image
+from calib_core.formats.shared.images import decode_image
 
 GREY = np.arange(48 * 64, dtype=np.uint8).reshape(48, 64)
 

@@ -10,8 +10,8 @@ import pytest
 from calib_core.archive.stored_clouds import read_stored_ply
 from calib_core.captures.scans import Placement, read_scan, scan_groups
 from calib_core.errors import CalibrationError, InputError
-from calib_core.formats.point_writers import write_pieces
 from calib_core.formats.points import parse_cloud
+from calib_core.formats.shared.writing import write_pieces
 from calib_core.frames import RigidTransform
 from calib_core.fusion.overlap import move_of_pose_change
 from calib_core.records import MergeResult, Session

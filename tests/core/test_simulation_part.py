@@ -6,8 +6,8 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from calib_core.formats.point_writers import write_pieces
 from calib_core.formats.points import parse_cloud
+from calib_core.formats.shared.writing import write_pieces
 from calib_core.fusion.clean import clean_scan
 from calib_core.fusion.clean_scan import KEPT
 from calib_core.fusion.merge import VoxelGrid

@@ -11,11 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib_core.archive.folder import save_session
-from calib_core.archive.stored_clouds import MEDIA_TYPES, StoredFile, in_format, read_stored_ply, requested
+from calib_core.archive.stored_clouds import StoredFile, in_format, media_types, read_stored_ply, requested
 from calib_core.errors import InputError, NotFoundError
-from calib_core.formats.e57_writer import e57_pieces
-from calib_core.formats.point_writers import pcd_pieces, ply_pieces, stl_pieces, write_pieces, xyz_pieces
+from calib_core.formats.e57 import e57_pieces
+from calib_core.formats.pcd import pcd_pieces
+from calib_core.formats.ply import ply_pieces
 from calib_core.formats.points import parse_cloud
+from calib_core.formats.shared.writing import write_pieces
+from calib_core.formats.stl import stl_pieces
+from calib_core.formats.xyz import xyz_pieces
 from server.cli import main
 from tests.core.test_session_merge import session
 
@@ -58,7 +62,7 @@ def test_requests_name_a_file_and_a_format():
     assert requested("merged", None) == ("clouds/merged.ply", "ply")
     assert requested("merged.ply", "xyz") == ("clouds/merged.ply", "xyz")
     for name in ("merged.doc", "../../session", "a.b.c"):
-        with pytest.raises(NotFoundError, match="ply, pcd"):
+        with pytest.raises(NotFoundError, match="pcd, ply"):
             requested(name, None)
 
 
@@ -110,7 +114,7 @@ def test_export_writes_every_format_and_merges_first_where_needed(tmp_path: Path
     folder = tmp_path / "part"
     record, files = session(mesh="grid")
     save_session(folder, record, files)
-    for name in MEDIA_TYPES:
+    for name in media_types():
         out = tmp_path / f"cloud.{name}"
         if name == "pcd":
             assert main(["run", str(folder), "--stage", "merge"]) == 0  # from here on it is stored

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from calib_core.formats.point_writers import stl_pieces
+from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import build_part
 
 pytestmark = pytest.mark.browser

@@ -10,7 +10,8 @@ from calib_core.archive.spill import FileSpill
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.errors import InputError
-from calib_core.formats.point_writers import Pieces, ply_pieces, ply_pieces_of
+from calib_core.formats.format import Pieces
+from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.majority import NO_SCAN, HeaviestScans
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change

@@ -10,7 +10,7 @@ from calib_core.archive.archive import opened
 from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, in_format
 from calib_core.errors import InputError
-from calib_core.formats.point_writers import write_pieces
+from calib_core.formats.shared.writing import write_pieces
 from calib_core.records import Session
 from calib_core.stages.graph import inputs_sha256
 from calib_core.stages.pipeline import solve_stage

@@ -6,7 +6,7 @@ from typing import Any
 
 from calib_core.archive.archive import opened
 from calib_core.archive.folder import load_results, load_session
-from calib_core.archive.stored_clouds import MEDIA_TYPES
+from calib_core.archive.stored_clouds import media_types
 from calib_core.exports.export import export as export_results
 from calib_core.exports.registry import export_named
 from calib_core.records import Record, Session
@@ -20,14 +20,14 @@ from server.console.progress import progress_bar
 
 def export(options: argparse.Namespace) -> int:
     """Write tool and table, or the merged cloud, in a format; what is not stored or stale is solved first."""
-    if options.format in MEDIA_TYPES:
+    if options.format in media_types():
         from server.commands.export.clouds import export_cloud
 
         return export_cloud(options)
     with opened(options.session) as folder:
         session, read = load_session(folder)
         results: dict[str, Record | Mapping[str, Any]] = {**load_results(folder)}
-        export_named(options.format, tuple(MEDIA_TYPES))
+        export_named(options.format, tuple(media_types()))
         if _is_stale(session, read, results.get("tcp")):
             with progress_bar(options) as progress:
                 results |= run_stages(session, read, "tcp", progress)

@@ -1,9 +1,11 @@
 """Rows of typed fields out of bytes: what NPY, PLY and PCD share, with every length checked before it is used."""
 
 import ast
+import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.frames import FloatArray
@@ -43,30 +45,42 @@ def columns_from_records(
     return np.stack([records[name].astype(np.float64) for name in names], axis=1)
 
 
-def parse_npy(data: bytes, where: str, columns: int) -> FloatArray:
-    """Return the array of an NPY file, (N, columns), as float64; never unpickles.
+def parse_npy(data: bytes, where: str) -> tuple[NDArray[Any], tuple[str, ...]]:
+    """Return the array of an NPY file, and the names of its fields where it is one of records; never unpickles.
+
+    Records (N,) with fields of numbers become (N, fields) float64.
 
     Raises
     ------
     InputError
-        If it is no NPY file, is cut off, or holds another type or shape.
+        If it is no NPY file, is cut off, or holds something other than numbers.
     """
-    to_do = f"Save it with numpy.save, an array of shape (N, {columns})."
-    need = f"an NPY file of N×{columns} numbers"
+    to_do = "Save it with numpy.save, an array of numbers."
+    need = "an NPY file of numbers"
     header, offset = _npy_header(data, need, to_do, where)
     try:
         dtype = np.dtype(header["descr"])
         shape = tuple(int(n) for n in header["shape"])
         fortran = bool(header["fortran_order"])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, SyntaxError):
         raise InputError(need, "a header that numpy does not know", to_do, where) from None
-    if dtype.kind not in "fiu" or dtype.itemsize == 0:
+    kinds = {dtype[field].kind for field in dtype.names} if dtype.names else {dtype.kind}
+    if not kinds <= set("fiu") or dtype.itemsize == 0:
         raise InputError(need, f"values of type {dtype.name}", to_do, where)
-    if len(shape) != 2 or shape[1] < columns or shape[1] > columns + 1:
+    if not shape or len(shape) > 3 or min(shape) < 0:
         raise InputError(need, f"an array of shape {shape}", to_do, where)
-    require_count(shape[0], (len(data) - offset) // (dtype.itemsize * shape[1]), where, "rows")
-    flat = np.frombuffer(data, dtype=dtype, count=shape[0] * shape[1], offset=offset)
-    return flat.reshape(shape, order="F" if fortran else "C")[:, :columns].astype(np.float64)
+    width = list(shape)[-1] if len(shape) > 1 else 1
+    rows = math.prod(list(shape)[:-1]) if len(shape) > 1 else math.prod(shape)
+    require_count(rows, (len(data) - offset) // max(dtype.itemsize * width, 1), where, "rows")
+    if rows * width > 4 * MAX_POINTS:
+        raise InputError(need, f"an array of shape {shape}", "Save fewer points in a file.", where)
+    flat = np.frombuffer(data, dtype=dtype, count=rows * width, offset=offset)
+    array = flat.reshape(shape, order="F" if fortran else "C")
+    if not dtype.names:
+        return array, ()
+    if array.ndim != 1:
+        raise InputError(need, f"records in an array of shape {shape}", to_do, where)
+    return np.stack([array[field].astype(np.float64) for field in dtype.names], axis=1), dtype.names
 
 
 def _npy_header(data: bytes, need: str, to_do: str, where: str) -> tuple[dict[str, Any], int]:
@@ -79,7 +93,7 @@ def _npy_header(data: bytes, need: str, to_do: str, where: str) -> tuple[dict[st
         raise InputError(need, "a header that is cut off", "Copy the file again.", where)
     try:
         header = ast.literal_eval(data[start : start + length].decode("latin-1").strip())
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
+    except (ValueError, SyntaxError, MemoryError, RecursionError, TypeError):
         header = None
     if not isinstance(header, dict):
         raise InputError(need, "a header that numpy does not know", to_do, where)

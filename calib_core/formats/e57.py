@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import InputError
+from calib_core.formats.format import NO_MATCH, Format, Match
 
 _PAGE, _PAYLOAD = 1024, 1020
 _HEADER_BYTES = 48
@@ -165,3 +166,14 @@ def _pages(data: bytes) -> bytes:
     pages[:, :_PAYLOAD] = payload
     pages[:, _PAYLOAD:] = crc32c_rows(payload).astype(">u4").view(np.uint8).reshape(-1, 4)
     return pages.tobytes()
+
+
+FORMAT = Format(
+    name="e57",
+    title="E57 (ASTM E2807)",
+    endings=(".e57",),
+    kinds=("cloud",),
+    recognise=lambda data, name: Match(1.0, "begins with ASTM-E57") if data[:8] == b"ASTM-E57" else NO_MATCH,
+    media_type="model/e57",
+    write_cloud=lambda tables, count, names: e57_pieces_of((table[:, :3] for table in tables), count),
+)

@@ -1,0 +1,207 @@
+"""Which column is which axis, in which unit: by the header's names, by what the user says, else by place."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from calib_core.errors import InputError
+from calib_core.formats.format import MM_PER_UNIT, PointKind, Reading, Settings, Unit
+from calib_core.formats.shared.missing import without_missing
+from calib_core.formats.shared.names import axis_of, unit_in, unit_of
+from calib_core.formats.shared.text_table import TextTable
+from calib_core.frames import FloatArray
+
+
+class TableSettings(Settings):
+    """As `Settings`; `columns` names the columns in order: x, y, z, and any word for one to be left aside."""
+
+    columns: list[str] = Field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column that is used: its axis, its place from 0, its name for messages, its unit where it is stated."""
+
+    axis: str
+    place: int
+    name: str
+    unit: Unit | None
+
+
+def reading_of(
+    table: TextTable, where: str, settings: TableSettings, kind: PointKind | None, plain: PointKind | None = None
+) -> Reading:
+    """Return the points of a table: columns by the user's word, by their names, else by their place.
+
+    Parameters
+    ----------
+    table : TextTable
+    where : str
+    settings : TableSettings
+    kind : "profile" or "cloud", optional
+        What is needed.
+    plain : "profile" or "cloud", optional
+        What three or more columns without names are where nobody says what is needed.
+
+    Raises
+    ------
+    InputError
+        If the columns do not fit; it names the one that is at fault.
+    """
+    _require_announced(table, where)
+    values, names = _without_empty_end(table)
+    width = values.shape[1]
+    if settings.columns:
+        columns = _told(settings.columns, width, where, table)
+    elif names:
+        columns = _by_name(names, table.units, where, table.first_line)
+    else:
+        columns = _by_place(width, kind, plain, where, table.first_line)
+    columns, found = for_kind(columns, values, kind, where)
+    return points_of(values, columns, found, where, settings, unit_in(table.preamble))
+
+
+def reading_of_values(
+    values: NDArray[Any], names: Sequence[str], where: str, settings: TableSettings, kind: PointKind | None
+) -> Reading:
+    """Return the points of an array (N, C), columns named or by their place; raises as `reading_of`."""
+    table = TextTable(values.astype(np.float64), tuple(names), (), (), 0, False)
+    return reading_of(table, where, settings, kind, "cloud")
+
+
+def points_of(
+    values: FloatArray,
+    columns: Sequence[Column],
+    kind: PointKind,
+    where: str,
+    settings: Settings,
+    stated: Unit | None = None,
+) -> Reading:
+    """Return a reading of chosen columns, in mm, blanks and missing values as NaN."""
+    units: list[Unit | None] = [settings.unit or column.unit or stated for column in columns]
+    unit_from = "settings" if settings.unit else "header" if all(units) else "assumed"
+    factors = [1.0 if unit is None else MM_PER_UNIT[unit] for unit in units]
+    points = values[:, [column.place for column in columns]]
+    points, notes, doubts = without_missing(points, settings.missing, kind)
+    if any(factor != 1.0 for factor in factors):
+        points = points * factors
+    different = sorted({unit or "mm" for unit in units})
+    unit = ", ".join(f"{c.axis} in {u or 'mm'}" for c, u in zip(columns, units, strict=True))
+    return Reading(
+        kind,
+        points,
+        {column.axis: column.name for column in columns},
+        different[0] if len(different) == 1 else unit,
+        unit_from,
+        notes=notes,
+        doubts=doubts,
+    )
+
+
+def _require_announced(table: TextTable, where: str) -> None:
+    """Refuse a table whose first line announces another number of points than follow: it was cut off."""
+    first = table.preamble[0].strip() if table.preamble else ""
+    if first.isdecimal() and int(first) != len(table.values):
+        raise InputError(
+            f"the {int(first)} points that the first line announces",
+            f"{len(table.values)}",
+            "Copy or export the file again.",
+            where,
+        )
+
+
+def _without_empty_end(table: TextTable) -> tuple[FloatArray, tuple[str, ...]]:
+    """Leave out last columns without a name and without a value: rows that end in a separator have one."""
+    values, names = table.values, table.names
+    while values.shape[1] > 2 and not (names and names[-1]) and np.isnan(values[:, -1]).all():
+        values, names = values[:, :-1], names[:-1]
+    return values, names
+
+
+def _told(told: list[str], width: int, where: str, table: TextTable) -> list[Column]:
+    if len(told) != width:
+        raise InputError(
+            f"a name for each of {width} columns in the setting 'columns'",
+            f"{len(told)}",
+            "Name them all; '-' for one to be left aside.",
+            where,
+        )
+    return _by_name(told, (), where, table.first_line, "the setting 'columns'")
+
+
+def _by_name(
+    names: Sequence[str], units: Sequence[str], where: str, first_line: int, who: str = "the header"
+) -> list[Column]:
+    found: list[Column] = []
+    for place, name in enumerate(names):
+        axis, unit = axis_of(name)
+        if axis is not None:
+            below = unit_of(units[place]) if place < len(units) else None
+            found.append(Column(axis, place, name, unit or below))
+    if not any(column.axis == "z" for column in found):
+        found = [Column("z", c.place, c.name, c.unit) if c.axis == "height" else c for c in found]
+    found = [column for column in found if column.axis != "height"]
+    axes = [column.axis for column in found]
+    twice = next((column for column in found if axes.count(column.axis) > 1), None)
+    if twice is not None:
+        raise _refused(f"{axes.count(twice.axis)} columns named {twice.axis}", names, where, first_line, who)
+    lacking = [axis for axis in "xz" if axis not in axes]
+    if lacking:
+        raise _refused(f"no column named {' or '.join(lacking)}", names, where, first_line, who)
+    return sorted(found, key=lambda column: column.axis)
+
+
+def _refused(got: str, names: Sequence[str], where: str, first_line: int, who: str) -> InputError:
+    listed = ", ".join(repr(name[:30]) for name in names[:8]) + (" …" if len(names) > 8 else "")
+    place = f" in {who} above line {first_line}" if who == "the header" else f" in {who}"
+    return InputError(
+        "columns named x and z (a profile) or x, y and z (a cloud)",
+        f"{got}{place}: {listed}",
+        "Name the columns in the file, or in the capture's format_settings by 'columns'.",
+        where,
+    )
+
+
+def _by_place(
+    width: int, kind: PointKind | None, plain: PointKind | None, where: str, first_line: int
+) -> list[Column]:
+    """Return x and z, or x, y and z, of columns that nobody named."""
+    kind = kind or ("profile" if width == 2 else plain or "cloud")
+    most = 3 if kind == "profile" else 12
+    least = 2 if kind == "profile" else 3
+    if not least <= width <= most:
+        example = "x_mm,z_mm" if kind == "profile" else "x,y,z"
+        counts = "2 or 3" if kind == "profile" else "3 to 12"
+        raise InputError(
+            f"{counts} columns a line ({example})",
+            f"{width} in line {first_line}",
+            "Write one point a line, or name the columns in a header line.",
+            where,
+        )
+    axes = "xz" if kind == "profile" else "xyz"
+    return [Column(axis, place, f"column {place + 1}", None) for place, axis in enumerate(axes)]
+
+
+def for_kind(
+    columns: list[Column], values: FloatArray, kind: PointKind | None, where: str
+) -> tuple[list[Column], PointKind]:
+    """Return the columns of what is needed; a cloud whose y is one number can be a profile.  Raises InputError."""
+    has: PointKind = "cloud" if len(columns) == 3 else "profile"
+    if kind in (None, has):
+        return columns, has
+    if kind == "profile":
+        y = values[:, columns[1].place]
+        y = y[np.isfinite(y)]
+        if len(y) and np.ptp(y) == 0:
+            return [columns[0], columns[2]], "profile"
+    listed = ", ".join(column.name for column in columns)
+    raise InputError(
+        "a profile (x and z)" if kind == "profile" else "a cloud (x, y and z)",
+        f"a {has} with the columns {listed}",
+        f"Give the capture the kind '{has}', or export the file as a {kind}.",
+        where,
+    )

@@ -1,0 +1,30 @@
+"""Triangle meshes: what readers of them give, and how they refuse."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import InputError, TooLargeError
+
+MAX_TRIANGLES = 5_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class MeshData:
+    """A mesh: corners (C, 3) in mm, triangles (M, 3), counter-clockwise from outside."""
+
+    corners_mm: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+
+
+def require_few(count: int, name: str) -> None:
+    """Refuse more than `MAX_TRIANGLES`; raises TooLargeError."""
+    if count > MAX_TRIANGLES:
+        to_do = "Export it with a coarser tolerance."
+        raise TooLargeError(f"at most {MAX_TRIANGLES:,} triangles", f"{count:,}", to_do, name)
+
+
+def wrong(name: str, got: str, to_do: str = "Export the mesh again, as STL or PLY.") -> InputError:
+    """Return the error of a file that holds no whole mesh."""
+    return InputError("a whole mesh file", got, to_do, name)

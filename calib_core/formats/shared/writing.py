@@ -1,0 +1,112 @@
+"""Pieces of bytes into a file that appears whole or not at all; tables and triangles as writers take them."""
+
+import errno
+import os
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.errors import InputError
+
+SingleArray = NDArray[np.float32]
+
+XYZ = ("x", "y", "z")
+BLOCK = 50_000
+_LARGE = 1 << 20
+
+
+def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
+    """Write a file beside its name, then rename it; return its size in bytes.
+
+    What stood under the name stays whole unless all was written.
+
+    Raises
+    ------
+    InputError
+        If the disk is full or the folder cannot be written; nothing is left behind.
+    """
+    temporary: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        temporary = Path(name)
+        size = 0
+        with os.fdopen(handle, "wb", buffering=0) as file:
+            for step in _in_large_steps(pieces):
+                length = sum(len(piece) for piece in step)
+                if size or length >= _LARGE:
+                    _reserve(file.fileno(), size, length)
+                for piece in step:
+                    size += _write_all(file.fileno(), piece)
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        _remove(temporary)
+        got = error.strerror or type(error).__name__
+        to_do = "Make room, or give a folder that may be written."
+        raise InputError("a place to write to", got, to_do, str(path)) from None
+    except BaseException:
+        _remove(temporary)
+        raise
+    return size
+
+
+def _in_large_steps(pieces: Iterable[bytes | memoryview]) -> Iterator[list[bytes | memoryview]]:
+    """Give pieces together until they are large, so that a header does not go alone."""
+    step: list[bytes | memoryview] = []
+    for piece in pieces:
+        step.append(piece)
+        if sum(len(one) for one in step) >= _LARGE:
+            yield step
+            step = []
+    if step:
+        yield step
+
+
+def _reserve(handle: int, start: int, length: int) -> None:
+    """Reserve room: a full disk is known at once, and renaming need not wait until the disk has found the room."""
+    if hasattr(os, "posix_fallocate"):
+        try:
+            os.posix_fallocate(handle, start, length)
+        except OSError as error:
+            if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
+                raise
+
+
+def _write_all(handle: int, piece: bytes | memoryview) -> int:
+    rest = memoryview(piece)
+    while len(rest):
+        rest = rest[os.write(handle, rest) :]
+    return len(piece)
+
+
+def _remove(path: Path | None) -> None:
+    if path is not None:
+        with suppress(OSError):
+            path.unlink()
+
+
+def table_of(values: ArrayLike, names: tuple[str, ...]) -> SingleArray:
+    """Return points as a table (N, K) float32; raises InputError where there are none or names do not fit."""
+    table = np.ascontiguousarray(values, dtype="<f4")
+    if table.ndim != 2 or not len(table):
+        raise InputError("at least one point to write", f"an array of shape {table.shape}", "Merge scans first.")
+    if table.shape[1] != len(names) or names[:3] != XYZ:
+        raise InputError(f"{len(names)} columns ({' '.join(names)})", f"{table.shape[1]}", "Name each column.")
+    return table
+
+
+def faces_of(triangles: ArrayLike, points: int) -> NDArray[np.int32]:
+    """Return triangles (M, 3); raises InputError where there are none or one names a point that is not there."""
+    faces = np.asarray(triangles)
+    if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+        raise InputError("triangles of three corners", f"an array of shape {faces.shape}", "Mesh the cloud first.")
+    if faces.min() < 0 or faces.max() >= points:
+        raise InputError(
+            f"corners among {points} points", f"number {faces.max()}", "Give mesh and points together."
+        )
+    return faces.astype("<i4")

@@ -1,0 +1,93 @@
+"""STL: triangle meshes, binary and text."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.formats.format import NO_MATCH, Format, Match, Pieces, by_ending
+from calib_core.formats.shared.mesh import MeshData, require_few, wrong
+from calib_core.formats.shared.writing import BLOCK, XYZ, faces_of, table_of
+
+_RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_HEADER = 84
+
+
+def recognise(data: bytes, name: str) -> Match:
+    """Return how sure it is that a file is STL."""
+    if data.lstrip()[:5] == b"solid" and b"facet" in data[:2000]:
+        return Match(0.9, "begins with 'solid'")
+    if by_ending(name, FORMAT.endings).sure:
+        return by_ending(name, FORMAT.endings)
+    count = int.from_bytes(data[80:84], "little") if len(data) >= _HEADER else 0
+    whole = count and len(data) == _HEADER + count * _RECORD.itemsize
+    return Match(0.8, f"has the size of {count} triangles") if whole else NO_MATCH
+
+
+def parse_stl(data: bytes, name: str) -> MeshData:
+    """Return the triangles of an STL file; raises InputError."""
+    count = int.from_bytes(data[80:84], "little") if len(data) >= _HEADER else -1
+    if count >= 0 and len(data) == _HEADER + count * _RECORD.itemsize:
+        require_few(count, name)
+        corners = np.frombuffer(data, _RECORD, count, _HEADER)["corners"]
+    elif data.lstrip()[:5] == b"solid":
+        corners = _text_corners(data, name)
+    else:
+        got = f"{len(data)} bytes where {max(count, 0)} triangles are announced"
+        raise wrong(name, got)
+    flat = np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.float32)
+    return MeshData(flat, np.arange(len(flat), dtype=np.int32).reshape(-1, 3))
+
+
+def _text_corners(data: bytes, name: str) -> NDArray[np.float32]:
+    require_few(data.count(b"vertex") // 3, name)
+    words = [line.split()[1:] for line in data.splitlines() if line.lstrip().startswith(b"vertex")]
+    try:
+        corners = np.array(words, dtype=np.float32)
+    except ValueError:
+        raise wrong(name, "a corner that is not three numbers") from None
+    if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) % 3:
+        raise wrong(name, "a triangle without three corners")
+    return corners.reshape(-1, 3, 3)
+
+
+def stl_pieces(points_mm: ArrayLike, triangles: ArrayLike) -> Pieces:
+    """Give a binary STL file of a mesh: points (N, 3) in mm, triangles (M, 3) of indices.
+
+    Raises
+    ------
+    InputError
+        If there are no triangles, or one names a point that is not there.
+    """
+    points = table_of(points_mm, XYZ)
+    faces = faces_of(triangles, len(points))
+    yield from stl_pieces_of(points, (faces[at : at + BLOCK] for at in range(0, len(faces), BLOCK)), len(faces))
+
+
+def stl_pieces_of(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], count: int) -> Pieces:
+    """Give the same file of triangles that come in blocks (M, 3), `count` in all; raises as `stl_pieces`."""
+    yield b"scancell mesh, mm".ljust(80) + count.to_bytes(4, "little")
+    for triangles in blocks:
+        yield _stl_records(points_mm[faces_of(triangles, len(points_mm))])
+
+
+def _stl_records(corners: NDArray[np.float32]) -> bytes:
+    """Return the records of triangles (M, 3, 3)."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    records = np.zeros(len(corners), dtype=_RECORD)
+    records["normal"] = normals / np.where(lengths > 0, lengths, 1)
+    records["corners"] = corners
+    return records.tobytes()
+
+
+FORMAT = Format(
+    name="stl",
+    title="STL mesh",
+    endings=(".stl",),
+    kinds=("mesh",),
+    recognise=recognise,
+    media_type="model/stl",
+    read_mesh=parse_stl,
+    write_mesh=stl_pieces_of,
+)

@@ -1,0 +1,51 @@
+"""XYZ: one point a line, x y z and what else there is, with or without their count in the first line."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from numpy.typing import ArrayLike, NDArray
+
+from calib_core.formats import table
+from calib_core.formats.format import Format, Match, Pieces, PointKind, Reading, by_ending
+from calib_core.formats.shared.columns import TableSettings, reading_of
+from calib_core.formats.shared.text_table import decode_text, parse_table
+from calib_core.formats.shared.writing import BLOCK, XYZ, table_of
+
+
+def recognise(data: bytes, name: str) -> Match:
+    """Return how sure it is that a file is XYZ: by its ending."""
+    return by_ending(name, FORMAT.endings)
+
+
+def read(data: bytes, name: str, settings: TableSettings, kind: PointKind | None) -> Reading:
+    """Return the points of an XYZ file; raises InputError with the line or the column at fault."""
+    text = decode_text(data, name, table.EXAMPLES["cloud"])
+    return reading_of(parse_table(text, name, table.EXAMPLES["cloud"]), name, settings, kind, "cloud")
+
+
+def xyz_pieces(values: ArrayLike, names: tuple[str, ...] = XYZ) -> Pieces:
+    """Give a text file of points (N, K), one a line, five decimals, without a header as other programs expect."""
+    table = table_of(values, names)
+    line = " ".join(["%.5f"] * table.shape[1]) + "\n"
+    for start in range(0, len(table), BLOCK):
+        block = table[start : start + BLOCK]
+        yield (line * len(block) % tuple(block.ravel().tolist())).encode("ascii")
+
+
+def _write_cloud(
+    tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...]
+) -> Iterator[bytes | memoryview]:
+    return (piece for values in tables for piece in xyz_pieces(values[:, :3]))
+
+
+FORMAT = Format(
+    name="xyz",
+    title="XYZ text",
+    endings=(".xyz",),
+    kinds=("cloud", "profile"),
+    recognise=recognise,
+    read=read,
+    settings=TableSettings,
+    media_type="text/plain",
+    write_cloud=_write_cloud,
+)
