@@ -53,8 +53,8 @@ class Frame:
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""
         return {
-            "number": self.number,
-            "name": self.name,
+            "number": self.number if isinstance(self.number, int) else None,
+            "name": self.name or (None if isinstance(self.number, int) else self.number),
             "pose": list(self.pose),
             "convention": self.convention,
             "line": self.line,

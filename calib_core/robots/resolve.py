@@ -53,11 +53,11 @@ def _settled(found: Sequence[Found]) -> Iterable[Taught]:
     for part in found:
         for taught in part.poses:
             pairs = moves.get(taught.name.lower())
-            if not pairs or taught.tool is not None or taught.frame is not None:
+            if not pairs or taught.tool is not None:
                 yield taught
                 continue
             for tool, frame in sorted(pairs, key=str):
-                yield replace(taught, tool=tool, frame=frame)
+                yield replace(taught, tool=tool, frame=taught.frame if frame is None else frame)
 
 
 def _unequivocal(brand: Brand, what: str, entries: Sequence[Frame], skipped: list[Skipped]) -> dict[str, Frame]:
@@ -119,7 +119,7 @@ def _flange(
         pose, open_points = _applied(brand, taught, written, tools, frames, as_written)
         doubt = " ".join(filter(None, [doubt, open_points]))
         if pose is not written:
-            numbers = tuple(to_pose(taught.convention, pose))
+            numbers = tuple(v + 0.0 for v in to_pose(taught.convention, pose))  # no -0.0
     return FilePose(
         taught.name, numbers, taught.convention, taught.joints_deg, taught.external, taught.tool, taught.frame,
         taught.line, taught.file, taught.numbers, doubt,

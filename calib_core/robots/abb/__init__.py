@@ -1,7 +1,13 @@
-"""ABB: its pose convention."""
+"""ABB: RAPID modules and backups."""
+
+import re
+from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import QUATERNION, Convention
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "abb",
@@ -23,6 +29,23 @@ class Abb(Brand):
     title = "ABB"
     conventions = (CONVENTION,)
     rank = 2
+    endings = (".mod", ".modx", ".sys", ".sysx", ".prg", ".prgx", ".txt")
+    flange = frozenset({"tool0"})
+    base = frozenset({"wobj0"})
+    definitions = "the module with its tooldata and wobjdata, such as USER.SYS"
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether it holds RAPID declarations."""
+        return (
+            re.search(rb"\b(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget|tooldata|wobjdata)\b", data, re.I)
+            is not None
+        )
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return robtargets, jointtargets, tools and work objects of a module."""
+        from calib_core.robots.abb.reader import find
+
+        return find(data, name)
 
 
 BRAND = Abb()

@@ -1,7 +1,13 @@
-"""FANUC: its pose convention."""
+"""FANUC: TP programs as listings, and listings of variables."""
+
+import re
+from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, XYZ_FIXED, Convention
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "fanuc",
@@ -23,6 +29,18 @@ class Fanuc(Brand):
     title = "FANUC"
     conventions = (CONVENTION,)
     rank = 4
+    endings = (".ls", ".va", ".lst", ".txt")
+    definitions = "sysframe.va"
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether it is a listing of a TP program or of variables."""
+        return re.search(rb"^\s*/PROG\b|^\s*P\[\d+[^\]]*\]\s*\{|^\[\*\w+\*\]\$", data, re.MULTILINE) is not None
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return positions of a program, or frames and registers of a listing."""
+        from calib_core.robots.fanuc.reader import find
+
+        return find(data, name)
 
 
 BRAND = Fanuc()

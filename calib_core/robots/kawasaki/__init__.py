@@ -1,7 +1,13 @@
-"""Kawasaki: its pose convention."""
+"""Kawasaki: files saved by its AS controllers."""
+
+import re
+from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, Convention
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "kawasaki",
@@ -23,6 +29,21 @@ class Kawasaki(Brand):
     title = "Kawasaki"
     conventions = (CONVENTION,)
     rank = 7
+    endings = (".as", ".pg", ".lc", ".txt")
+    flange = frozenset({"0", "null"})
+    base = frozenset({"0", "null"})
+    definitions = "the file saved with SAVE, with its .TRANS section"
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether it has sections of AS."""
+        pattern = rb"^\s*\.(?:TRANS|JOINTS|REALS|PROGRAM|NETCONF|ROBOTDATA\d*|SYSDATA)\b"
+        return re.search(pattern, data, re.MULTILINE | re.IGNORECASE) is not None
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return transformations, joints, tools and bases of a saved file."""
+        from calib_core.robots.kawasaki.reader import find
+
+        return find(data, name)
 
 
 BRAND = Kawasaki()

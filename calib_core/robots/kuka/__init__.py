@@ -1,7 +1,13 @@
-"""KUKA: its pose convention."""
+"""KUKA: KRL programs, data lists and $config.dat."""
+
+import re
+from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, Convention
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "kuka",
@@ -23,6 +29,24 @@ class Kuka(Brand):
     title = "KUKA"
     conventions = (CONVENTION,)
     rank = 3
+    endings = (".src", ".dat", ".sub")
+    definitions = "$config.dat"
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether it holds KRL."""
+        found = re.search(
+            rb"^\s*(?:&ACCESS|DEFDAT\b|(?:GLOBAL\s+)?DEF\s+\w+\s*\([^)\n]*\)\s*$|\$?(?:TOOL|BASE)_DATA\[\s*\d+\s*\]\s*=|"
+            rb"(?:DECL\s+)?(?:GLOBAL\s+)?(?:E6POS|E6AXIS|FDAT|POS|FRAME)\s+\w+(?:\[\d+\])?\s*=\s*\{)",
+            data,
+            re.IGNORECASE | re.MULTILINE,
+        )
+        return found is not None
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return positions, tools and bases of a KRL file."""
+        from calib_core.robots.kuka.reader import find
+
+        return find(data, name)
 
 
 BRAND = Kuka()

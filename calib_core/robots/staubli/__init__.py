@@ -1,7 +1,13 @@
-"""Stäubli: its pose convention."""
+"""Stäubli: VAL 3 data and programs."""
+
+import re
+from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import Convention
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "staubli",
@@ -23,6 +29,20 @@ class Staubli(Brand):
     title = "Stäubli"
     conventions = (CONVENTION,)
     rank = 6
+    endings = (".dtx", ".pjx", ".pgx")
+    flange = frozenset({"flange", "flange[0]"})
+    base = frozenset({"world", "world[0]"})
+    definitions = "the .dtx data of the application"
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether it is VAL 3 data, a program or a project."""
+        return re.search(rb"staubli\.com/robotics/VAL3|ProjectNameSpace", data, re.IGNORECASE) is not None
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return tools, frames, points and joints of VAL 3 data."""
+        from calib_core.robots.staubli.reader import find
+
+        return find(data, name)
 
 
 BRAND = Staubli()

@@ -1,7 +1,13 @@
-"""Universal Robots: its pose convention."""
+"""Universal Robots: scripts, programs, installations and recordings."""
+
+import re
+from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import Convention
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "ur",
@@ -24,6 +30,24 @@ class Ur(Brand):
     title = "Universal Robots"
     conventions = (CONVENTION,)
     rank = 5
+    endings = (".script", ".urscript", ".urp", ".installation", ".csv", ".txt")
+    base = frozenset({"base"})
+    definitions = "the script with set_tcp, or default.installation"
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether it is a script, a program, an installation or a recording."""
+        if data.startswith(b"\x1f\x8b"):
+            from calib_core.robots.xml_file import unzipped
+
+            data = unzipped(data, name)
+        pattern = rb"<URProgram|<Installation|tcpTransform|actual_TCP_pose_0|actual_q_0|\bp\s*\[[^\]]*,"
+        return re.search(pattern, data) is not None
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return poses and TCPs of a script, program, installation or recording."""
+        from calib_core.robots.ur.reader import find
+
+        return find(data, name)
 
 
 BRAND = Ur()

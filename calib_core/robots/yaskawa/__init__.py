@@ -1,7 +1,13 @@
-"""Yaskawa Motoman: its pose convention."""
+"""Yaskawa Motoman: jobs and condition files."""
+
+import re
+from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, XYZ_FIXED, Convention
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found, Reference
 
 CONVENTION = Convention(
     "yaskawa",
@@ -23,6 +29,24 @@ class Yaskawa(Brand):
     title = "Yaskawa Motoman"
     conventions = (CONVENTION,)
     rank = 8
+    endings = (".jbi", ".jbr", ".cnd")
+    flange = frozenset({"0"})
+    base = frozenset({"base", "robot"})
+    definitions = "TOOL.CND, UFRAME.CND"
+
+    def doubt(self, what: str, number: "Reference") -> str:
+        """Return that tool 0 need not be the flange here."""
+        return "Tool 0 is not always the flange on a Yaskawa: give TOOL.CND as well." if what == "tool" else ""
+
+    def recognises(self, data: bytes, name: str) -> bool:
+        """Return whether it is a job or a condition file."""
+        return re.search(rb"^(?:/JOB\b|//TOOL\b|//UFRAME\b|///POSTYPE\b)", data, re.MULTILINE) is not None
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return positions of a job, or the tools or user frames of a condition file."""
+        from calib_core.robots.yaskawa.reader import find
+
+        return find(data, name)
 
 
 BRAND = Yaskawa()

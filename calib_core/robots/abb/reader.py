@@ -1,0 +1,269 @@
+"""ABB RAPID: robtargets, jointtargets, tools and work objects, and the moves that say what belongs together.
+
+A robtarget is the pose of a tool's centre in a work object; which ones, only a move says.  A work object's frame
+in the base is its user frame times its object frame.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.poses import parse_pose, to_pose
+from calib_core.robots.text import Source, closing, number, source_of, split_top
+
+_DECLARED = re.compile(
+    r"\b(?:(?:LOCAL|TASK)\s+)?(CONST|VAR|PERS)\s+(\w+)\s+(\w+)\s*(\{[^}]*\})?\s*(:=|;|(?=\n)|$)", re.IGNORECASE
+)
+_MOVE = re.compile(
+    r"(?:^|;|\bTHEN\b|\bDO\b)\s*((?:Move|Trigg|Search|Arc|Spot|Paint|Disp|Cap|Laser)[A-Za-z]*)\s+(?=[\\\[\w*])",
+    re.IGNORECASE | re.MULTILINE,
+)
+_NO_MOVES = ("triggio", "triggequip", "triggint", "triggstopproc", "triggspeed", "triggcheckio", "triggrampao")
+_ASSIGNED = re.compile(r"(?:^|;)\s*(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.MULTILINE)
+_WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*([\w{}.,]+)", re.IGNORECASE)
+_KINDS = ("robtarget", "jointtarget", "tooldata", "wobjdata")
+_PARTS = ("pos", "orient", "pose", "confdata", "extjoint", "robjoint", "loaddata", "num")
+_NOT_CONNECTED = 8.9e9
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A literal: its items for a list, its text otherwise, and where it stands."""
+
+    position: int
+    text: str
+    items: tuple["_Value", ...] | None
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a RAPID module or backup file."""
+    source = source_of(data, name)
+    return _Module(source).found()
+
+
+class _Module:
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._text = _blanked(source.text)
+        self._found = Found(source.name)
+        self._parts: dict[str, _Value] = {}
+
+    def found(self) -> Found:
+        """Return all that the module holds."""
+        declarations = list(self._declarations())
+        for _, kind, name, value in declarations:
+            if kind in _PARTS and value is not None:
+                self._parts[name.lower()] = value
+        for position, kind, name, value in declarations:
+            if kind in _KINDS:
+                self._take(position, kind, name, value)
+        for found in _MOVE.finditer(self._text):
+            self._move(found)
+        self._mark_assigned()
+        return self._found
+
+    def _declarations(self) -> Iterator[tuple[int, str, str, _Value | None]]:
+        for found in _DECLARED.finditer(self._text):
+            kind, name = found[2].lower(), found[3]
+            if kind not in _KINDS and kind not in _PARTS:
+                continue
+            line = self._source.line(found.start(1))
+            if found[5] != ":=":
+                if kind in _KINDS:
+                    self._found.skip(line, f"{found[2]} {name}: no value in this file")
+                continue
+            end = self._text.find(";", found.end())
+            try:
+                if end < 0:
+                    raise ValueError("the declaration has no end (;): is the file cut?")
+                yield found.start(1), kind, name, _literal(self._text, found.end(), end)
+            except ValueError as error:
+                if kind in _KINDS:
+                    self._found.skip(line, f"{found[2]} {name}: {error}")
+
+    def _take(self, position: int, kind: str, name: str, value: _Value | None) -> None:
+        if value is None:
+            return
+        array = re.match(r"\s*\{([^}]*)\}", self._text[self._text.find(name, position) + len(name) :])
+        self._elements(kind, name, value, array[1].count(",") + 1 if array else 0, [])
+
+    def _elements(self, kind: str, name: str, value: _Value, depth: int, index: list[int]) -> None:
+        if depth and value.items is not None:
+            for i, item in enumerate(value.items, start=1):
+                self._elements(kind, name, item, depth - 1, [*index, i])
+            return
+        full = f"{name}{{{','.join(map(str, index))}}}" if index else name
+        line = self._source.line(value.position)
+        try:
+            self._element(kind, full, value, line)
+        except (ValueError, InputError) as error:
+            self._found.skip(line, f"{kind} {full}: {error}")
+
+    def _element(self, kind: str, name: str, value: _Value, line: int) -> None:
+        file = self._source.name
+        if kind == "robtarget":
+            self._found.poses.append(self._robtarget(name, value, line))
+        elif kind == "jointtarget":
+            axes, external = self._list(value, 2)
+            joints = tuple(self._numbers(axes, 6))
+            self._found.poses.append(Taught(name, None, "abb", line, joints, self._external(external), file=file))
+        elif kind == "tooldata":
+            held, frame, _ = self._list(value, 3)
+            moving = "" if self._boolean(held) else "stands still beside the robot (robhold is FALSE)"
+            self._found.tools.append(Frame(name, name, self._pose(frame), "abb", line, file, moving))
+        else:
+            held, programmed, mechanism, user, of_object = self._list(value, 5)
+            moving = "is held by the robot (robhold is TRUE)" if self._boolean(held) else ""
+            if not self._boolean(programmed):
+                moving = f"is moved by the mechanical unit {mechanism.text} (ufprog is FALSE)"
+            pose = _chained(self._pose(user), self._pose(of_object))
+            self._found.frames.append(Frame(name, name, pose, "abb", line, file, moving))
+
+    def _robtarget(self, name: str, value: _Value, line: int) -> Taught:
+        position, rotation, configuration, external = self._list(value, 4)
+        pose = (*self._numbers(position, 3), *self._numbers(rotation, 4))
+        if configuration.items is not None or configuration.text.lower() in self._parts:
+            self._numbers(configuration, 4)
+        return Taught(name, pose, "abb", line, None, self._external(external), file=self._source.name)
+
+    def _list(self, value: _Value, count: int) -> tuple[_Value, ...]:
+        value = self._parts.get(value.text.lower(), value) if value.items is None else value
+        if value.items is None:
+            raise ValueError(f"'{value.text[:40]}' instead of a list of {count}")
+        if len(value.items) != count:
+            raise ValueError(f"a list of {len(value.items)} instead of {count}")
+        return value.items
+
+    def _numbers(self, value: _Value, count: int) -> list[float]:
+        values: list[float] = []
+        for item in self._list(value, count):
+            item = self._parts.get(item.text.lower(), item) if item.items is None else item
+            if item.items is not None:
+                raise ValueError("a list where a number should stand")
+            values.append(number(item.text))
+        return values
+
+    def _pose(self, value: _Value) -> tuple[float, ...]:
+        position, rotation = self._list(value, 2)
+        return (*self._numbers(position, 3), *self._numbers(rotation, 4))
+
+    def _boolean(self, value: _Value) -> bool:
+        if value.text.strip().upper() not in ("TRUE", "FALSE"):
+            raise ValueError(f"'{value.text.strip()[:40]}' instead of TRUE or FALSE")
+        return value.text.strip().upper() == "TRUE"
+
+    def _external(self, value: _Value) -> dict[str, float] | None:
+        if value.items is None and value.text.lower() not in self._parts:
+            return None  # a name that this file does not define
+        axes = dict(zip("abcdef", self._numbers(value, 6), strict=True))
+        return {f"eax_{axis}": v for axis, v in axes.items() if abs(v) < _NOT_CONNECTED} or None
+
+    def _move(self, found: re.Match[str]) -> None:
+        """Note with which tool and work object a move uses its points; points that stand in it are taken."""
+        kind = found[1].lower()
+        line = self._source.line(found.start(1))
+        end = _statement_end(self._text, found.end())
+        if kind.startswith(_NO_MOVES) or end < 0:
+            return
+        arguments = split_top(self._text[found.end() : end])
+        positional = [(p, a.strip()) for p, a in arguments if a.strip() and not a.strip().startswith("\\")]
+        if len(positional) < 3:
+            return
+        points = positional[: 2 if re.match(r"(?:move|trigg|arc|search|cap|laser|paint|disp|spot)c", kind) else 1]
+        tool: Reference = positional[-1][1].split("\\")[0].strip()
+        if not re.fullmatch(r"[\w{}.,]+", str(tool)):
+            self._found.skip(line, f"{found[1]}: its tool '{str(tool)[:40]}' is no name")
+            return
+        work_object = _WORK_OBJECT.search(self._text[found.end() : end])
+        frame: Reference = work_object[1] if work_object else "wobj0"
+        for position, text in points:
+            text = text.split("\\")[0].strip()
+            if re.fullmatch(r"\w+(?:\{[\d,\s]+\})?", text):
+                self._found.moves.setdefault(text.lower().replace(" ", ""), set()).add((tool, frame))
+            elif text.startswith("["):
+                self._inline(kind, text, found.end() + position, tool, frame)
+            else:
+                self._found.skip(line, f"{found[1]} {text[:60]}: a calculated position has no value in the file")
+
+    def _inline(self, kind: str, text: str, position: int, tool: Reference, frame: Reference) -> None:
+        position = self._text.index("[", position)
+        line = self._source.line(position)
+        try:
+            value = _literal(self._text, position, position + len(text))
+            if kind == "moveabsj":
+                self._element("jointtarget", f"line {line}", value, line)
+                return
+            taught = self._robtarget(f"line {line}", value, line)
+        except (ValueError, InputError) as error:
+            self._found.skip(line, f"position in the move: {error}")
+            return
+        self._found.poses.append(
+            Taught(taught.name, taught.numbers, "abb", line, None, taught.external, tool, frame, self._source.name)
+        )
+
+    def _mark_assigned(self) -> None:
+        """Say where the program changes a position later, so that its value here may not be the one moved to."""
+        assigned = {
+            found[1].lower(): self._source.line(found.start(1)) for found in _ASSIGNED.finditer(self._text)
+        }
+        for i, taught in enumerate(self._found.poses):
+            position = assigned.get(taught.name.partition("{")[0].lower())
+            if position is not None:
+                line = self._source.line(position)
+                doubt = f"The program assigns it anew (line {line}): the value here may be another."
+                self._found.poses[i] = Taught(**{**vars(taught), "doubt": doubt})
+
+
+def _blanked(text: str) -> str:
+    """Return the text with comments blanked; a ``!`` within a string begins none."""
+    lines: list[str] = []
+    for line in text.split("\n"):
+        at, quoted = -1, False
+        for i, c in enumerate(line):
+            if c == '"':
+                quoted = not quoted
+            elif c == "!" and not quoted:
+                at = i
+                break
+        lines.append(line if at < 0 else line[:at] + " " * (len(line) - at))
+    return "\n".join(lines)
+
+
+def _statement_end(text: str, position: int) -> int:
+    quoted = False
+    for i in range(position, len(text)):
+        if text[i] == '"':
+            quoted = not quoted
+        elif text[i] == ";" and not quoted:
+            return i
+    return -1
+
+
+def _literal(text: str, begin: int, end: int) -> _Value:
+    """Return the literal between two positions; raises ValueError where brackets do not match."""
+    while begin < end and text[begin].isspace():
+        begin += 1
+    raw = text[begin:end].rstrip()
+    if not raw:
+        raise ValueError("a value is missing")
+    if raw[0] != "[":
+        if any(c in raw for c in "[]"):
+            raise ValueError(f"'{' '.join(raw.split())[:40]}' cannot be read")
+        return _Value(begin, raw, None)
+    if closing(raw, 0, ";") != len(raw):
+        raise ValueError("its brackets do not match: is the file cut or damaged?")
+    items = tuple(_literal(text, begin + 1 + p, begin + 1 + p + len(s)) for p, s in split_top(raw[1:-1]))
+    return _Value(begin, raw, items)
+
+
+def _chained(user: tuple[float, ...], of_object: tuple[float, ...]) -> tuple[float, ...]:
+    identity = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    if of_object == identity:
+        return user
+    if user == identity:
+        return of_object
+    product = parse_pose("abb", user).matrix @ parse_pose("abb", of_object).matrix
+    return tuple(to_pose("abb", RigidTransform(product, "base", "tool0")))

@@ -1,0 +1,167 @@
+"""FANUC: positions of .ls programs, and tool frames, user frames and position registers of .va files."""
+
+import re
+
+from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.text import NUMBER, Source, number, source_of
+
+_POSITION = re.compile(r'^\s*P\[\s*(\d+)\s*(?::\s*"?([^"\]]*)"?)?\s*\]\s*\{', re.MULTILINE)
+_GROUP = re.compile(r"\bGP(\d+)\s*:", re.IGNORECASE)
+_FRAMES = re.compile(r"\bUF\s*:\s*(\w+)\s*,\s*UT\s*:\s*(\w+)", re.IGNORECASE)
+_FIELD = re.compile(r"\b([A-Z]\d?)\s*=\s*([^\s,]+)\s*([A-Za-z]*)")
+_VARIABLE = re.compile(r"^\[\*(\w+)\*\](\$?\w+)[^\n]*$", re.MULTILINE)
+_ENTRY = re.compile(r"^[ \t]*\[\s*(\d+)\s*,\s*(\d+)\s*\]\s*=[ \t]*(?:'([^']*)')?", re.MULTILINE)
+_COMPONENT = re.compile(r"\b(J\d|[XYZWPRE]\d?)\s*[:=]\s*([^\s,]+)(?:\s*(mm|deg|in)\b)?")
+_NAMES = ("X", "Y", "Z", "W", "P", "R")
+_UNITS = {**dict.fromkeys("XYZ", ("mm",)), **dict.fromkeys("WPR", ("deg",))}
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a listing of a program or of variables."""
+    source = source_of(data, name)
+    found = Found(name)
+    _program(source, found)
+    _variables(source, found)
+    return found
+
+
+def _program(source: Source, found: Found) -> None:
+    section = re.search(r"^\s*/POS\b", source.text, re.MULTILINE)
+    begin = section.end() if section else 0
+    incremental = _incremental(source.text[:begin])
+    positions = list(_POSITION.finditer(source.text, begin))
+    for i, position in enumerate(positions):
+        line = source.line(position.start(1))
+        until = positions[i + 1].start() if i + 1 < len(positions) else len(source.text)
+        end = source.text.find("}", position.end(), until)
+        name = f"P[{position[1]}]"
+        try:
+            if end < 0:
+                raise ValueError("it has no end (}): is the file cut?")
+            body = source.text[position.end() : end]
+            taught = _position(name, body, line, source.name, found)
+            if int(position[1]) in incremental:
+                raise ValueError("an incremental move (INC) uses it: it is no place")
+            found.poses.append(taught)
+        except ValueError as error:
+            found.skip(line, f"{name}: {error}")
+
+
+def _incremental(program: str) -> set[int]:
+    moves = re.findall(r"^\s*\d*:?\s*[JLCA]\s+P\[\s*(\d+)[^\]]*\][^;]*\bINC\b", program, re.MULTILINE)
+    return {int(index) for index in moves}
+
+
+def _position(name: str, body: str, line: int, file: str, found: Found) -> Taught:
+    """Return a position of group 1, with the other groups' axes as external ones."""
+    groups = list(_GROUP.finditer(body))
+    if not groups:
+        raise ValueError("it has no motion group (GP1)")
+    external: dict[str, float] = {}
+    robot: tuple[dict[str, float], str] | None = None
+    for i, group in enumerate(groups):
+        text = body[group.end() : groups[i + 1].start() if i + 1 < len(groups) else len(body)]
+        fields = _fields(text)
+        if group[1] == "1":
+            if robot:
+                raise ValueError("group 1 stands there twice")
+            robot = fields, text
+        elif "X" in fields:
+            found.skip(line, f"{name}: group {group[1]} is another robot's pose")
+        else:
+            external |= {f"GP{group[1]}.{axis}": value for axis, value in fields.items()}
+    if robot is None:
+        raise ValueError("it has no motion group 1: it is not this robot's")
+    fields, text = robot
+    frames = _FRAMES.search(text)
+    if not frames:
+        raise ValueError("it names no user frame and tool (UF, UT)")
+    base, tool = (int(v) if v.isdigit() else None for v in frames.groups())
+    external = {axis: v for axis, v in fields.items() if axis[0] == "E"} | external
+    joints = tuple(fields[f"J{i}"] for i in range(1, 10) if f"J{i}" in fields)
+    if joints:
+        return Taught(name, None, "fanuc", line, joints, external or None, tool, base, file)
+    return Taught(name, _pose(fields), "fanuc", line, None, external or None, tool, base, file)
+
+
+def _fields(text: str) -> dict[str, float]:
+    """Return the values of a group by their names, in mm and degrees."""
+    text = re.sub(r"K?C?ONFIG\s*:\s*'[^']*'", " ", text, flags=re.IGNORECASE)
+    fields: dict[str, float] = {}
+    for axis, value, unit in _FIELD.findall(text):
+        if axis in fields:
+            raise ValueError(f"{axis} stands there twice")
+        if value.startswith("*"):
+            raise ValueError("it is not taught (********)")
+        fields[axis] = number(value)
+        if unit not in _UNITS.get(axis, ("mm", "deg")):
+            allowed = " or ".join(_UNITS.get(axis, ("mm", "deg")))
+            raise ValueError(f"{axis} is in '{unit}' instead of {allowed}" if unit else f"{axis} has no unit")
+    left = re.sub(r"[\s,]+", "", _FRAMES.sub("", _FIELD.sub("", text)))
+    if left:
+        raise ValueError(f"'{left[:40]}' cannot be read")
+    return fields
+
+
+def _pose(fields: dict[str, float]) -> tuple[float, ...]:
+    missing = [name for name in _NAMES if name not in fields]
+    if missing:
+        raise ValueError(f"{', '.join(missing)} missing")
+    return tuple(fields[name] for name in _NAMES)
+
+
+def _variables(source: Source, found: Found) -> None:
+    heads = list(_VARIABLE.finditer(source.text))
+    for i, head in enumerate(heads):
+        what = head[2].upper()
+        if what not in ("$MNUTOOL", "$MNUFRAME", "$POSREG"):
+            continue
+        until = heads[i + 1].start() if i + 1 < len(heads) else len(source.text)
+        entries = list(_ENTRY.finditer(source.text, head.end(), until))
+        for k, entry in enumerate(entries):
+            end = entries[k + 1].start() if k + 1 < len(entries) else until
+            _entry(what, entry, source.text[entry.end() : end], source, found)
+
+
+def _entry(what: str, entry: re.Match[str], body: str, source: Source, found: Found) -> None:
+    line = source.line(entry.start(1))
+    group, index, comment = int(entry[1]), int(entry[2]), (entry[3] or "").strip()
+    label = {"$MNUTOOL": "tool", "$MNUFRAME": "user frame", "$POSREG": "PR"}[what]
+    try:
+        if re.search(r"Uninitialized|\*{4,}", body, re.IGNORECASE):
+            raise ValueError("it is not set (Uninitialized)")
+        stated = re.search(r"Group\s*:\s*(\d+)", body, re.IGNORECASE)
+        if stated and int(stated[1]) != group:
+            raise ValueError(f"its group is {stated[1]}, but its index says {group}")
+        fields = _components(body)
+        if what == "$POSREG":
+            if group == 1:
+                found.poses.append(_register(index, fields, line, source.name))
+            return
+        frame = Frame(index, comment or None, _pose(fields), "fanuc", line, source.name, group=group)
+        (found.tools if what == "$MNUTOOL" else found.frames).append(frame)
+    except ValueError as error:
+        found.skip(line, f"{label} {index}{f' of group {group}' if group > 1 else ''}: {error}")
+
+
+def _register(index: int, fields: dict[str, float], line: int, file: str) -> Taught:
+    joints = tuple(fields[f"J{i}"] for i in range(1, 10) if f"J{i}" in fields)
+    external = {axis: v for axis, v in fields.items() if axis[0] == "E"} or None
+    pose = None if joints else _pose(fields)
+    return Taught(f"PR[{index}]", pose, "fanuc", line, joints or None, external, file=file)
+
+
+def _components(body: str) -> dict[str, float]:
+    text = re.sub(r"Group\s*:\s*\d+", " ", body, flags=re.IGNORECASE)
+    text = re.sub(r"Config\s*:[^\nX]*", " ", text, flags=re.IGNORECASE)
+    fields: dict[str, float] = {}
+    for axis, value, unit in _COMPONENT.findall(text):
+        if axis in fields:
+            raise ValueError(f"{axis} stands there twice")
+        fields[axis] = number(value)
+        if unit and unit not in _UNITS.get(axis, ("mm", "deg")):
+            raise ValueError(f"{axis} is in '{unit}'")
+    left = re.sub(rf"[\s,]+|{NUMBER}(?=\s*$)", "", _COMPONENT.sub("", text))
+    if left and "X" not in fields and not any(axis[0] == "J" for axis in fields):
+        raise ValueError(f"'{left[:40]}' cannot be read")
+    return fields

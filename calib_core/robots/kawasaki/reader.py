@@ -1,0 +1,135 @@
+"""Kawasaki AS: transformations and joints of a saved file, and the TOOL and BASE of its programs."""
+
+import re
+
+from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.text import numbers, source_of, without_comments
+
+_SECTION = re.compile(r"^\s*\.(TRANS|JOINTS|REALS|STRINGS|INTEGER|PROGRAM|END|[A-Z_]+)\b(.*)$", re.IGNORECASE)
+_NAME = r"#?[A-Za-z_][\w.]*(?:\[[\d,\s]*\])?"
+_ROW = re.compile(rf'^\s*"?({_NAME})"?\s+(\S.*)$')
+_TRANS = r"TRANS\s*\(([^()]*)\)"
+_POINT = re.compile(rf"^\s*POINT\s+({_NAME})\s*=\s*(.+)$", re.IGNORECASE)
+_FRAME = re.compile(r"^\s*(TOOL|BASE)\s+(\S.*?)\s*$", re.IGNORECASE)
+_MOVE = re.compile(
+    rf"^\s*(LMOVE|JMOVE|LAPPRO|JAPPRO|C1MOVE|C2MOVE|HMOVE|XMOVE)\s+({_NAME})\s*(.*)$", re.IGNORECASE
+)
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a file saved by a Kawasaki controller."""
+    return _Saved(data, name).found()
+
+
+class _Saved:
+    def __init__(self, data: bytes, name: str) -> None:
+        self._source = source_of(data, name)
+        self._found = Found(name)
+        self._tool: Reference | None = None
+        self._base: Reference | None = None
+        self._used_as: dict[str, str] = {}
+
+    def found(self) -> Found:
+        """Return all that the file holds."""
+        section, opened = "", 0
+        text = without_comments(self._source.text, ";")
+        for line, content in enumerate(text.split("\n"), start=1):
+            if not content.strip():
+                continue
+            if begin := _SECTION.match(content):
+                if begin[1].upper() != "END" and section in ("TRANS", "JOINTS"):
+                    self._found.skip(opened, f".{section} has no .END before line {line}")
+                section, opened = begin[1].upper() if begin[1].upper() != "END" else "", line
+                self._tool = self._base = None
+            elif section in ("TRANS", "JOINTS"):
+                self._row(section, content, line)
+            elif section == "PROGRAM":
+                self._step(content, line)
+        if section in ("TRANS", "JOINTS"):
+            self._found.skip(opened, f".{section} has no .END: is the file cut?")
+        self._sort_out_frames()
+        return self._found
+
+    def _row(self, section: str, content: str, line: int) -> None:
+        row = _ROW.match(content)
+        if not row:
+            self._found.skip(line, f"'{content.strip()[:40]}' is no name with numbers")
+            return
+        name, values = row[1], row[2]
+        try:
+            if section == "JOINTS" or name.startswith("#"):
+                joints = numbers(values, separator=" ")
+                if len(joints) < 6:
+                    raise ValueError(f"{len(joints)} joints instead of 6")
+                external = {f"JT{i}": v for i, v in enumerate(joints[6:], start=7)} or None
+                taught = Taught(name, None, "kawasaki", line, joints[:6], external, file=self._source.name)
+            else:
+                taught = self._transformation(name, numbers(values, separator=" "), line)
+            self._found.poses.append(taught)
+        except ValueError as error:
+            self._found.skip(line, f"{name}: {error}")
+
+    def _transformation(self, name: str, values: tuple[float, ...], line: int) -> Taught:
+        if len(values) < 6:
+            raise ValueError(f"{len(values)} numbers instead of 6")
+        external = {f"JT{i}": v for i, v in enumerate(values[6:], start=7)} or None
+        return Taught(name, values[:6], "kawasaki", line, None, external, file=self._source.name)
+
+    def _step(self, content: str, line: int) -> None:
+        if point := _POINT.match(content):
+            self._point(point[1], point[2].strip(), line)
+        elif active := _FRAME.match(content):
+            self._activate(active[1].upper(), active[2], line)
+        elif move := _MOVE.match(content):
+            name = move[2].lower()
+            if move[3].lstrip().startswith(("+", "-")):
+                self._found.skip(line, f"{move[1]} {move[2]}{move[3][:40]}: a compound position is calculated")
+            elif not name.startswith("#") and (self._tool, self._base) != (None, None):
+                self._found.moves.setdefault(name, set()).add((self._tool, self._base))
+
+    def _point(self, name: str, value: str, line: int) -> None:
+        literal = re.fullmatch(_TRANS, value, re.IGNORECASE)
+        try:
+            if not literal:
+                raise ValueError("a calculated position has no value in the file")
+            self._found.poses.append(self._transformation(name, numbers(literal[1]), line))
+        except ValueError as error:
+            self._found.skip(line, f"{name}: {error}")
+
+    def _activate(self, what: str, value: str, line: int) -> None:
+        literal = re.fullmatch(_TRANS, value, re.IGNORECASE)
+        named = re.fullmatch(_NAME, value)
+        if value.upper() == "NULL":
+            self._set(what, 0)
+        elif literal:
+            name = f"{what} of line {line}"
+            try:
+                pose = numbers(literal[1], 6)
+                frame = Frame(name, name, pose, "kawasaki", line, self._source.name)
+                (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
+            except ValueError as error:
+                self._found.skip(line, f"{name}: {error}")
+            self._set(what, name)
+        elif named:
+            self._used_as[value.lower()] = what
+            self._set(what, value)
+        else:
+            self._set(what, f"{value[:40]} (line {line})")
+
+    def _set(self, what: str, value: Reference) -> None:
+        if what == "TOOL":
+            self._tool = value
+        else:
+            self._base = value
+
+    def _sort_out_frames(self) -> None:
+        """Take transformations that programs use as tools and bases out of the poses."""
+        poses: list[Taught] = []
+        for taught in self._found.poses:
+            what = self._used_as.get(taught.name.lower())
+            if what is None or taught.numbers is None:
+                poses.append(taught)
+                continue
+            frame = Frame(taught.name, taught.name, taught.numbers, "kawasaki", taught.line, taught.file)
+            (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
+        self._found.poses = poses

@@ -1,0 +1,219 @@
+"""KUKA KRL: positions, tools and bases of .dat, .src and $config.dat files.
+
+A taught point `XP1` has its tool and base in `FP1` beside it (TOOL_NO, BASE_NO); a program of plain moves sets
+`$TOOL` and `$BASE` on the way.
+"""
+
+import re
+from dataclasses import replace
+
+from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.text import closing, number, source_of, split_top, without_comments
+
+_TYPES = "E6POS|POS|E3POS|FRAME|E6AXIS|E3AXIS|AXIS"
+_ASSIGNED = re.compile(
+    rf"^\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:CONST\s+)?(?:({_TYPES}|FDAT|BASIS_SUGG_T|\w+)\s+)?"
+    r"(\$?\w+(?:\[[^\]]*\])?)\s*=\s*(?=\{)",
+    re.IGNORECASE,
+)
+_NAMED = re.compile(r'^\s*(TOOL|BASE)_NAME\[\s*(\d+)\s*,\s*\]\s*=\s*"([^"]*)"', re.IGNORECASE)
+_TYPED = re.compile(r"^\s*(TOOL|BASE)_TYPE\[\s*(\d+)\s*\]\s*=\s*#(\w+)", re.IGNORECASE)
+_SYSTEM = re.compile(r"^\s*(?:DECL\s+)?(?:FRAME\s+)?\$?(TOOL|BASE)_DATA\[\s*(\d+)\s*\]$", re.IGNORECASE)
+_ACTIVE = re.compile(r"^\s*\$(TOOL|BASE)\s*=\s*(.+?)\s*$", re.IGNORECASE)
+_BASIS = re.compile(r"\bBAS\s*\(\s*#(TOOL|BASE)\s*,\s*(\d+)\s*\)", re.IGNORECASE)
+_MOVE = re.compile(r"^\s*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b\s*(.*)$", re.IGNORECASE)
+_BEGIN = re.compile(r"^\s*(?:GLOBAL\s+)?(?:DEF|DEFFCT)\b", re.IGNORECASE)
+_POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
+_EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a KRL file."""
+    return _Program(data, name).found()
+
+
+class _Program:
+    def __init__(self, data: bytes, name: str) -> None:
+        self._source = source_of(data, name)
+        self._found = Found(name)
+        self._motion: dict[str, tuple[int, int, str, int]] = {}
+        self._names: dict[tuple[str, int], str] = {}
+        self._types: dict[tuple[str, int], str] = {}
+        self._tool: Reference | None = None
+        self._base: Reference | None = None
+
+    def found(self) -> Found:
+        """Return all that the file holds."""
+        text = without_comments(self._source.text, ";")
+        for line, content in enumerate(text.split("\n"), start=1):
+            if content.strip():
+                self._line(line, content)
+        self._found.poses = [self._with_motion(taught) for taught in self._found.poses]
+        self._found.tools = [self._described("TOOL", frame) for frame in self._found.tools]
+        self._found.frames = [self._described("BASE", frame) for frame in self._found.frames]
+        return self._found
+
+    def _line(self, line: int, content: str) -> None:
+        if _BEGIN.match(content):
+            self._tool = self._base = None
+        elif named := _NAMED.match(content):
+            self._names[named[1].upper(), int(named[2])] = named[3].strip()
+        elif typed := _TYPED.match(content):
+            self._types[typed[1].upper(), int(typed[2])] = typed[3].upper()
+        elif active := _ACTIVE.match(content):
+            self._activate(active[1].upper(), active[2], line)
+        elif basis := _BASIS.search(content):
+            self._set(basis[1].upper(), int(basis[2]))
+        elif assigned := _ASSIGNED.match(content):
+            self._assigned(assigned, content, line)
+        elif move := _MOVE.match(content):
+            self._move(move, line)
+        elif re.match(rf"\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:{_TYPES})\s+X?\w+.*=", content, re.IGNORECASE):
+            self._found.skip(line, f"'{content.strip()[:60]}' has no list in braces")
+
+    def _assigned(self, assigned: re.Match[str], content: str, line: int) -> None:
+        kind, name = (assigned[1] or "").upper(), assigned[2]
+        system = _SYSTEM.match(name)
+        end = closing(content, assigned.end())
+        wanted = system or kind in {*_TYPES.split("|"), "FDAT"} or (not kind and "[" in name)
+        if not wanted:
+            return
+        try:
+            if end < 0:
+                raise ValueError("its braces do not match: is the file cut or damaged?")
+            if content[end:].strip(" \t,"):
+                raise ValueError(f"'{content[end:].strip()[:40]}' stands behind it")
+            fields = _fields(content[assigned.end() : end])
+            if system:
+                self._frame(system, fields, line)
+            elif kind == "FDAT":
+                self._fdat(name, fields, line)
+            elif kind or "X" in fields or "A1" in fields:
+                self._found.poses.append(self._position(name, fields, line))
+        except ValueError as error:
+            self._found.skip(line, f"{name}: {error}")
+
+    def _frame(self, system: re.Match[str], fields: dict[str, str], line: int) -> None:
+        what, index = system[1].upper(), int(system[2])
+        frame = Frame(index, None, _numbers(fields, _POSE), "kuka", line, self._source.name)
+        (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
+
+    def _described(self, what: str, frame: Frame) -> Frame:
+        if not isinstance(frame.number, int):
+            return frame
+        kind = self._types.get((what, frame.number), "")
+        moving = ""
+        if what == "TOOL" and kind == "BASE":
+            moving = f"stands still beside the robot (TOOL_TYPE[{frame.number}] is #BASE)"
+        elif what == "BASE" and kind == "TCP":
+            moving = f"is held by the robot (BASE_TYPE[{frame.number}] is #TCP)"
+        return replace(frame, name=self._names.get((what, frame.number)) or None, moving=moving)
+
+    def _fdat(self, name: str, fields: dict[str, str], line: int) -> None:
+        tool, base = int(number(fields["TOOL_NO"])), int(number(fields["BASE_NO"]))
+        known = self._motion.setdefault(name.upper(), (tool, base, fields.get("IPO_FRAME", "#BASE"), line))
+        if known[:2] != (tool, base):
+            self._motion[name.upper()] = (tool, base, f"two ways in lines {known[3]} and {line}", line)
+
+    def _with_motion(self, taught: Taught) -> Taught:
+        """Return a point with the tool and base that its FDAT names."""
+        if not taught.name.upper().startswith("X") or taught.tool is not None:
+            return taught
+        motion = self._motion.get("F" + taught.name.upper()[1:])
+        if motion is None:
+            return taught
+        tool, base, interpolation, line = motion
+        refused = ""
+        if interpolation.startswith("two ways"):
+            refused = f"its FDAT names tool and base in {interpolation}"
+        elif interpolation.upper().strip() == "#TCP":
+            refused = f"its tool stands still and the robot holds the workpiece (IPO_FRAME is #TCP, line {line})"
+        return replace(
+            taught, tool=tool if tool >= 0 else None, frame=base if base >= 0 else None, refused=refused
+        )
+
+    def _position(self, name: str, fields: dict[str, str], line: int) -> Taught:
+        external = {axis: number(fields[axis]) for axis in _EXTERNAL if axis in fields} or None
+        file = self._source.name
+        if "A1" in fields:
+            return Taught(name, None, "kuka", line, _numbers(fields, _AXES), external, file=file)
+        return Taught(name, _numbers(fields, _POSE), "kuka", line, None, external, file=file)
+
+    def _activate(self, what: str, value: str, line: int) -> None:
+        """Follow ``$TOOL = …`` and ``$BASE = …``."""
+        indexed = re.fullmatch(r"\$?(?:TOOL|BASE)_DATA\[\s*(\d+)\s*\]", value, re.IGNORECASE)
+        if value.upper() == "$NULLFRAME":
+            self._set(what, 0)
+        elif indexed:
+            self._set(what, int(indexed[1]))
+        elif value.startswith("{"):
+            try:
+                if closing(value, 0) != len(value):
+                    raise ValueError("its braces do not match")
+                pose = _numbers(_fields(value), _POSE)
+            except ValueError as error:
+                self._set(what, f"${what} of line {line}")
+                self._found.skip(line, f"${what}: {error}")
+                return
+            named = f"${what} of line {line}"
+            frame = Frame(named, named, pose, "kuka", line, self._source.name)
+            (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
+            self._set(what, named)
+        else:
+            self._set(what, f"{value[:40]} (line {line})")
+
+    def _set(self, what: str, value: Reference) -> None:
+        if what == "TOOL":
+            self._tool = value
+        else:
+            self._base = value
+
+    def _move(self, move: re.Match[str], line: int) -> None:
+        kind, relative, rest = move[1], move[2], move[3]
+        for _, target in split_top(rest)[: 2 if kind.upper().endswith("CIRC") else 1]:
+            target = target.strip()
+            if relative:
+                self._found.skip(line, f"{kind}{relative} {target[:60]}: a relative move has no pose of its own")
+                continue
+            if target.startswith("{"):
+                self._inline(kind, target, line)
+            elif named := re.match(r"(\w+(?:\[\s*\d+\s*\])?)", target):
+                if re.match(r"\w+(?:\[\s*\d+\s*\])?\s*:", target):
+                    self._found.skip(line, f"{kind} {target[:60]}: a calculated position has no value in the file")
+                elif "F" + named[1].upper()[1:] not in self._motion and (self._tool, self._base) != (None, None):
+                    name = named[1].lower().replace(" ", "")
+                    self._found.moves.setdefault(name, set()).add((self._tool, self._base))
+
+    def _inline(self, kind: str, target: str, line: int) -> None:
+        end = closing(target, 0)
+        try:
+            if end < 0:
+                raise ValueError("its braces do not match: is the file cut or damaged?")
+            if target[end:].lstrip().startswith(":"):
+                raise ValueError("a calculated position has no value in the file")
+            taught = self._position(f"line {line}", _fields(target[:end]), line)
+        except ValueError as error:
+            self._found.skip(line, f"{kind} {target[:60]}: {error}")
+            return
+        self._found.poses.append(replace(taught, tool=self._tool, frame=self._base))
+
+
+def _fields(text: str) -> dict[str, str]:
+    """Return the values of a list such as ``{X 1.0,Y 2.0}`` or ``{E6POS: X 1.0}`` by their names."""
+    inside = re.sub(r"^\s*\w+\s*:", "", text.strip()[1:-1])
+    fields: dict[str, str] = {}
+    for _, part in split_top(inside):
+        named = re.fullmatch(r"\s*([A-Za-z_]\w*)(?:\[\s*\])?\s+(\S.*?)\s*", part, re.DOTALL)
+        if not named:
+            raise ValueError(f"'{part.strip()[:40]}' is no name with a value")
+        if named[1].upper() in fields:
+            raise ValueError(f"{named[1]} stands there twice")
+        fields[named[1].upper()] = named[2]
+    return fields
+
+
+def _numbers(fields: dict[str, str], names: tuple[str, ...]) -> tuple[float, ...]:
+    missing = [name for name in names if name not in fields]
+    if missing:
+        raise ValueError(f"{', '.join(missing)} missing: a part of a position is not enough")
+    return tuple(number(fields[name]) for name in names)

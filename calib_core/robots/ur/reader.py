@@ -1,0 +1,205 @@
+"""Universal Robots: script poses, .urp programs, installations and recorded RTDE rows.
+
+A script's poses are in the robot's base, of the TCP that `set_tcp` has set last.
+"""
+
+import csv
+import io
+import math
+import re
+
+from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.text import Source, closing, number, numbers, source_of, split_top, without_comments
+from calib_core.robots.xml_file import Element, elements, is_gzip, unzipped
+
+_LITERAL = re.compile(r"(?:(\w+)\s*(=|\()\s*)?(?<![\w])p\s*(?=\[)")
+_JOINTS = re.compile(r"(?:^|\n)\s*(?:global\s+)?(\w+_q)\s*=\s*(?=\[)")
+_CALL = re.compile(
+    r"\b(set_tcp|move[jlpc]|servoj|servoc|get_inverse_kin)\s*\(\s*(?:get_inverse_kin\s*\(\s*)?(\w+)\s*[,)]"
+)
+_MOVES = ("movej", "movel", "movep", "movec", "servoj", "servoc", "servol", "get_inverse_kin")
+_FARTHEST_M = 10.0
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a script, a program, an installation or a recording."""
+    plain = unzipped(data, name)
+    if is_gzip(data) or plain.lstrip()[:1] == b"<":
+        return _xml(plain, name)
+    source = source_of(plain, name)
+    first = source.text.lstrip().split("\n", 1)[0]
+    if "actual_TCP_pose_0" in first or "actual_q_0" in first:
+        return _recording(source)
+    return _Script(source).found()
+
+
+class _Script:
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._text = without_comments(source.text, "#")
+        self._found = Found(source.name)
+        self._named: dict[str, tuple[float, ...]] = {}
+        self._tool: Reference | None = None
+
+    def found(self) -> Found:
+        """Return all that the script holds, followed from its beginning to its end."""
+        steps = [(m.start(), "literal", m) for m in _LITERAL.finditer(self._text)]
+        steps += [(m.start(), "call", m) for m in _CALL.finditer(self._text)]
+        steps += [(m.start(1), "joints", m) for m in _JOINTS.finditer(self._text)]
+        for _, kind, match in sorted(steps, key=lambda step: step[0]):
+            {"literal": self._literal, "call": self._call, "joints": self._joints}[kind](match)
+        return self._found
+
+    def _literal(self, match: re.Match[str]) -> None:
+        position = match.end()
+        line = self._source.line(position)
+        before, sign = match[1], match[2]
+        name = before if sign == "=" else f"line {line}"
+        try:
+            end = closing(self._text, position, "\n")
+            if end < 0:
+                raise ValueError("its brackets do not match: is the file cut or damaged?")
+            pose = _pose(self._text[position + 1 : end - 1])
+        except ValueError as error:
+            self._found.skip(line, f"{name}: {error}")
+            return
+        if sign == "(" and before == "set_tcp":
+            self._set_tcp(f"set_tcp of line {line}", pose, line)
+        elif sign == "=":
+            self._named[before.lower()] = pose
+            self._found.poses.append(Taught(name, pose, "ur", line, frame="base", file=self._source.name))
+        elif sign == "(" and before in _MOVES:
+            taught = Taught(name, pose, "ur", line, None, None, self._tool, "base", self._source.name)
+            self._found.poses.append(taught)
+        elif self._inside_of("movec", match.start()):
+            taught = Taught(f"{name} (2)", pose, "ur", line, None, None, self._tool, "base", self._source.name)
+            self._found.poses.append(taught)
+        else:
+            what = f"{before}(p[…])" if sign == "(" else "p[…]"
+            self._found.skip(line, f"{what}: a pose in a calculation is no place of the robot")
+
+    def _inside_of(self, call: str, position: int) -> bool:
+        begin = self._text.rfind("\n", 0, position) + 1
+        return re.match(rf"\s*{call}\s*\(\s*(?:p\[[^\]]*\]|\w+)\s*,\s*$", self._text[begin:position]) is not None
+
+    def _call(self, match: re.Match[str]) -> None:
+        called, name = match[1], match[2]
+        line = self._source.line(match.start())
+        if called != "set_tcp":
+            if name.lower() in self._named and self._tool is not None:
+                self._found.moves.setdefault(name.lower(), set()).add((self._tool, "base"))
+        elif name.lower() in self._named:
+            self._set_tcp(name, self._named[name.lower()], line)
+            self._found.poses = [p for p in self._found.poses if p.name != name]
+        elif name != "p":
+            self._tool = f"{name} (line {line})"
+
+    def _set_tcp(self, name: str, pose: tuple[float, ...], line: int) -> None:
+        self._found.tools.append(Frame(name, name, pose, "ur", line, self._source.name))
+        self._tool = name
+
+    def _joints(self, match: re.Match[str]) -> None:
+        line = self._source.line(match.start(1))
+        end = closing(self._text, match.end(), "\n")
+        try:
+            if end < 0:
+                raise ValueError("its brackets do not match: is the file cut or damaged?")
+            joints = _degrees(numbers(self._text[match.end() + 1 : end - 1], 6))
+        except ValueError as error:
+            self._found.skip(line, f"{match[1]}: {error}")
+            return
+        of = match[1].removesuffix("_q") + "_p"
+        for i, taught in enumerate(self._found.poses):
+            if taught.name == of:
+                self._found.poses[i] = Taught(**{**vars(taught), "joints_deg": joints})
+                return
+        self._found.poses.append(Taught(match[1], None, "ur", line, joints, file=self._source.name))
+
+
+def _pose(text: str) -> tuple[float, ...]:
+    parts = [part for _, part in split_top(text)]
+    if len(parts) != 6:
+        raise ValueError(f"{len(parts)} numbers instead of 6")
+    return _plausible(tuple(_radians(part) for part in parts))
+
+
+def _radians(text: str) -> float:
+    """Return a number, or the radians of ``d2r(…)``."""
+    degrees = re.fullmatch(r"\s*d2r\s*\(([^()]*)\)\s*", text)
+    return math.radians(number(degrees[1])) if degrees else number(text)
+
+
+def _plausible(pose: tuple[float, ...]) -> tuple[float, ...]:
+    if max(abs(v) for v in pose[:3]) > _FARTHEST_M:
+        raise ValueError(f"{max(map(abs, pose[:3])):g} m from the base: are these millimetres? UR writes metres")
+    if math.hypot(*pose[3:]) > 2 * math.pi + 1e-6:
+        raise ValueError("a rotation vector longer than a full turn: are these degrees? UR writes radians")
+    return pose
+
+
+def _degrees(joints_rad: tuple[float, ...]) -> tuple[float, ...]:
+    if max(map(abs, joints_rad)) > 4 * math.pi + 1e-6:
+        raise ValueError("joints beyond two turns: are these degrees? UR writes radians")
+    return tuple(math.degrees(v) for v in joints_rad)
+
+
+def _xml(data: bytes, name: str) -> Found:
+    found = Found(name)
+    for element in elements(data, name):
+        try:
+            _element(element, found)
+        except ValueError as error:
+            found.skip(element.line, f"{element.name}: {error}")
+    return found
+
+
+def _element(element: Element, found: Found) -> None:
+    if element.name == "JointAngles":
+        waypoint = next((e for e in reversed(element.path) if e.name == "Waypoint"), None)
+        name = (waypoint.attributes.get("name") if waypoint else None) or f"line {element.line}"
+        joints = _degrees(numbers(element.attributes.get("angles", ""), 6))
+        found.poses.append(Taught(name, None, "ur", element.line, joints, file=found.file))
+        return
+    text = element.attributes.get("pose", element.text).strip()
+    is_tool = "tcp" in element.name.lower() and element.name != "TCPOffset"
+    if is_tool and text.count(",") == 5:
+        pose = _plausible(numbers(text.strip("p[] "), 6))
+        around = [element, *reversed(element.path)]
+        name = next(
+            (e.attributes["name"] for e in around if e.attributes.get("name")), f"TCP {len(found.tools) + 1}"
+        )
+        found.tools.append(Frame(name, name, pose, "ur", element.line, found.file))
+    elif element.name == "tcpTransform":
+        raise ValueError(f"'{text[:40]}' instead of six numbers")
+
+
+def _recording(source: Source) -> Found:
+    """Return the rows of an RTDE recording: poses of the TCP, with joints where they were recorded."""
+    found = Found(source.name)
+    head, _, _ = source.text.partition("\n")
+    separator = max(",; \t", key=head.count)
+    rows = csv.DictReader(io.StringIO(source.text), delimiter=separator, skipinitialspace=True)
+    for row in rows:
+        line = rows.line_num
+        name = f"row {line}"
+        try:
+            joints = _group(row, "actual_q")
+            offset = _group(row, "tcp_offset")
+            pose = _group(row, "actual_TCP_pose")
+            tool = None
+            if offset is not None:
+                tool = "tcp_offset " + " ".join(f"{v:g}" for v in offset)
+                if all(t.number != tool for t in found.tools):
+                    found.tools.append(Frame(tool, "tcp_offset", _plausible(offset), "ur", line, source.name))
+            degrees = None if joints is None else _degrees(joints)
+            taught = Taught(name, pose and _plausible(pose), "ur", line, degrees, None, tool, "base", source.name)
+            found.poses.append(taught)
+        except ValueError as error:
+            found.skip(line, f"{name}: {error}")
+    return found
+
+
+def _group(row: dict[str, str | None], name: str) -> tuple[float, ...] | None:
+    if f"{name}_0" not in row:
+        return None
+    return tuple(number(row.get(f"{name}_{i}") or "") for i in range(6))

@@ -1,0 +1,86 @@
+"""XML files of controllers, plain or gzipped: their elements with line numbers; entities are refused."""
+
+import gzip
+import io
+import zlib
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from calib_core.errors import InputError
+
+_LARGEST_BYTES = 64_000_000
+
+
+@dataclass
+class Element:
+    """One element: its name without namespace, its attributes, the text in it, and those around it."""
+
+    name: str
+    attributes: dict[str, str]
+    line: int
+    path: tuple["Element", ...]
+    text: str = field(default="")
+
+
+def is_gzip(data: bytes) -> bool:
+    """Return whether data are gzipped."""
+    return data.startswith(b"\x1f\x8b")
+
+
+def unzipped(data: bytes, name: str) -> bytes:
+    """Return data as they are, or unpacked where they are gzipped.
+
+    Raises
+    ------
+    InputError
+        If the packed data are damaged, or larger than a controller's file is.
+    """
+    if not is_gzip(data):
+        return data
+    try:
+        with gzip.open(io.BytesIO(data)) as stream:
+            unpacked = stream.read(_LARGEST_BYTES + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError("a whole gzipped file", str(error), "Copy it from the controller again.", name) from None
+    if len(unpacked) > _LARGEST_BYTES:
+        raise InputError("a file of at most 64 MB unpacked", "more", "Give the controller's own file.", name)
+    return unpacked
+
+
+def elements(data: bytes, name: str) -> list[Element]:
+    """Return all elements of an XML file in their order.
+
+    Raises
+    ------
+    InputError
+        If it is not whole XML, or declares entities.
+    """
+    parser = expat.ParserCreate()
+    found: list[Element] = []
+    open_ones: list[Element] = []
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        plain = {key.rpartition(":")[2]: value for key, value in attributes.items()}
+        element = Element(tag.rpartition(":")[2], plain, parser.CurrentLineNumber, tuple(open_ones))
+        found.append(element)
+        open_ones.append(element)
+
+    def end(_: str) -> None:
+        open_ones.pop()
+
+    def text(characters: str) -> None:
+        if open_ones:
+            open_ones[-1].text += characters
+
+    def entity(*_: object) -> None:
+        raise InputError("XML without entities", "an entity declaration", "Give the controller's own file.", name)
+
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, text
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        what = expat.errors.messages[error.code] if error.code in expat.errors.messages else str(error)
+        to_do = "Copy the file from the controller again: it is cut or damaged."
+        raise InputError("whole XML", f"{what} in line {error.lineno}", to_do, name) from None
+    return found

@@ -1,0 +1,144 @@
+"""Yaskawa: jobs (JBI), TOOL.CND and UFRAME.CND.
+
+A job's positions are pulses or poses, by the `///POSTYPE` before them; one job may hold both.
+"""
+
+import re
+
+from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.text import Source, numbers, source_of
+
+_ROW = re.compile(r"^(C|P|BC|EC|BP|EX)(\d{3,5})\s*=(.*)$")
+_IN_BASE = ("BASE", "ROBOT")
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a job or a condition file."""
+    source = source_of(data, name)
+    found = Found(name)
+    if re.search(r"^//TOOL\b", source.text, re.MULTILINE):
+        _tools(source, found)
+    if re.search(r"^//UFRAME\b", source.text, re.MULTILINE):
+        _frames(source, found)
+    if re.search(r"^(?:/JOB|//POS|///POSTYPE)\b", source.text, re.MULTILINE):
+        _job(source, found)
+    return found
+
+
+def _tools(source: Source, found: Found) -> None:
+    """Read TOOL.CND: a number, a name, the frame, then load data."""
+    index, name, awaited, head = -1, "", False, 0
+    for line, content in [*source.lines(), (0, "//TOOL")]:
+        text = content.strip()
+        if text.startswith("//TOOL") and not text.startswith("///"):
+            if awaited:
+                found.skip(head, f"tool {index}: its frame is missing: is the file cut?")
+            begin = re.fullmatch(r"//TOOL\s+(\d+)", text)
+            awaited = begin is not None
+            index, name, head = int(begin[1]) if begin else -1, "", line
+            if not begin and line:
+                found.skip(line, f"'{text[:40]}' names no tool")
+        elif text.startswith("///NAME") and index >= 0:
+            name = text.removeprefix("///NAME").strip()
+        elif awaited and text and not text.startswith("/"):
+            awaited = False
+            try:
+                frame = Frame(index, name or None, numbers(text, 6), "yaskawa", line, source.name)
+                found.tools.append(frame)
+            except ValueError as error:
+                found.skip(line, f"tool {index}: {error}")
+
+
+def _frames(source: Source, found: Found) -> None:
+    index, name, known = -1, "", False
+    for line, content in source.lines():
+        text = content.strip()
+        if begin := re.fullmatch(r"//UFRAME\s+(\d+)", text):
+            index, name, known = int(begin[1]), "", False
+        elif text.startswith("///NAME"):
+            name = text.removeprefix("///NAME").strip()
+        elif text.startswith("////BUSER"):
+            try:
+                if index < 0:
+                    raise ValueError("it stands under no //UFRAME")
+                if known:
+                    raise ValueError("it stands there twice")
+                pose = numbers(text.removeprefix("////BUSER").lstrip(" ="), 6)
+                found.frames.append(Frame(index, name or None, pose, "yaskawa", line, source.name))
+                known = True
+            except ValueError as error:
+                found.skip(line, f"user frame {index}: {error}")
+
+
+class _State:
+    def __init__(self) -> None:
+        self.kind, self.tool, self.user = "", None, None
+        self.tool: int | None
+        self.user: int | None
+
+
+def _job(source: Source, found: Found) -> None:
+    state = _State()
+    external: dict[str, dict[str, float]] = {}
+    rows: list[tuple[int, str, str, str, int | None, int | None]] = []
+    for line, content in source.lines():
+        text = content.strip()
+        if text.startswith("//INST"):
+            break
+        if tagged := re.match(r"///(POSTYPE|TOOL|USER)\s+(\S+)", text):
+            value = tagged[2].split(",")[0]
+            if tagged[1] == "POSTYPE":
+                state.kind = value.upper()
+            elif tagged[1] == "TOOL":
+                state.tool = int(value) if value.isdigit() else None
+            else:
+                state.user = int(value) if value.isdigit() else None
+        elif row := _ROW.match(text):
+            if row[1] in ("BC", "EC", "BP", "EX"):
+                _external(external, row, line, found)
+            else:
+                rows.append((line, row[1] + row[2], row[3].strip(), state.kind, state.tool, state.user))
+        elif re.match(r"[A-Z]+\d+\s*=", text):
+            found.skip(line, f"'{text[:40]}' is no row of a position")
+    rail = any(axis.startswith("BC") for axes in external.values() for axis in axes)
+    for line, name, values, kind, tool, user in rows:
+        try:
+            taught = _position(name, values, kind, tool, user, line, source.name)
+        except ValueError as error:
+            found.skip(line, f"{name}: {error}")
+            continue
+        axes = {**(taught.external or {}), **external.get(name[1:], {})} or None
+        doubt = "The robot stands on a rail: make sure that its base did not move." if rail else ""
+        found.poses.append(Taught(**{**vars(taught), "external": axes, "doubt": doubt}))
+
+
+def _external(external: dict[str, dict[str, float]], row: re.Match[str], line: int, found: Found) -> None:
+    try:
+        values = numbers(row[3])
+    except ValueError as error:
+        found.skip(line, f"{row[1]}{row[2]}: {error}")
+        return
+    named = {f"{row[1]}{i}": value for i, value in enumerate(values, start=1)}
+    external.setdefault(row[2], {}).update(named)
+
+
+def _position(name: str, text: str, kind: str, tool: int | None, user: int | None, line: int, file: str) -> Taught:
+    if kind == "PULSE":
+        raise ValueError("pulses alone, no pose: record Cartesian positions (POSTYPE BASE), or name the arm")
+    if not kind:
+        raise ValueError("no ///POSTYPE says what its numbers are")
+    values = numbers(text)
+    if kind == "ANGLE":
+        return Taught(name, None, "yaskawa", line, values, None, tool, file=file)
+    if len(values) not in (6, 7):
+        raise ValueError(f"{len(values)} numbers instead of 6")
+    if kind == "USER":
+        if user is None:
+            raise ValueError("it is in a user frame, but no ///USER says which")
+        frame: int | str = user
+    elif kind in _IN_BASE:
+        frame = kind.lower()
+    else:
+        raise ValueError(f"positions of type {kind} are not in the robot's base")
+    external = {"E": values[6]} if len(values) == 7 else None
+    return Taught(name, values[:6], "yaskawa", line, None, external, tool, frame, file)
