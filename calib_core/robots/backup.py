@@ -9,6 +9,8 @@ from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, Found, Skipped
 from calib_core.robots.conventions import BRANDS
 from calib_core.robots.resolve import resolved
+from calib_core.robots.text import decoded
+from calib_core.robots.xml_file import unzipped
 
 _MOST_FILES, _MOST_BYTES = 5000, 256_000_000
 
@@ -42,7 +44,7 @@ def read_controller_files(
     alone = len(opened) == 1
     found: list[Found] = []
     for name, data in sorted(opened.items()):
-        if not alone and not chosen.recognises(data, name):
+        if not alone and not chosen.recognises(_text(data, name), name):
             continue
         try:
             found.append(chosen.find(data, name))
@@ -65,7 +67,8 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
     """
     counts: dict[str, int] = {}
     for name, data in files.items():
-        know = [brand for brand in BRANDS if brand.reads and brand.recognises(data, name)]
+        text = _text(data, name)
+        know = [brand for brand in BRANDS if brand.reads and brand.recognises(text, name)]
         ending = "." + name.rsplit(".", 1)[-1].lower()
         by_ending = [brand for brand in know if ending in brand.endings]
         for brand in by_ending or know:
@@ -79,6 +82,14 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
         to_do = f"Name the brand with --brand: {', '.join(best)}."
         raise InputError("files of one brand", f"files that {' and '.join(best)} could have written", to_do, where)
     return BRANDS.get(best[0])
+
+
+def _text(data: bytes, name: str) -> str:
+    """Return what brands look at: nothing for a packed file that is damaged, which is no brand's."""
+    try:
+        return decoded(unzipped(data, name))
+    except InputError:
+        return ""
 
 
 def _readers() -> str:

@@ -41,8 +41,8 @@ class Brand:
     base: frozenset[str] = frozenset({"0"})
     definitions: str = "the controller's backup"
 
-    def recognises(self, data: bytes, name: str) -> bool:
-        """Return whether a file is surely of this brand, by what stands in it."""
+    def recognises(self, text: str, name: str) -> bool:
+        """Return whether a file is surely of this brand, by the text in it (unpacked, with plain line ends)."""
         return False
 
     def find(self, data: bytes, name: str) -> "Found":

@@ -44,6 +44,16 @@ def source_of(data: bytes, name: str) -> Source:
         raise InputError(
             "a controller's file of at most 64 MB", f"{len(data) / 1e6:.0f} MB", "Give one file.", name
         )
+    text = decoded(data)
+    if "\0" in text:
+        to_do = "Give the file as text, as the controller's backup or its editor writes it."
+        raise InputError("a text file", "binary data", to_do, name)
+    starts = (0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1]))
+    return Source(text, name, starts)
+
+
+def decoded(data: bytes) -> str:
+    """Return bytes as text with ``\\n`` alone at the ends of lines, whatever they are."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         text = data.decode("utf-16", errors="replace")
     else:
@@ -51,12 +61,7 @@ def source_of(data: bytes, name: str) -> Source:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError:
             text = data.decode("latin-1")
-    if "\0" in text:
-        to_do = "Give the file as text, as the controller's backup or its editor writes it."
-        raise InputError("a text file", "binary data", to_do, name)
-    text = text.replace("\r\n", "\n").replace("\r", "\n")
-    starts = (0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1]))
-    return Source(text, name, starts)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def number(text: str) -> float:

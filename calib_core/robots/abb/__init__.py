@@ -34,10 +34,10 @@ class Abb(Brand):
     base = frozenset({"wobj0"})
     definitions = "the module with its tooldata and wobjdata, such as USER.SYS"
 
-    def recognises(self, data: bytes, name: str) -> bool:
+    def recognises(self, text: str, name: str) -> bool:
         """Return whether it holds RAPID declarations."""
         return (
-            re.search(rb"\b(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget|tooldata|wobjdata)\b", data, re.I)
+            re.search(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget|tooldata|wobjdata)\b", text, re.I)
             is not None
         )
 

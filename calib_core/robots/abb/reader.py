@@ -6,7 +6,7 @@ in the base is its user frame times its object frame.
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
@@ -214,7 +214,7 @@ class _Module:
             if position is not None:
                 line = self._source.line(position)
                 doubt = f"The program assigns it anew (line {line}): the value here may be another."
-                self._found.poses[i] = Taught(**{**vars(taught), "doubt": doubt})
+                self._found.poses[i] = replace(taught, doubt=doubt)
 
 
 def _blanked(text: str) -> str:

@@ -32,9 +32,9 @@ class Fanuc(Brand):
     endings = (".ls", ".va", ".lst", ".txt")
     definitions = "sysframe.va"
 
-    def recognises(self, data: bytes, name: str) -> bool:
+    def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a listing of a TP program or of variables."""
-        return re.search(rb"^\s*/PROG\b|^\s*P\[\d+[^\]]*\]\s*\{|^\[\*\w+\*\]\$", data, re.MULTILINE) is not None
+        return re.search(r"^\s*/PROG\b|^\s*P\[\d+[^\]]*\]\s*\{|^\[\*\w+\*\]\$", text, re.MULTILINE) is not None
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return positions of a program, or frames and registers of a listing."""

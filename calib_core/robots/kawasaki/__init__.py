@@ -34,10 +34,10 @@ class Kawasaki(Brand):
     base = frozenset({"0", "null"})
     definitions = "the file saved with SAVE, with its .TRANS section"
 
-    def recognises(self, data: bytes, name: str) -> bool:
+    def recognises(self, text: str, name: str) -> bool:
         """Return whether it has sections of AS."""
-        pattern = rb"^\s*\.(?:TRANS|JOINTS|REALS|PROGRAM|NETCONF|ROBOTDATA\d*|SYSDATA)\b"
-        return re.search(pattern, data, re.MULTILINE | re.IGNORECASE) is not None
+        pattern = r"^\s*\.(?:TRANS|JOINTS|REALS|PROGRAM|NETCONF|ROBOTDATA\d*|SYSDATA)\b"
+        return re.search(pattern, text, re.MULTILINE | re.IGNORECASE) is not None
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return transformations, joints, tools and bases of a saved file."""

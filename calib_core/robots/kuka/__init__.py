@@ -32,12 +32,12 @@ class Kuka(Brand):
     endings = (".src", ".dat", ".sub")
     definitions = "$config.dat"
 
-    def recognises(self, data: bytes, name: str) -> bool:
+    def recognises(self, text: str, name: str) -> bool:
         """Return whether it holds KRL."""
         found = re.search(
-            rb"^\s*(?:&ACCESS|DEFDAT\b|(?:GLOBAL\s+)?DEF\s+\w+\s*\([^)\n]*\)\s*$|\$?(?:TOOL|BASE)_DATA\[\s*\d+\s*\]\s*=|"
-            rb"(?:DECL\s+)?(?:GLOBAL\s+)?(?:E6POS|E6AXIS|FDAT|POS|FRAME)\s+\w+(?:\[\d+\])?\s*=\s*\{)",
-            data,
+            r"^\s*(?:&ACCESS|DEFDAT\b|(?:GLOBAL\s+)?DEF\s+\w+\s*\([^)\n]*\)\s*$|\$?(?:TOOL|BASE)_DATA\[\s*\d+\s*\]\s*=|"
+            r"(?:DECL\s+)?(?:GLOBAL\s+)?(?:E6POS|E6AXIS|FDAT|POS|FRAME)\s+\w+(?:\[\d+\])?\s*=\s*\{)",
+            text,
             re.IGNORECASE | re.MULTILINE,
         )
         return found is not None

@@ -34,9 +34,9 @@ class Staubli(Brand):
     base = frozenset({"world", "world[0]"})
     definitions = "the .dtx data of the application"
 
-    def recognises(self, data: bytes, name: str) -> bool:
-        """Return whether it is VAL 3 data, a program or a project."""
-        return re.search(rb"staubli\.com/robotics/VAL3|ProjectNameSpace", data, re.IGNORECASE) is not None
+    def recognises(self, text: str, name: str) -> bool:
+        """Return whether it is VAL 3 text, a program or a project."""
+        return re.search(r"staubli\.com/robotics/VAL3|ProjectNameSpace", text, re.IGNORECASE) is not None
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return tools, frames, points and joints of VAL 3 data."""

@@ -34,14 +34,10 @@ class Ur(Brand):
     base = frozenset({"base"})
     definitions = "the script with set_tcp, or default.installation"
 
-    def recognises(self, data: bytes, name: str) -> bool:
+    def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a script, a program, an installation or a recording."""
-        if data.startswith(b"\x1f\x8b"):
-            from calib_core.robots.xml_file import unzipped
-
-            data = unzipped(data, name)
-        pattern = rb"<URProgram|<Installation|tcpTransform|actual_TCP_pose_0|actual_q_0|\bp\s*\[[^\]]*,"
-        return re.search(pattern, data) is not None
+        pattern = r"<URProgram|<Installation|tcpTransform|actual_TCP_pose_0|actual_q_0|\bp\s*\[[^\]]*,"
+        return re.search(pattern, text) is not None
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return poses and TCPs of a script, program, installation or recording."""

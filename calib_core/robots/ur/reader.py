@@ -7,6 +7,7 @@ import csv
 import io
 import math
 import re
+from dataclasses import replace
 
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.text import Source, closing, number, numbers, source_of, split_top, without_comments
@@ -111,7 +112,7 @@ class _Script:
         of = match[1].removesuffix("_q") + "_p"
         for i, taught in enumerate(self._found.poses):
             if taught.name == of:
-                self._found.poses[i] = Taught(**{**vars(taught), "joints_deg": joints})
+                self._found.poses[i] = replace(taught, joints_deg=joints)
                 return
         self._found.poses.append(Taught(match[1], None, "ur", line, joints, file=self._source.name))
 

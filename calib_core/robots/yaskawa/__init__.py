@@ -38,9 +38,9 @@ class Yaskawa(Brand):
         """Return that tool 0 need not be the flange here."""
         return "Tool 0 is not always the flange on a Yaskawa: give TOOL.CND as well." if what == "tool" else ""
 
-    def recognises(self, data: bytes, name: str) -> bool:
+    def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a job or a condition file."""
-        return re.search(rb"^(?:/JOB\b|//TOOL\b|//UFRAME\b|///POSTYPE\b)", data, re.MULTILINE) is not None
+        return re.search(r"^(?:/JOB\b|//TOOL\b|//UFRAME\b|///POSTYPE\b)", text, re.MULTILINE) is not None
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return positions of a job, or the tools or user frames of a condition file."""

@@ -4,6 +4,7 @@ A job's positions are pulses or poses, by the `///POSTYPE` before them; one job 
 """
 
 import re
+from dataclasses import replace
 
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.text import Source, numbers, source_of
@@ -109,7 +110,7 @@ def _job(source: Source, found: Found) -> None:
             continue
         axes = {**(taught.external or {}), **external.get(name[1:], {})} or None
         doubt = "The robot stands on a rail: make sure that its base did not move." if rail else ""
-        found.poses.append(Taught(**{**vars(taught), "external": axes, "doubt": doubt}))
+        found.poses.append(replace(taught, external=axes, doubt=doubt))
 
 
 def _external(external: dict[str, dict[str, float]], row: re.Match[str], line: int, found: Found) -> None:

@@ -1,0 +1,96 @@
+"""`scancell poses`: what stands in a controller's file."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from server.console.command import OK, Command
+from server.console.output import print_result
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import ControllerFile, FilePose, Frame
+
+_LARGEST_BYTES = 256_000_000
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE", help="a program, data list, folder or zip of a backup"
+    )
+    brand = "the controller's brand, where the files do not tell it"
+    parser.add_argument("--brand", metavar="NAME", help=brand)
+    as_written = "take poses as they stand, where the tool or frame they were taught with is not in the files"
+    parser.add_argument("--as-written", action="store_true", help=as_written)
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Print poses, tools and frames of a controller's files, and what was skipped."""
+    from calib_core.robots.backup import read_controller_files
+
+    files: dict[str, bytes] = {}
+    for path in options.files:
+        files |= _files(path)
+    read = read_controller_files(files, options.brand, options.as_written)
+    print_result(options, _text(read), read.to_json())
+    return OK
+
+
+def _files(path: Path) -> dict[str, bytes]:
+    """Return a file, or all files of a folder, by their names."""
+    from calib_core.errors import InputError
+
+    try:
+        if path.is_dir():
+            names = sorted(p for p in path.rglob("*") if p.is_file())
+            if sum(p.stat().st_size for p in names) > _LARGEST_BYTES:
+                to_do = "Give the files with programs, tools and frames alone."
+                raise InputError("a backup of at most 256 MB", "a larger one", to_do, str(path))
+            return {str(p.relative_to(path)): p.read_bytes() for p in names}
+        return {path.name: path.read_bytes()}
+    except OSError as error:
+        raise InputError("a file that can be read", str(error), "Check its name.", str(path)) from None
+
+
+def _text(read: "ControllerFile") -> str:
+    from calib_core.robots import CONVENTIONS
+
+    lines = [f"{read.brand}: {len(read.poses)} poses, {len(read.tools)} tools, {len(read.frames)} frames"]
+    if read.poses:
+        names = CONVENTIONS[read.poses[0].convention].numbers
+        lines += ["", f"Poses of the flange in the base ({names}; {CONVENTIONS[read.poses[0].convention].units})"]
+        lines += [_pose(pose) for pose in read.poses]
+    for title, frames in (("Tools", read.tools), ("Frames", read.frames)):
+        if frames:
+            lines += ["", title, *map(_frame, frames)]
+    doubts = dict.fromkeys(pose.doubt for pose in read.poses if pose.doubt)
+    if doubts or read.notes:
+        lines += ["", "To make sure of", *(f"  {text}" for text in (*doubts, *read.notes))]
+    if read.skipped:
+        lines += ["", "Skipped", *(f"  {row.file}:{row.line}: {row.reason}" for row in read.skipped)]
+    return "\n".join(lines)
+
+
+def _pose(pose: "FilePose") -> str:
+    numbers = " ".join(f"{v:g}" if v == 0 else f"{v:.6g}" for v in pose.pose) if pose.pose else "joints alone"
+    parts = [f"  {pose.name}: {numbers}"]
+    if pose.tool is not None or pose.frame is not None:
+        parts.append(f"taught with tool {_or_dash(pose.tool)}, frame {_or_dash(pose.frame)}")
+    if pose.external:
+        parts.append(", ".join(f"{axis} {value:g}" for axis, value in pose.external.items()))
+    return "; ".join([*parts, f"{pose.file}:{pose.line}"])
+
+
+def _frame(frame: "Frame") -> str:
+    name = f" {frame.name}" if frame.name and frame.name != frame.number else ""
+    moving = f"; {frame.moving}" if frame.moving else ""
+    numbers = " ".join(f"{v:.6g}" for v in frame.pose)
+    return f"  {frame.number}{name}: {numbers}{moving}; {frame.file}:{frame.line}"
+
+
+def _or_dash(value: object) -> str:
+    return "–" if value is None else str(value)
+
+
+COMMAND = Command(
+    "poses", "read poses, tools and frames from a robot controller's files", "files", _arguments, _run
+)

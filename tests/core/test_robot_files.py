@@ -1,0 +1,425 @@
+"""Controllers' files: poses, tools and frames with their lines, what is applied, what is refused and why.
+
+The files imitate the dialects of real controllers; none is copied.
+"""
+
+import gzip
+import io
+import json
+import zipfile
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError
+from calib_core.robots import BRANDS, parse_pose
+from calib_core.robots.backup import read_controller_files
+from calib_core.robots.controller_file import ControllerFile
+from server.cli import main
+
+RAPID = """MODULE Cell
+  PERS tooldata tGrip:=[TRUE,[[0,0,184],[1,0,0,0]],[0.5,[0,0,92],[1,0,0,0],1,2,3]];
+  TASK PERS tooldata tStand:=[FALSE,[[800,0,184],[1,0,0,0]],[0.5,[0,0,92],[1,0,0,0],1,2,3]];
+  TASK PERS wobjdata wTable:=[FALSE,TRUE,"",[[100,0,0],[1,0,0,0]],[[0,0,5],[0.707106781,0,0,0.707106781]]];
+  PERS wobjdata wTurn:=[FALSE,FALSE,"STN1",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  CONST robtarget pA:=[[551,613,25],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]; ! with "quotes" ; and p
+  CONST robtarget pArray{2}:=[[[1,2,3],[1,0,0,0],[0,0,0,0],[45,9E9,9E9,9E9,9E9,9E9]],
+    [[4,5,6],[1,0,0,0],[0,0,0,0],[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]]];
+  VAR robtarget pEmpty;
+  CONST jointtarget jHome:=[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  PROC main()
+    MoveL pA,v100,fine,tGrip\\WObj:=wTable;
+    MoveJ \\Conc,pArray{1},v100,z10,tool0;
+    MoveC pArray{2},Offs(pA,0,0,1),v100,fine,tool0\\WObj:=wobj0;
+    MoveL [[7,8,9],[1,0,0,0],[0,0,0,0],extj],v100,fine,tool0;
+    MoveL pA,v100,fine,tUnknown;
+    MoveL [[1,1,1],[1,0,0,0],[0,0,0,0],extj],v100,fine,tStand;
+    MoveL [[1,1,1],[1,0,0,0],[0,0,0,0],extj],v100,fine,tool0\\WObj:=wTurn;
+  ENDPROC
+ENDMODULE
+"""
+CONFIG = """&ACCESS RV
+DEFDAT  $CONFIG PUBLIC
+TOOL_DATA[1]={X 107.147003,Y 6.19999992E-05,Z 313.237,A 0.0,B 45.0,C 0.0}
+TOOL_DATA[2]={X 10.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}
+TOOL_NAME[1,]="GUN"
+TOOL_TYPE[1]=#TCP
+TOOL_TYPE[2]=#BASE
+BASE_DATA[1]={X 0.0,Y 0.0,Z 100.0,A 90.0,B 0.0,C 0.0}
+LOAD_DATA[1]={M 5.5,CM {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0},J {X 0.1,Y 0.2,Z 0.3}}
+ENDDAT
+"""
+DAT = """DEFDAT style1
+DECL PDAT PPDAT1={VEL 100.000,ACC 100.000,APO_DIST 100.000}
+DECL E6POS XP1={X 214.5,Y 193.6,Z 1005.8,A 6.6,B -23.4,C 9.8,S 2,T 3,E1 45.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}
+DECL FDAT FP1={TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " ",TQ_STATE FALSE}
+DECL GLOBAL POS XP2 = { X 1.0, Y 2.0, Z 3.0, A 0.0, B 0.0, C 0.0, S 0, T 0}
+DECL FDAT FP2 = {BASE_NO 1, TOOL_NO 1, IPO_FRAME #BASE, POINT2[] " "}
+DECL E6AXIS XHOME={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0,E1 0}
+DECL E6POS XP3={X 1,Y 2,Z 3
+DECL E6POS XP4={X 1,Y 2,Z 3,A 0,B 0,C 0}
+DECL FDAT FP4={TOOL_NO 2,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " "}
+DECL E6POS XP5={X 1,Y 2,Z 3,A 0,B 0,C 0}
+DECL FDAT FP5={TOOL_NO 1,BASE_NO 1,IPO_FRAME #TCP,POINT2[] " "}
+ENDDAT
+"""
+SRC = """DEF moves()
+$TOOL = {X 94.0, Y -1.5, Z 213.0, A 0, B 0, C 0 }
+$BASE=$NULLFRAME
+PTP {X 100,Y 0,Z 500,A 0,B 0,C 0,S 2,T 2} C_PTP
+LIN {X 100}
+LIN_REL {Z 20} #TOOL
+LIN {X 1,Y 0,Z 500,A 0,B 0,C 0} : XOFF
+PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
+$BASE=BASE_DATA[7]
+LIN {X 100,Y 0,Z 500,A 0,B 90,C 0}
+END
+"""
+LS = """/PROG  TEST1
+/MN
+   1:J P[1] 100% FINE    ;
+   2:L P[2:"a b"] 100mm/sec FINE INC ;
+/POS
+P[1]{
+   GP1:
+\tUF : 0, UT : 1,\t\tKONFIG : 'N U T, 0, 0, 0',
+\tX =  -464.787  mm,\tY =  -676.745  mm,\tZ =  .140  mm,
+\tW =   142.550 deg,\tP =    72.302 deg,\tR =  -130.575 deg
+   GP2:
+\tUF : 0, UT : 1,\t
+\tJ1=   100.000  deg
+};
+P[2:"a b"]{
+   GP1:
+\tUF : 0, UT : 0,\t\tCONFIG : 'L, 0, 0, 0',
+\tX =   -22.034184  mm,\tY =  -500.1  mm,\tZ =   227.5  mm,
+\tW =  -180.000000 deg,\tP =     0.000000 deg,\tR =  -148.7 deg
+};
+P[3]{
+   GP1:
+\tUF : F, UT : F,\t\tCONFIG : '',
+\tX =   1  mm,\tY =  2  mm,\tZ =   3  mm,
+\tW =  -180.000000 deg,\tP =     0.000000 deg,\tR =  -148.7 deg,
+\tE1=   20.000  mm
+};
+P[4]{
+   GP1:
+\tUF : 0, UT : 1,\t
+\tJ1=     0.000 deg,\tJ2=   -30.000 deg,\tJ3=     -.000 deg,
+\tJ4=      .500 deg,\tJ5=   -90.000 deg,\tJ6=   180.000 deg
+};
+P[5]{
+   GP1:
+\tUF : 3, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',
+\tX = ********  mm,\tY =  2  mm,\tZ =   3  mm,
+\tW =  0 deg,\tP = 0 deg,\tR =  0 deg
+};
+/END
+"""
+VA = """[*SYSTEM*]$MNUTOOL  Storage: CMOS  Access: RW  : ARRAY[2,20] OF POSITION
+  [1,1] = 'Grip' Group: 1   Config: N D B, 0, 0, 0
+    X:   0.000   Y:   .140   Z: 150.000
+    W:   0.000   P:   0.000   R:   0.000
+  [1,2] = Uninitialized
+  [2,1] = '' Group: 2   Config:
+    X:   0.000   Y: 200.000   Z: 300.000
+    W:   0.000   P:   0.000   R:   0.000
+[*SYSTEM*]$MNUTOOLNUM  Storage: CMOS  Access: RW  : ARRAY[2] OF BYTE
+  [1] = 1
+"""
+SCRIPT = """def prog():
+  set_tcp(p[0,0,0.1,0,0,0])
+  global Waypoint_1_p=p[.42, -.25, .3, 0, 3.14159, 0]
+  global Waypoint_1_q=[-1.6007, -1.7271, -2.2030, -0.8080, 1.5951, -0.0310]
+  movel(Waypoint_1_p, a=1.2, v=0.25) # p[1,2,3,4,5,6]
+  movel(p[400, 1,1,0,0,0])
+  movej(p[0.4, 0.1,0.1,d2r(90),0,0])
+  x = pose_trans(Plane_1, p[0,0,0.1,0,0,0])
+  movel(p[0.4, 0.1,0.1,180,0,0])
+end
+"""
+JBI = """/JOB
+//NAME TEST
+//POS
+///NPOS 3,0,1,0,0,0
+///TOOL 1
+///POSTYPE BASE
+///RECTAN
+///RCONF 0,0,0
+C00000=100.000,200.000,300.000,180.0000,0.0000,90.0000
+///USER 2
+///POSTYPE USER
+C00001=1.000,2.000,3.000,0.0000,0.0000,0.0000
+///TOOL 0
+///POSTYPE ROBOT
+C00002=1.000,2.000,3.000,0.0000,0.0000,0.0000
+///POSTYPE PULSE
+///PULSE
+C00003=0,0,0,0,0,0
+EC00000=1000
+//INST
+NOP
+"""
+TOOL_CND = """//TOOL 0
+///NAME
+0.000,0.000,0.000,0.0000,90.0000,0.0000
+0.000,0.000,0.000
+0.000
+//TOOL 1
+///NAME GRIP
+0.000,0.000,100.000,0.0000,0.0000,0.0000
+0.000,0.000,0.000
+"""
+UFRAME_CND = """//UFRAME 2
+///NAME TABLE
+///TOOL 0
+///PULSE
+////RORG C000=0,0,0,0,0,0
+////BUSER 10.000,0.000,0.000,0.0000,0.0000,90.0000
+"""
+AS = """.PROGRAM main()
+  TOOL t1
+  BASE NULL
+  LMOVE p1
+  JMOVE p[2]
+  LMOVE p1+d
+  POINT q = TRANS(1,2,3,4,5,6)
+.END
+.TRANS
+p1 100.0 200.0 300.0 0.0 0.0 10.0
+p[2] 100.0 200.0 300.0 90.0 45.0 10.0 30.0
+t1 0.0 0.0 150.0 0.0 0.0 0.0
+.END
+.JOINTS
+#home 0 0 0 0 0 0
+"""
+DTX = """<?xml version="1.0" encoding="utf-8"?>
+<Database xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns="http://www.staubli.com/robotics/VAL3/Data/2">
+  <Datas>
+    <Data name="fTable" access="private" xsi:type="array" type="frame" size="1">
+      <Value key="0" x="600" z="-465" fatherId="world[0]" /></Data>
+    <Data name="tTool" access="private" xsi:type="array" type="tool" size="1">
+      <Value key="0" x="-5.972" y="209.431" z="55.323" rz="90" fatherId="flange[0]" ioLink="valve1" />
+    </Data>
+    <Data name="pA" access="private" xsi:type="array" type="pointRx" size="1">
+      <Value key="0" x="1" y="2" z="3" fatherId="fTable[0]" />
+      <Value key="1" x="1" y="2" z="3" fatherId="fLost[0]" />
+    </Data>
+    <Data name="jA" access="private" xsi:type="array" type="jointRx" size="1"><Value key="0" j2="10"/></Data>
+  </Datas>
+</Database>
+"""
+
+
+def read(brand: str | None = None, as_written: bool = False, /, **files: str) -> ControllerFile:
+    named = {name.replace("__", "."): text.encode() for name, text in files.items()}
+    return read_controller_files(named, brand, as_written)
+
+
+def pose(found: ControllerFile, name: str) -> Any:
+    return next(p for p in found.poses if p.name == name)
+
+
+def placed(found: ControllerFile, name: str) -> list[float]:
+    one = pose(found, name)
+    return parse_pose(one.convention, one.pose).translation_mm.tolist()
+
+
+def reasons(found: ControllerFile, line: int) -> str:
+    return " ".join(row.reason for row in found.skipped if row.line == line)
+
+
+def test_rapid() -> None:
+    found = read(a__mod=RAPID)
+    assert found.brand == "abb"
+    # wTable turns by 90° about z: (551, 613, 25) comes to (100 − 613, 551, 30), and the tool is 184 mm long.
+    np.testing.assert_allclose(placed(found, "pA"), [-513, 551, 25 + 5 - 184], atol=1e-6)
+    assert (pose(found, "pA").tool, pose(found, "pA").frame, pose(found, "pA").line) == ("tGrip", "wTable", 6)
+    assert pose(found, "pArray{1}").external == {"eax_a": 45.0}
+    assert pose(found, "pArray{1}").pose == (1, 2, 3, 1, 0, 0, 0)
+    assert (pose(found, "pArray{2}").line, pose(found, "pArray{2}").external) == (8, None)
+    assert pose(found, "line 15").pose == (7, 8, 9, 1, 0, 0, 0)
+    assert pose(found, "jHome").joints_deg == (0, 0, 0, 0, 30, 0)
+    assert pose(found, "jHome").pose is None
+    assert "joints alone" in reasons(found, 10)
+    assert "no value" in reasons(found, 9)
+    assert "tUnknown" in reasons(found, 6)
+    assert "calculated" in reasons(found, 14)
+    assert "robhold" in reasons(found, 17)
+    assert "STN1" in reasons(found, 18)
+    assert [t.name for t in found.tools] == ["tGrip", "tStand"]
+
+
+def test_krl() -> None:
+    found = read(_config__dat=CONFIG, style1__dat=DAT)
+    assert pose(found, "XP1").pose == (214.5, 193.6, 1005.8, 6.6, -23.4, 9.8)
+    assert pose(found, "XP1").external["E1"] == 45.0
+    assert (pose(found, "XP2").tool, pose(found, "XP2").frame) == (1, 1)
+    base, tool = parse_pose("kuka", found.frames[0].pose), parse_pose("kuka", found.tools[0].pose)
+    expected = base.matrix @ parse_pose("kuka", (1, 2, 3, 0, 0, 0)).matrix @ tool.inverse().matrix
+    np.testing.assert_allclose(parse_pose("kuka", pose(found, "XP2").pose).matrix, expected, atol=1e-9)
+    assert found.tools[0].name == "GUN"
+    assert "braces" in reasons(found, 8)
+    assert "TOOL_TYPE[2] is #BASE" in reasons(found, 9)
+    assert "#TCP" in reasons(found, 11)
+    alone = read(style1__dat=DAT)
+    assert [p.name for p in alone.poses] == ["XP1", "XHOME"]
+    assert "$config.dat" in reasons(alone, 5)
+    assert pose(read(None, True, style1__dat=DAT), "XP2").pose == (1, 2, 3, 0, 0, 0)
+
+
+def test_krl_program() -> None:
+    found = read(moves__src=SRC)
+    np.testing.assert_allclose(placed(found, "line 4"), [6, 1.5, 287], atol=1e-9)
+    assert pose(found, "line 8").joints_deg == (0, -90, 90, 0, 0, 0)
+    assert "missing" in reasons(found, 5)
+    assert "relative" in reasons(found, 6)
+    assert "calculated" in reasons(found, 7)
+    assert "frame 7" in reasons(found, 10)
+
+
+def test_fanuc() -> None:
+    found = read(test1__ls=LS, sysframe__va=VA)
+    assert [(t.number, t.name, t.group) for t in found.tools] == [(1, "Grip", 1), (1, None, 2)]
+    tool = parse_pose("fanuc", (0, 0.14, 150, 0, 0, 0))
+    written = parse_pose("fanuc", (-464.787, -676.745, 0.14, 142.55, 72.302, -130.575))
+    np.testing.assert_allclose(placed(found, "P[1]"), (written.matrix @ tool.inverse().matrix)[:3, 3], atol=1e-9)
+    assert pose(found, "P[1]").external == {"GP2.J1": 100.0}
+    assert "INC" in reasons(found, 15)
+    assert pose(found, "P[3]").external == {"E1": 20.0}
+    assert "does not say" in pose(found, "P[3]").doubt
+    assert pose(found, "P[4]").joints_deg == (0, -30, 0, 0.5, -90, 180)
+    assert "not taught" in reasons(found, 34)
+    assert "Uninitialized" in reasons(found, 5)
+    inches = LS.replace("-464.787  mm", "-464.787  in")
+    assert "'in' instead of mm" in reasons(read(test1__ls=inches), 6)
+
+
+def test_universal_robots() -> None:
+    found = read(a__script=SCRIPT)
+    np.testing.assert_allclose(placed(found, "Waypoint_1_p"), [420, -250, 400], atol=1e-3)
+    assert pose(found, "Waypoint_1_p").joints_deg[0] == pytest.approx(-91.7133, abs=1e-3)
+    assert "millimetres" in reasons(found, 6)
+    np.testing.assert_allclose(placed(found, "line 7"), [400, 200, 100], atol=1e-9)
+    assert "calculation" in reasons(found, 8)
+    assert "degrees" in reasons(found, 9)
+    program = b"""<URProgram name="a"><children><Waypoint type="Fixed" name="Waypoint_1"><position>
+        <JointAngles angles="-1.6007, -1.7271, -2.2030, -0.8080, 1.5951, -0.0310"/>
+        <TCPOffset pose="0.0, 0.0, 0.12, 0.0, 0.0, 0.0"/></position></Waypoint></children></URProgram>"""
+    zipped = read_controller_files({"a.urp": gzip.compress(program)})
+    assert [(p.name, p.pose) for p in zipped.poses] == [("Waypoint_1", None)]
+    recorded = (
+        "timestamp actual_TCP_pose_0 actual_TCP_pose_1 actual_TCP_pose_2 actual_TCP_pose_3 actual_TCP_pose_4 \
+actual_TCP_pose_5\n1 0.1 0.2 0.3 0 0 0\n2 0.1 0.2 x 0 0 0\n"
+    )
+    rows = read(r__csv=recorded)
+    assert [(p.pose, p.line) for p in rows.poses] == [((0.1, 0.2, 0.3, 0, 0, 0), 2)]
+    assert "no number" in reasons(rows, 3)
+
+
+def test_yaskawa() -> None:
+    found = read(TEST__JBI=JBI, TOOL__CND=TOOL_CND, UFRAME__CND=UFRAME_CND)
+    np.testing.assert_allclose(placed(found, "C00000"), [100, 200, 400], atol=1e-9)
+    np.testing.assert_allclose(placed(found, "C00001"), [8, 1, -97], atol=1e-9)
+    # Tool 0 of this backup is turned by 90° about y: it is applied like any other.
+    assert pose(found, "C00002").pose[4] == pytest.approx(-90)
+    assert "pulses alone" in reasons(found, 18)
+    assert pose(found, "C00000").external == {"EC1": 1000.0}
+    alone = read(TEST__JBI=JBI)
+    assert [p.name for p in alone.poses] == ["C00002"]
+    assert "not always the flange" in alone.poses[0].doubt
+
+
+def test_kawasaki() -> None:
+    found = read(save__as=AS)
+    np.testing.assert_allclose(placed(found, "p1"), [100, 200, 150], atol=1e-9)
+    assert pose(found, "p[2]").external == {"JT7": 30.0}
+    assert [t.name for t in found.tools] == ["t1"]
+    assert "compound" in reasons(found, 6)
+    assert "no .END" in reasons(found, 14)
+
+
+def test_staubli() -> None:
+    found = read(a__dtx=DTX)
+    np.testing.assert_allclose(placed(found, "pA[0]"), [601, 2, -462], atol=1e-9)
+    assert "fLost[0]" in reasons(found, 11)
+    assert pose(found, "jA[0]").joints_deg == (0, 10, 0, 0, 0, 0)
+    assert found.tools[0].pose == (-5.972, 209.431, 55.323, 0, 0, 90)
+    hostile = DTX.replace("<Database", '<!DOCTYPE a [<!ENTITY b "c">]><Database', 1)
+    with pytest.raises(InputError, match="entity"):
+        read(a__dtx=hostile)
+    with pytest.raises(InputError, match="whole XML"):
+        read(a__dtx=DTX[:400])
+
+
+ALL = {
+    "abb": {"a.mod": RAPID}, "kuka": {"$config.dat": CONFIG, "style1.dat": DAT, "moves.src": SRC},
+    "fanuc": {"test1.ls": LS, "sysframe.va": VA}, "ur": {"a.script": SCRIPT},
+    "yaskawa": {"TEST.JBI": JBI, "TOOL.CND": TOOL_CND, "UFRAME.CND": UFRAME_CND},
+    "kawasaki": {"save.as": AS}, "staubli": {"a.dtx": DTX},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("brand", ALL)
+def test_line_ends_encodings_and_zips_change_nothing(brand: str) -> None:
+    files = {name: text.encode() for name, text in ALL[brand].items()}
+    plain = read_controller_files(files).to_json()
+    assert plain["brand"] == brand
+    for change in (
+        lambda text: text.replace("\n", "\r\n").encode(),
+        lambda text: text.encode("utf-8-sig"),
+        lambda text: text.encode() if brand == "staubli" else text.replace("\n", "\r").encode(),
+    ):
+        assert read_controller_files({n: change(t) for n, t in ALL[brand].items()}, brand).to_json() == plain
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    assert read_controller_files({"backup.zip": packed.getvalue()}).to_json() == plain
+
+
+def test_what_is_no_controllers_file_is_refused() -> None:
+    with pytest.raises(InputError, match="no brand's reader knows"):
+        read(a__txt="nothing")
+    with pytest.raises(InputError, match=r"brand.*abb, .*kuka"):
+        read("robotron", a__txt="nothing")
+    with pytest.raises(InputError, match="kuka and yaskawa"):
+        read(a__dat=DAT, b__jbi=JBI)
+    with pytest.raises(InputError, match="zip"):
+        read_controller_files({"a.zip": b"PK\x03\x04 broken"})
+    with pytest.raises(InputError, match="binary"):
+        read_controller_files({"a.mod": b"CONST robtarget \0"}, "abb")
+
+
+@pytest.mark.parametrize("brand", ALL)
+def test_a_pose_or_tool_in_two_ways_is_none(brand: str) -> None:
+    for name, text in ALL[brand].items():
+        if brand == "staubli":
+            continue  # one document, not two
+        other = text.replace("100", "101").replace("551", "552").replace(".140", ".150").replace(".42", ".43")
+        found = read_controller_files({name: (text + "\n" + other).encode()}, brand)
+        for row in (*found.poses, *found.tools):
+            assert row.line <= len(text.split("\n")) or row.name.startswith(("line", "set_tcp", "$TOOL"))
+
+
+def test_the_command_prints_the_contracts_json(tmp_path: Any, capsys: Any) -> None:
+    (tmp_path / "style1.dat").write_text(DAT)
+    (tmp_path / "$config.dat").write_text(CONFIG)
+    assert main(["poses", str(tmp_path), "--json"]) == 0
+    out = json.loads(capsys.readouterr().out)
+    assert out["brand"] == "kuka"
+    wanted = {"name", "pose", "convention", "joints_deg", "external", "tool", "frame", "line"}
+    assert all(wanted <= set(row) for row in out["poses"])
+    assert all({"number", "name", "pose", "line"} <= set(row) for row in [*out["tools"], *out["frames"]])
+    assert all({"line", "reason"} <= set(row) for row in out["skipped"])
+    assert main(["poses", str(tmp_path / "style1.dat")]) == 0
+    assert "XP1" in capsys.readouterr().out
+    assert main(["poses", str(tmp_path / "none.dat")]) == 2
+
+
+def test_every_brand_with_a_reader_says_what_it_reads() -> None:
+    for brand in BRANDS:
+        described = brand.describe()
+        assert described["conventions"]
+        assert bool(described["endings"]) == described["reads"]
