@@ -1,18 +1,15 @@
 """Controllers' files and whole backups: whose they are, and what stands in them together."""
 
-import io
-import zipfile
 from collections.abc import Mapping
 
 from calib_core.errors import InputError
+from calib_core.formats.zip_files import opened_files
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, Found, Skipped
 from calib_core.robots.conventions import BRANDS
 from calib_core.robots.resolve import resolved
 from calib_core.robots.text import decoded
 from calib_core.robots.xml_file import unzipped
-
-_MOST_FILES, _MOST_BYTES = 5000, 256_000_000
 
 
 def read_controller_files(
@@ -34,7 +31,7 @@ def read_controller_files(
     InputError
         If no file is of a known brand, or files of several brands stand beside each other.
     """
-    opened = _opened(files)
+    opened = opened_files(files)
     if not opened:
         raise InputError("a controller's file", "none", "Give a program, a data list or a backup.")
     where = next(iter(files))
@@ -94,23 +91,3 @@ def _text(data: bytes, name: str) -> str:
 
 def _readers() -> str:
     return ", ".join(brand.name for brand in BRANDS if brand.reads)
-
-
-def _opened(files: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return the files with those in zip files in their place."""
-    opened: dict[str, bytes] = {}
-    for name, data in files.items():
-        if not data.startswith(b"PK\x03\x04"):
-            opened[name] = data
-            continue
-        try:
-            with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-                if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
-                    to_do = "Give the files with programs, tools and frames alone."
-                    raise InputError("a backup of at most 5000 files and 256 MB", "a larger one", to_do, name)
-                opened |= {entry.filename: archive.read(entry) for entry in entries}
-        except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
-            to_do = "Copy it from the controller again, or unpack it and give the folder."
-            raise InputError("a whole zip file", str(error) or "a damaged one", to_do, name) from None
-    return opened

@@ -1,0 +1,35 @@
+"""Zip files among files that were given: their contents in their place."""
+
+import io
+import zipfile
+from collections.abc import Mapping
+
+from calib_core.errors import InputError
+
+_MOST_FILES, _MOST_BYTES = 5000, 256_000_000
+
+
+def opened_files(files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return files with those in zip files in their place.
+
+    Raises
+    ------
+    InputError
+        If a zip file is damaged or holds more than a controller's backup does.
+    """
+    opened: dict[str, bytes] = {}
+    for name, data in files.items():
+        if not data.startswith(b"PK\x03\x04"):
+            opened[name] = data
+            continue
+        try:
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+                if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
+                    to_do = "Give the files with programs, tools and frames alone."
+                    raise InputError("a backup of at most 5000 files and 256 MB", "a larger one", to_do, name)
+                opened |= {entry.filename: archive.read(entry) for entry in entries}
+        except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
+            to_do = "Copy it from the controller again, or unpack it and give the folder."
+            raise InputError("a whole zip file", str(error) or "a damaged one", to_do, name) from None
+    return opened
