@@ -4,7 +4,7 @@ SERVE ?= 1
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test setup system lint types web-types unit lock
+.PHONY: demo test warm setup system lint types web-types unit lock
 
 setup: $(VENV)/.ready
 
@@ -20,8 +20,11 @@ $(VENV)/.ready: pyproject.toml requirements.lock
 system:
 	@sh .ci/system-packages
 
-demo: system setup
+demo: system setup warm
 	$(BIN)/scancell demo $(if $(filter 0,$(SERVE)),--no-serve,)
+
+warm: setup
+	$(BIN)/scancell warm
 
 test: system setup lint types web-types unit
 

@@ -16,7 +16,10 @@ WEB_AND_STORE = {
     "multipart", "pydantic_settings",
 }  # fmt: skip
 FILES = {"pathlib", "os", "shutil", "tempfile", "glob", "zipfile", "tarfile", "fileinput", "subprocess", "socket"}
-FILE_ROOMS = ("calib_core/archive/", "calib_core/captures/", "calib_core/formats/")
+FILE_ROOMS = (
+    "calib_core/archive/", "calib_core/captures/", "calib_core/compiled.py", "calib_core/formats/",
+    "calib_core/library/",
+)  # fmt: skip
 PURE_PATHS = {"PurePath", "PurePosixPath", "PureWindowsPath"}
 FILE_METHODS = {"read_text", "write_text", "read_bytes", "write_bytes", "tofile", "unlink", "mkdir"}
 FILE_FUNCTIONS = {"loadtxt", "genfromtxt", "savetxt", "save", "savez", "fromfile", "imread", "imwrite", "memmap"}
@@ -122,7 +125,7 @@ def test_kernels_rest_on_numpy_and_numba() -> None:
     used = {m.partition(".")[0] if not within(m, "calib_core") else m for f in files for m, _, _ in imports(f)}
     own = {m for m in used if within(m, "calib_core")}
     assert used - own - sys.stdlib_module_names == {"numpy", "numba"}
-    assert all(within(m, "calib_core.kernels", "calib_core.frames") for m in own), own
+    assert all(within(m, "calib_core.kernels", "calib_core.frames", "calib_core.compiled") for m in own), own
 
 
 def test_nothing_imports_the_page_and_the_product_not_its_tests() -> None:

@@ -1,0 +1,97 @@
+"""Where the compiled kernels are kept, when they are compiled anew, and who is told of it.
+
+numba keeps the machine code of a kernel under the hash of its own file.  The code of kernels that it calls is
+linked into it, so a change of theirs would leave it stale; here the hash covers what a kernel imports too.
+Imported alone this module brings no numba.
+"""
+
+import hashlib
+import re
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+KERNELS = Path(__file__).resolve().parent / "kernels"
+_IMPORT = re.compile(r"^from calib_core\.kernels\.(\w+) import", re.MULTILINE)
+
+on_compiling: list[Callable[[], object]] = []
+"""Called before a kernel is compiled, in the thread that waits for it."""
+
+
+def set_up() -> None:
+    """Make numba keep kernels under the hash of all that they are made of, and tell of compiling; idempotent."""
+    from numba.core import event
+    from numba.core.caching import CacheImpl
+
+    places = CacheImpl._locator_classes  # pyright: ignore[reportPrivateUsage]
+    if places[0].__name__.startswith("_Kernels"):
+        return
+    places[:0] = _places()
+
+    class Tell(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if Path(event.data["dispatcher"].py_func.__code__.co_filename).parent == KERNELS:
+                for told in tuple(on_compiling):
+                    told()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Tell())
+
+
+def _places() -> list[Any]:
+    """Return numba's own places in their order, for our kernels alone, and one for where none may be written."""
+    from numba.core import caching
+
+    class Ours:
+        _py_file: str
+
+        @classmethod
+        def from_function(cls, py_func: Any, py_file: str) -> Any:
+            return super().from_function(py_func, py_file) if Path(py_file).parent == KERNELS else None  # type: ignore[misc]
+
+        def get_source_stamp(self) -> bytes:
+            return source_hash(Path(self._py_file).stem)
+
+    class _KernelsWhereAsked(Ours, caching.UserProvidedCacheLocator):
+        """NUMBA_CACHE_DIR."""
+
+    class _KernelsBesideSources(Ours, caching.InTreeCacheLocator):
+        """The package's `__pycache__`."""
+
+    class _KernelsOfUser(Ours, caching.UserWideCacheLocator):
+        """The user's cache folder, where the package may not be written."""
+
+    class _KernelsOfProcess(Ours, caching.InTreeCacheLocator):
+        """A folder that lasts as long as the process."""
+
+        def get_cache_path(self) -> str:
+            return _folder_of_process().name
+
+    return [_KernelsWhereAsked, _KernelsBesideSources, _KernelsOfUser, _KernelsOfProcess]
+
+
+@cache
+def _folder_of_process() -> "tempfile.TemporaryDirectory[str]":
+    return tempfile.TemporaryDirectory(prefix="scancell-kernels-")
+
+
+@cache
+def source_hash(module: str) -> bytes:
+    """Return the SHA-256 of a module of the kernels and of all of them that it imports."""
+    seen: dict[str, bytes] = {}
+    todo = [module]
+    while todo:
+        name = todo.pop()
+        if name not in seen:
+            seen[name] = (KERNELS / f"{name}.py").read_bytes()
+            todo += _IMPORT.findall(seen[name].decode())
+    if len(seen) == 1:
+        return hashlib.sha256(seen[module]).digest()  # numba's own stamp
+    digest = hashlib.sha256()
+    for name in sorted(seen):
+        digest.update(hashlib.sha256(seen[name]).digest())
+    return digest.digest()

@@ -1,0 +1,41 @@
+"""`scancell warm`: compiles the kernels, so that the first calibration does not wait for it."""
+
+import argparse
+import time
+
+from server.console.command import OK, Command
+from server.console.output import print_result
+from server.console.progress import progress_bar
+
+_SCENARIOS = ("tcp-mixed", "ball", "frames-tcp", "tcp-sweep", "laser-plane-dark", "camera-circles")
+"""Simulated sessions that run through every kernel with every type of its arguments."""
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Solve simulated sessions; say how many kernels were compiled for it, and how long all took."""
+    from calib_core.compiled import on_compiling
+    from calib_core.simulation import simulate
+    from calib_core.stages.pipeline import run
+
+    started, compiled = time.monotonic(), 0
+
+    def count() -> None:
+        nonlocal compiled
+        compiled += 1
+
+    on_compiling.append(count)
+    try:
+        with progress_bar(options, says_why=False) as progress:
+            for done, scenario in enumerate(_SCENARIOS):
+                progress(done / len(_SCENARIOS), f"compiling the kernels, {compiled} done")
+                session = simulate(scenario, 1)
+                run(session.session, session.files.__getitem__, "all", None, lambda _name, pieces: [*pieces])
+    finally:
+        on_compiling.remove(count)
+    seconds = time.monotonic() - started
+    text = f"{compiled} kernels compiled in {seconds:.0f} s" if compiled else "all kernels were compiled already"
+    print_result(options, text, {"compiled": compiled, "seconds": round(seconds, 1)})
+    return OK
+
+
+COMMAND = Command("warm", "compile the kernels, so that no first run waits for it", "installation", run=_run)
