@@ -4,11 +4,11 @@ Numbers carry the decimals they are shown with, so that they read alike everywhe
 (k = 2, about 95 %).  How blocks are made is in `calib_core.evidence`.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from calib_core.records.base import Finite, Matrix4, Record, Rows, Verdict
+from calib_core.records.base import Finite, Matrix4, Record, Rows, Verdict, mismatch
 
 
 class Quantity(Record):
@@ -110,6 +110,13 @@ class Table(Block):
     columns: list[Column]
     rows: list[Row]
 
+    @model_validator(mode="after")
+    def _require_whole_rows(self) -> Self:
+        for row in self.rows:
+            if len(row.cells) != len(self.columns):
+                raise mismatch(f"{len(self.columns)} cells in every row", str(len(row.cells)), "Solve it again.")
+        return self
+
 
 class Axis(Record):
     """A plot's axis: what it shows, in which unit, and from where to where (None: as far as the points go)."""
@@ -131,7 +138,14 @@ class Series(Record):
     x: list[Finite] = Field(default_factory=list)
     y: list[Finite | None]
     captures: list[str] = Field(default_factory=list)
-    reasons: list[str | None] = Field(default_factory=list)
+    reasons: list[str | None] = Field(default_factory=list[str | None])
+
+    @model_validator(mode="after")
+    def _require_one_each(self) -> Self:
+        for name, given in (("x", self.x), ("captures", self.captures), ("reasons", self.reasons)):
+            if given and len(given) != len(self.y):
+                raise mismatch(f"{len(self.y)} {name}, one for each y", str(len(given)), "Solve it again.")
+        return self
 
 
 class Band(Record):

@@ -1,0 +1,342 @@
+"""Blocks that several stages share: frames, residuals, what is left out, the workpiece, the noise."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from calib_core.evidence.numbers import decimals_of, fixed, number_text, plus_minus, quantity
+from calib_core.evidence.words import by_cause, captures_text
+from calib_core.exports.export import tool_number_sigmas, tool_numbers
+from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import CaptureResidual, Result, Session, VarianceComponents
+from calib_core.records.evidence import (
+    AnyBlock,
+    Axis,
+    Band,
+    Column,
+    Figure,
+    Frame,
+    FrameNumber,
+    Note,
+    Plot,
+    Quantity,
+    Row,
+    Series,
+    Table,
+)
+from calib_core.robots import CONVENTIONS
+
+BAND: Final = 2.795
+"""The 95 % quantile of the length of three independent standard normal numbers (χ², 3 degrees of freedom)."""
+
+_NOISE_LABELS: Final = {
+    "point_sigma_mm": ("Noise of one point", "mm"),
+    "position_sigma_mm": ("Robot's position, each axis", "mm"),
+    "orientation_sigma_deg": ("Robot's orientation, each axis", "°"),
+    "angle_sigma_deg": ("Table's angle", "°"),
+}
+_UNITS: Final = {"_mm": "mm", "_deg": "°", "_px": "px", "_rad": "rad"}
+
+
+def label_of(name: str) -> tuple[str, str]:
+    """Return the label and the unit of a number whose name ends in its unit."""
+    for ending, unit in _UNITS.items():
+        if name.endswith(ending):
+            return name.removesuffix(ending).replace("_", " ").capitalize(), unit
+    return name.replace("_", " ").capitalize(), ""
+
+
+def frame_block(
+    session: Session, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None, **about: Any
+) -> Frame:
+    """Return a frame in the session's convention, each number with its uncertainty.
+
+    Parameters
+    ----------
+    session : Session
+    frame : RigidTransform
+    covariance : (6, 6), optional
+        Of rx ry rz tx ty tz, the rotation perturbing on the right.
+    about
+        The block's `title`, `id` and `detail`.
+    """
+    convention = CONVENTIONS[session.cell.pose_convention]
+    return Frame(
+        name=f"{frame.into}_from_{frame.outof}",
+        into=frame.into,
+        outof=frame.outof,
+        matrix=frame.to_rows(),
+        covariance=None if covariance is None else [list(row) for row in covariance],
+        convention=convention.name,
+        convention_label=f"{convention.name}, {convention.units}; {convention.formula}",
+        numbers=list(_frame_numbers(convention.name, frame, covariance)),
+        **about,
+    )
+
+
+def _frame_numbers(
+    name: str, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None
+) -> Iterator[FrameNumber]:
+    convention = CONVENTIONS[name]
+    if convention.form == "matrix":
+        return
+    as_tool = RigidTransform(frame.matrix, "tool0", "laser")  # numbers of a pose, whatever its frames are called
+    square = np.zeros((6, 6)) if covariance is None else np.array(covariance, dtype=float)[:6, :6]
+    sigmas = tool_number_sigmas(name, as_tool, square)
+    angle = {"quaternion": "", "rotation-vector": "rad"}.get(convention.form, "°")
+    lengths = "m" if convention.mm_per_unit == 1000 else "mm"
+    values = zip(convention.numbers.split(), tool_numbers(name, as_tool), sigmas, strict=True)
+    for k, (label, value, sigma) in enumerate(values):
+        shown = quantity(value, lengths if k < 3 else angle, None if covariance is None else sigma)
+        yield FrameNumber(label=label, quantity=shown)
+
+
+def captures_used(result: Result) -> Figure:
+    """Return how many captures are used."""
+    rows: list[CaptureResidual] = getattr(result, "residuals", [])
+    return Figure(label="Captures used", text=f"{sum(row.used for row in rows)} of {len(rows)}")
+
+
+def open_directions(result: Any) -> list[AnyBlock]:
+    """Return what the captures do not determine, each with what to do."""
+    return [Note(level="fail", text=f"Not determined: {one.description}.") for one in result.undetermined]
+
+
+def left_out(rows: Sequence[CaptureResidual]) -> list[AnyBlock]:
+    """Return the captures that are not used, one row a reason."""
+    causes = by_cause({row.capture: row.reason or "no reason given" for row in rows if not row.used})
+    if not causes:
+        return []
+    order = [row.capture for row in rows]
+    return [
+        Table(
+            title="Left out",
+            columns=[Column(label="Captures", align="left"), Column(label="Reason", align="left")],
+            rows=[
+                Row(cells=[captures_text(names, order), reason], capture=names[0] if len(names) == 1 else None)
+                for reason, names in causes.items()
+            ],
+        )
+    ]
+
+
+def residual_plot(rows: Sequence[Any], title: str = "Residuals") -> list[AnyBlock]:
+    """Return how far each capture's sphere lies from where the others expect it, in its own sigmas."""
+    shown = [row for row in rows if row.mahalanobis is not None]
+    if not shown:
+        return []
+    return [
+        Plot(
+            id="residuals",
+            title=title,
+            shape="captures",
+            caption="How far each capture's sphere lies from where all the others expect it, in standard "
+            "deviations of that expectation. The band holds 95 % of good captures; crosses "
+            "are captures that are not used.",
+            x=Axis(label="Capture"),
+            y=Axis(label="Distance", unit="σ", low=0.0),
+            series=[capture_series(shown, [row.mahalanobis for row in shown])],
+            band=Band(low=0.0, high=BAND, label="expected of 95 % of good captures"),
+        )
+    ]
+
+
+def capture_series(
+    rows: Sequence[CaptureResidual], y: Sequence[float | None], label: str = "", x: Sequence[float] = ()
+) -> Series:
+    """Return one point a capture; those that are not used are rejected with their reason."""
+    reasons = [None if row.used else row.reason or "left out" for row in rows]
+    return Series(
+        label=label,
+        x=list(x),
+        y=list(y),
+        captures=[row.capture for row in rows],
+        reasons=reasons if any(reasons) else [],
+    )
+
+
+def residual_table(
+    rows: Sequence[Any], columns: Sequence[tuple[str, str, str]], title: str = "Each capture"
+) -> list[AnyBlock]:
+    """Return one row a capture with the fields named by `columns`: field, label, unit."""
+    decimals = [_decimals(rows, field) for field, _, _ in columns]
+    heads = [Column(label="Capture", align="left")]
+    heads += [
+        Column(label=label, unit=unit, decimals=digits)
+        for (_, label, unit), digits in zip(columns, decimals, strict=True)
+    ]
+    return [
+        Table(
+            title=title,
+            detail=True,
+            columns=heads,
+            rows=[
+                Row(
+                    cells=[row.capture, *(getattr(row, field, None) for field, _, _ in columns)],
+                    capture=row.capture,
+                    used=row.used,
+                    reason=row.reason,
+                )
+                for row in rows
+            ],
+        )
+    ]
+
+
+def _decimals(rows: Sequence[Any], field: str) -> int:
+    values = [value for row in rows if row.used and isinstance(value := getattr(row, field, None), int | float)]
+    return 0 if all(isinstance(value, int) for value in values) else min(decimals_of(values), 4)
+
+
+def workpiece_headline(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
+    """Return the one number that counts: how far off a measured point may lie, in the worst direction."""
+    for of, label in (("both", "At the workpiece"), ("tool", "At the workpiece"), ("table", "On the table")):
+        sigmas = [place.worst_sigma_mm for place in places if place.of == of]
+        if sigmas:
+            return [
+                Figure(
+                    label=label, quantity=plus_minus(max(sigmas), "mm"), remark="worst direction", headline=True
+                )
+            ]
+    return []
+
+
+def workpiece_places(session: Session, result: Result) -> list[AtWorkpiece]:
+    """Return what a result's frames mean at the workpiece."""
+    return at_workpiece(session, result.model_dump(mode="json"))
+
+
+def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
+    """Return what the uncertainty means where it matters, one row a place."""
+    words = {"tool": "Tool, in the scanner's view", "table": "Table", "both": "Tool and table"}
+    rows: list[Row] = []
+    for place in places:
+        mount = f", mounting {place.where}" if place.where else ""
+        at = ", ".join(number_text(value, 0) for value in place.point_mm)
+        sigmas = [*place.sigmas_mm, place.worst_sigma_mm]
+        rows.append(Row(cells=[words[place.of] + mount, at, *(plus_minus(sigma, "") for sigma in sigmas)]))
+    if not rows:
+        return []
+    heads = [Column(label="Known by", align="left"), Column(label="At", unit="mm")]
+    heads += [Column(label=label, unit="mm") for label in ("x", "y", "z", "Worst direction")]
+    return [
+        Table(
+            id="workpiece",
+            title="At the workpiece",
+            caption="How far off a point may lie by this calibration alone (k = 2), along the scanner's axes for "
+            "the tool, the table's for the others. The robot's own error at each pose comes on top.",
+            columns=heads,
+            rows=rows,
+        )
+    ]
+
+
+def noise_table(parts: VarianceComponents, more: Iterable[tuple[str, Quantity, str]] = ()) -> Table:
+    """Return the standard deviations that the answer rests on, and where they come from."""
+    rows: list[Row] = []
+    for name, value in parts.model_dump().items():
+        if not isinstance(value, float) or name == "orientation_sigma_rad":
+            continue
+        label, unit = _NOISE_LABELS.get(name) or label_of(name)
+        estimated = any(one.partition("_")[0] == name.partition("_")[0] for one in parts.estimated)
+        rows.append(Row(cells=[label, quantity(value, unit), "estimated" if estimated else "given"]))
+    rows += [Row(cells=[label, shown, origin]) for label, shown, origin in more]
+    heads = [
+        Column(label="Source", align="left"),
+        Column(label="Standard deviation"),
+        Column(label="From", align="left"),
+    ]
+    return Table(id="noise", title="Noise", columns=heads, rows=rows)
+
+
+def two_step_blocks(result: Any) -> list[AnyBlock]:
+    """Return the joint answer beside the paper's two steps, with their difference in its own sigmas."""
+    two = result.two_step
+    title = "Joint answer beside the paper's two steps"
+    if two.tool0_from_laser is None:
+        return [Note(title=title, text=f"No two-step answer: {two.reason or 'too few pure translations'}.")]
+    joint = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
+    other = RigidTransform.from_rounded(two.tool0_from_laser, "tool0", "laser")
+    ours = np.array(result.covariance, dtype=float)[:6, :6]
+    theirs = None if two.covariance is None else np.array(two.covariance, dtype=float)[:6, :6]
+    xi = joint.difference(other)
+    rows = [
+        _compared_axis(axis, joint, other, 3 + k, ours, theirs)
+        for k, axis in enumerate(("x", "y", "z"))
+    ]  # fmt: skip
+    angle = float(np.linalg.norm(xi[:3]))
+    along = np.concatenate([xi[:3] / angle if angle else np.zeros(3), np.zeros(3)])
+    rows.append(
+        Row(
+            cells=[
+                "Rotation",
+                plus_minus(float(np.rad2deg(np.sqrt(np.linalg.eigvalsh(ours[:3, :3])[-1]))), "°"),
+                quantity(float(np.rad2deg(angle)), "°"),
+                _in_sigmas(angle, along, ours, theirs),
+            ]
+        )
+    )
+    rows += [
+        Row(cells=[label, quantity(getattr(result, field), "mm"), quantity(getattr(two, field), "mm"), None])
+        for field, label in (
+            ("center_scatter_rms_mm", "Scatter of the sphere's centres, RMS"),
+            ("surface_rms_mm", "Points off the sphere, RMS"),
+            ("leave_one_out_surface_rms_mm", "The same, each capture left out in turn"),
+        )
+    ]
+    heads = [Column(label="Figure", align="left"), Column(label="Joint"), Column(label="Two-step")]
+    table = Table(
+        id="two-step",
+        title=title,
+        caption="Differences are in units of their own standard deviation"
+        + ("" if theirs is not None else " as far as the joint answer's uncertainty goes")
+        + "; of the rotation, the angle between the two answers.",
+        columns=[*heads, Column(label="Difference", unit="σ", decimals=1)],
+        rows=rows,
+    )
+    return [table]
+
+
+def _compared_axis(
+    axis: str, joint: RigidTransform, other: RigidTransform, k: int, ours: FloatArray, theirs: FloatArray | None
+) -> Row:
+    mine, its = float(joint.translation_mm[k - 3]), float(other.translation_mm[k - 3])
+    sigma = None if theirs is None else float(np.sqrt(theirs[k, k]))
+    shown = quantity(mine, "mm", float(np.sqrt(ours[k, k])))
+    beside = fixed(its, shown.decimals, "mm") if sigma is None else quantity(its, "mm", sigma)
+    return Row(cells=[f"Position {axis}", shown, beside, _in_sigmas(its - mine, np.eye(6)[k], ours, theirs)])
+
+
+def _in_sigmas(difference: float, along: FloatArray, ours: FloatArray, theirs: FloatArray | None) -> float | None:
+    """Return a difference of the two answers in its own sigmas.
+
+    The joint answer has used all there is, so that the variance of the difference is the two steps' less its own.
+    """
+    better = float(along @ ours @ along)
+    variance = better if theirs is None else float(along @ theirs @ along)
+    variance = variance - better if variance > better and theirs is not None else max(variance, better)
+    return difference / float(np.sqrt(variance)) if variance > 0 else None
+
+
+def pose_sigmas(covariance: Sequence[Sequence[float]]) -> tuple[float, float]:
+    """Return the standard deviations of position (mm) and orientation (deg) in their worst directions."""
+    square = np.array(covariance, dtype=float)[:6, :6]
+    position = float(np.sqrt(max(np.linalg.eigvalsh(square[3:, 3:])[-1], 0.0)))
+    return position, float(np.rad2deg(np.sqrt(max(np.linalg.eigvalsh(square[:3, :3])[-1], 0.0))))
+
+
+def provenance(result: Result) -> list[AnyBlock]:
+    """Return where the numbers come from."""
+    return [
+        Figure(title="Where it comes from", detail=True, label="Method", text=result.method),
+        Figure(detail=True, label="Software", text=result.software),
+        Figure(detail=True, label="SHA-256 of the inputs", text=result.inputs_sha256),
+    ]
+
+
+def direction_text(direction: Sequence[float], sigma_rad: float) -> str:
+    """Return a unit vector with as many decimals as the standard deviation of its direction allows."""
+    decimals = quantity(1.0, "", sigma_rad).decimals if sigma_rad > 0 else 6
+    return f"({', '.join(number_text(value, decimals) for value in direction)})"

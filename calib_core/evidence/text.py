@@ -1,0 +1,182 @@
+"""Blocks as text for a terminal."""
+
+import math
+import textwrap
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import Final
+
+from calib_core.evidence.numbers import number_text, quantity_text, with_unit
+from calib_core.records.evidence import (
+    AnyBlock,
+    Column,
+    Figure,
+    Frame,
+    Note,
+    Picture,
+    Plot,
+    Quantity,
+    Row,
+    Series,
+    Table,
+)
+
+_WIDTH: Final = 100
+_BARS: Final = "▁▂▃▄▅▆▇█"
+_SHADES: Final = " ░▒▓█"
+_MOST_BARS: Final = 60
+_LEVELS: Final = {"pass": "OK", "warn": "Warning", "fail": "Failed", "info": "Note"}
+
+
+def blocks_text(blocks: Sequence[AnyBlock], detail: bool = False) -> str:
+    """Return blocks as lines of text; what is shown on demand only where `detail` is asked for."""
+    lines: list[str] = []
+    shown = [block for block in blocks if detail or not block.detail]
+    for is_figure, run in groupby(shown, lambda block: isinstance(block, Figure) and not block.title):
+        group = list(run)
+        if is_figure:
+            lines += _figures([block for block in group if isinstance(block, Figure)])
+            continue
+        for block in group:
+            if block.title:
+                lines += ["", block.title]
+            lines += _lines(block)
+    return plain("\n".join(lines).strip("\n"))
+
+
+def plain(text: str) -> str:
+    """Return text with the signs of a keyboard: hyphens for minus signs, ordinary spaces."""
+    return text.replace("−", "-").replace("\u202f", " ").replace("\u00a0", " ")
+
+
+def wrapped(label: str, text: str) -> list[str]:
+    """Return a sentence after its label, broken into lines that begin below each other."""
+    return textwrap.wrap(f"{label:10}{text}", _WIDTH, subsequent_indent=" " * 10, break_on_hyphens=False)
+
+
+def _lines(block: AnyBlock) -> list[str]:
+    match block:
+        case Figure():
+            return _figures([block])
+        case Frame():
+            return _frame(block)
+        case Table():
+            return _table(block)
+        case Plot():
+            return _plot(block)
+        case Picture():
+            return wrapped("Picture", block.alt)
+        case Note():
+            return wrapped(_LEVELS[block.level], block.text)
+
+
+def _figures(figures: Sequence[Figure]) -> list[str]:
+    width = max(len(figure.label) for figure in figures)
+    return [f"  {figure.label:{width}}  {figure_text(figure)}" for figure in figures]
+
+
+def figure_text(figure: Figure) -> str:
+    """Return what stands beside a figure's label: number, limit and remark."""
+    parts = [figure.text] if figure.text else [quantity_text(figure.quantity)]
+    if figure.limit is not None:
+        parts.append(f"({figure.limit_label or 'limit'} {quantity_text(figure.limit)})")
+    if figure.remark:
+        parts.append(f"({figure.remark})")
+    return " ".join(parts)
+
+
+def _frame(frame: Frame) -> list[str]:
+    head = f"{frame.name} as {frame.convention_label}"
+    if not frame.numbers:
+        return [f"  {head}", *("  " + " ".join(f"{v:12.6f}" for v in row) for row in frame.matrix)]
+    texts = [quantity_text(number.quantity) for number in frame.numbers]
+    labels = max(len(number.label) for number in frame.numbers)
+    before = max(text.index(" ±") if " ±" in text else len(text) for text in texts)
+    rows = [
+        f"  {number.label:{labels}}  {' ' * (before - (text.index(' ±') if ' ±' in text else len(text)))}{text}"
+        for number, text in zip(frame.numbers, texts, strict=True)
+    ]
+    return [f"  {head}", *rows]
+
+
+def cell_text(cell: str | float | Quantity | None, column: Column) -> str:
+    """Return what stands in a table's cell; a plain number has its column's decimals and no unit."""
+    if isinstance(cell, str):
+        return cell
+    if isinstance(cell, Quantity):
+        return quantity_text(cell)
+    return number_text(cell, column.decimals)
+
+
+def head_text(column: Column) -> str:
+    """Return a column's label with its unit."""
+    return f"{column.label}, {column.unit}" if column.unit else column.label
+
+
+def _table(table: Table) -> list[str]:
+    rows = [
+        [cell_text(c, column) for c, column in zip(row.cells, table.columns, strict=True)] for row in table.rows
+    ]
+    heads = [head_text(column) for column in table.columns]
+    widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
+    marks = [" " if row.used else "×" for row in table.rows]
+
+    def line(cells: Sequence[str], mark: str = " ") -> str:
+        padded = [
+            f"{cell:<{width}}" if column.align == "left" or not k else f"{cell:>{width}}"
+            for k, (cell, width, column) in enumerate(zip(cells, widths, table.columns, strict=True))
+        ]
+        return f"{mark} {'  '.join(padded)}".rstrip()
+
+    lines = [line(heads), *map(line, rows, marks)]
+    lines += _reasons(table.rows)
+    return [*([f"  {table.caption}"] if table.caption else []), *lines]
+
+
+def _reasons(rows: Sequence[Row]) -> Iterator[str]:
+    for row in rows:
+        if not row.used and row.reason:
+            yield from wrapped("× " + (row.capture or ""), row.reason)
+
+
+def _plot(plot: Plot) -> list[str]:
+    lines = wrapped("Plot", plot.caption)
+    for series in plot.series:
+        if plot.shape == "grid":
+            lines.append("  " + _shaded(series, plot))
+            continue
+        lines.append(f"  {_bars(series.y)}  {_range(series, plot)}".rstrip())
+    if plot.band is not None:
+        low, high = number_text(plot.band.low, 1), number_text(plot.band.high, 1)
+        lines.append(f"  {plot.band.label}: {low} to {with_unit(high, plot.y.unit)}")
+    return lines
+
+
+def _range(series: Series, plot: Plot) -> str:
+    """Return the largest value of a series with its capture."""
+    known = [(abs(y), k) for k, y in enumerate(series.y) if y is not None]
+    if not known:
+        return series.label
+    largest = max(known)[1]
+    where = f" ({series.captures[largest]})" if series.captures else ""
+    value = with_unit(number_text(series.y[largest], 2), plot.y.unit)
+    label = f"{series.label}: " if series.label else ""
+    return f"{label}largest {value}{where}"
+
+
+def _bars(values: Sequence[float | None]) -> str:
+    """Return values as bars between the smallest (or zero) and the largest; many are shown by their largest."""
+    step = max(1, math.ceil(len(values) / _MOST_BARS))
+    parts = [values[k : k + step] for k in range(0, len(values), step)]
+    tops = [max((v for v in part if v is not None), default=None) for part in parts]
+    known = [v for v in tops if v is not None]
+    low, high = min(0.0, *known) if known else 0.0, max(known, default=0.0)
+    return "".join(
+        " " if v is None else _BARS[min(int((v - low) / (high - low or 1.0) * len(_BARS)), len(_BARS) - 1)]
+        for v in tops
+    )
+
+
+def _shaded(series: Series, plot: Plot) -> str:
+    most = max((v for one in plot.series for v in one.y if v is not None), default=0.0) or 1.0
+    return "".join(_SHADES[math.ceil(max(v or 0.0, 0.0) / most * (len(_SHADES) - 1))] * 2 for v in series.y)

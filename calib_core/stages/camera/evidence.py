@@ -1,0 +1,160 @@
+"""What the camera's result says of itself."""
+
+import math
+from typing import Final
+
+from calib_core.evidence.numbers import number_text, quantity
+from calib_core.evidence.parts import capture_series, captures_used, left_out, provenance, residual_table
+from calib_core.records import CameraResult, Session
+from calib_core.records.evidence import (
+    AnyBlock,
+    Axis,
+    Band,
+    Column,
+    Figure,
+    Note,
+    Picture,
+    Plot,
+    Row,
+    Series,
+    Table,
+)
+
+MODELS: Final = {
+    "plain": "plain: k1 k2 p1 p2 k3",
+    "rational": "rational",
+    "tilted": "tilted sensor",
+    "segmental": "segments over depth",
+}
+_COLUMNS: Final = (("corners", "Corners", ""), ("rms_px", "RMS", "px"), ("edge_width_px", "Edge width", "px"))
+_LABELS: Final = {
+    "fx": "Focal length x",
+    "fy": "Focal length y",
+    "cx": "Principal point x",
+    "cy": "Principal point y",
+    "tauX": "Sensor's tilt x",
+    "tauY": "Sensor's tilt y",
+}
+
+
+def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:
+    """Return the camera told in blocks, the answer first."""
+    return [
+        Figure(label="Reprojection, RMS", quantity=quantity(result.reprojection_rms_px, "px"), headline=True),
+        Figure(label="Model", text=MODELS[result.model]),
+        captures_used(result),
+        *_parameters(result),
+        *_views(result),
+        *_coverage(result),
+        *_candidates(result),
+        Picture(
+            id="camera-residuals",
+            title="Residuals of each view",
+            detail=True,
+            drawing="camera-residuals",
+            alt="Seen minus predicted corners of each view. Arrows of one direction in one region mean that the "
+            "lens model does not fit there.",
+        ),
+        *left_out(result.residuals),
+        *residual_table(result.residuals, _COLUMNS, "Each view"),
+        *_matrix(result),
+        *provenance(result),
+    ]
+
+
+def _sigma(result: CameraResult, name: str) -> float | None:
+    if name not in result.parameters:
+        return None
+    index = result.parameters.index(name)
+    return math.sqrt(max(result.covariance[index][index], 0.0))
+
+
+def _parameters(result: CameraResult) -> list[AnyBlock]:
+    matrix = result.camera_matrix
+    values = {"fx": matrix[0][0], "fy": matrix[1][1], "cx": matrix[0][2], "cy": matrix[1][2], **result.distortion}
+    rows: list[Row] = []
+    for name, value in values.items():
+        sigma = _sigma(result, name)
+        if sigma is None and not value:
+            continue
+        if name.startswith("tau"):
+            shown = quantity(math.degrees(value), "°", None if sigma is None else math.degrees(sigma))
+        else:
+            shown = quantity(value, "px" if name in ("fx", "fy", "cx", "cy") else "", sigma)
+        rows.append(Row(cells=[_LABELS.get(name, name), shown]))
+    heads = [Column(label="Parameter", align="left"), Column(label="Value")]
+    figures: list[AnyBlock] = [
+        Table(id="camera", title="Camera", caption="± at k = 2.", columns=heads, rows=rows),
+        Figure(label="Noise of a corner", quantity=quantity(result.corner_sigma_px, "px")),
+    ]
+    if result.tilt_correlation is not None:
+        shown = number_text(result.tilt_correlation, 2)
+        figures.append(Figure(label="Correlation of tilt and principal point", text=shown))
+    if result.board_bend_mm is not None:
+        figures.append(Figure(label="Board bent by", quantity=quantity(result.board_bend_mm, "mm")))
+    return figures
+
+
+def _views(result: CameraResult) -> list[AnyBlock]:
+    rows = [row for row in result.residuals if row.rms_px is not None]
+    if not rows:
+        return []
+    return [
+        Plot(
+            id="residuals",
+            title="Residuals",
+            shape="captures",
+            caption="How far the corners of each view lie from where the camera predicts them, RMS. The band is "
+            "what corner noise alone gives; crosses are views that are not used.",
+            x=Axis(label="View"),
+            y=Axis(label="RMS", unit="px", low=0.0),
+            series=[capture_series(rows, [row.rms_px for row in rows])],
+            band=Band(low=0.0, high=math.sqrt(2) * result.corner_sigma_px, label="corner noise"),
+        )
+    ]
+
+
+def _coverage(result: CameraResult) -> list[AnyBlock]:
+    seen = result.coverage
+    near, far = number_text(seen.near_mm, 0), number_text(seen.far_mm, 0)
+    tilt = number_text(math.degrees(seen.largest_tilt_rad), 0)
+    return [
+        Plot(
+            id="coverage",
+            title="Coverage",
+            shape="grid",
+            caption=f"Corners seen in each part of the image. {number_text(100 * seen.covered, 0)} % of the parts "
+            f"saw a board, from {near} to {far} mm, tilted by up to {tilt}°.",
+            x=Axis(label="Column"),
+            y=Axis(label="Corners"),
+            series=[Series(label=f"row {k + 1}", y=list(counts)) for k, counts in enumerate(seen.counts)],
+        )
+    ]
+
+
+def _candidates(result: CameraResult) -> list[AnyBlock]:
+    if not result.candidates:
+        return []
+    rows = [
+        Row(cells=[one.model, one.parameters, one.held_out_rms_px, "chosen" if one.model == result.model else ""])
+        for one in result.candidates
+    ]
+    columns = [
+        Column(label="Candidate", align="left"),
+        Column(label="Parameters"),
+        Column(label="Held-out error", unit="px", decimals=4),
+        Column(label="", align="left"),
+    ]
+    return [
+        Table(id="candidates", title="Why this model", columns=columns, rows=rows),
+        Note(
+            text="The error on views that were held out decides; a larger model must be better by "
+            "more than chance."
+        ),
+    ]
+
+
+def _matrix(result: CameraResult) -> list[AnyBlock]:
+    columns = [Column(label=label, decimals=4) for label in ("", "", "")]
+    rows = [Row(cells=[*row]) for row in result.camera_matrix]
+    return [Table(title="Camera matrix", detail=True, columns=columns, rows=rows)]

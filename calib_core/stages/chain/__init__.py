@@ -1,0 +1,1 @@
+"""Tool and turntable from all captures together."""

@@ -1,0 +1,57 @@
+"""What the whole chain's result says of itself: tool and table from all captures together."""
+
+from calib_core.evidence.parts import (
+    captures_used,
+    left_out,
+    open_directions,
+    provenance,
+    residual_plot,
+    residual_table,
+    two_step_blocks,
+    workpiece_headline,
+    workpiece_places,
+    workpiece_table,
+)
+from calib_core.records import ChainResult, Session, TcpResidual
+from calib_core.records.evidence import AnyBlock
+from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
+from calib_core.stages.tcp.evidence import sphere_figures, tool_frame, tool_sigmas
+from calib_core.stages.turntable.evidence import COLUMNS as TABLE_COLUMNS
+from calib_core.stages.turntable.evidence import (
+    axis_figures,
+    axis_sigmas,
+    circles,
+    mountings,
+    table_frame,
+    table_noise,
+    table_rows,
+    wobble,
+)
+
+
+def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:
+    """Return the whole chain told in blocks, the answer first."""
+    places = workpiece_places(session, result)
+    still = [row for row in result.residuals if isinstance(row, TcpResidual)]
+    return [
+        *workpiece_headline(places),
+        *tool_sigmas(result),
+        *axis_sigmas(result),
+        captures_used(result),
+        *open_directions(result),
+        tool_frame(session, result),
+        table_frame(session, result, result.turntable_covariance),
+        *axis_figures(result),
+        *mountings(result),
+        *workpiece_table(places),
+        *residual_plot(result.residuals),
+        *wobble(result.residuals),
+        *two_step_blocks(result),
+        *circles(result),
+        table_noise(result),
+        *sphere_figures(result),
+        *left_out(result.residuals),
+        *residual_table(still, TCP_COLUMNS, "Each capture of the still sphere"),
+        *residual_table(table_rows(result), TABLE_COLUMNS, "Each capture on the table"),
+        *provenance(result),
+    ]

@@ -1,0 +1,59 @@
+"""The evidence of a result: made when its stage is solved, and where a stored one has none yet."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from calib_core.archive.stored_results import RESULT_RECORDS
+from calib_core.evidence.numbers import fixed, quantity
+from calib_core.evidence.parts import label_of, left_out
+from calib_core.records import CaptureResidual, Result, Session
+from calib_core.records.evidence import AnyBlock, Figure
+
+_BLOCKS = TypeAdapter(list[AnyBlock])
+
+
+def with_evidence(session: Session, result: Result) -> Result:
+    """Return a result that tells itself."""
+    return result.model_copy(update={"evidence": made_evidence(session, result)})
+
+
+def made_evidence(session: Session, result: Result) -> list[AnyBlock]:
+    """Return the blocks that a result's stage makes of it; raises InputError where its numbers are none."""
+    stage = str(getattr(result, "stage", "")).replace("-", "_")
+    module = f"calib_core.stages.{stage}.evidence"
+    if stage.isidentifier() and find_spec(f"calib_core.stages.{stage}") and find_spec(module):
+        return import_module(module).evidence(session, result)
+    return plain_evidence(result.model_dump(mode="json"))
+
+
+def stored_evidence(session: Session, data: Mapping[str, Any]) -> list[AnyBlock]:
+    """Return the evidence of a result given as JSON data; one without, as 0.1.0 wrote it, is told anew.
+
+    Raises
+    ------
+    InputError
+        If a frame or a covariance of the result is none.
+    """
+    try:
+        if data.get("evidence"):
+            return _BLOCKS.validate_python(data["evidence"])
+        record = RESULT_RECORDS.get(str(data.get("stage")), Result)
+        return made_evidence(session, record.model_validate(data))
+    except ValidationError:
+        return plain_evidence(data)  # of another version: its single numbers are told as they are
+
+
+def plain_evidence(data: Mapping[str, Any]) -> list[AnyBlock]:
+    """Return the single numbers of any result by name, and which captures are not used."""
+    figures: list[AnyBlock] = []
+    for name, value in data.items():
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            label, unit = label_of(name)
+            shown = fixed(value, 0, unit) if isinstance(value, int) else quantity(value, unit)
+            figures.append(Figure(label=label, quantity=shown))
+    rows = [CaptureResidual.model_validate(row) for row in data.get("residuals") or []]
+    return [*figures, *left_out(rows)]

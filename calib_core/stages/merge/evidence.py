@@ -1,0 +1,140 @@
+"""What the merge's result says of itself."""
+
+from math import hypot
+from typing import Final
+
+from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
+from calib_core.evidence.parts import capture_series, captures_used, left_out, provenance
+from calib_core.evidence.words import counted
+from calib_core.records import MergeResidual, MergeResult, Session
+from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Table
+
+_DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))
+
+
+def evidence(_session: Session, result: MergeResult) -> list[AnyBlock]:
+    """Return the merge told in blocks, the answer first."""
+    return [
+        *_headline(result),
+        captures_used(result),
+        *_apart(result),
+        *_cloud(result),
+        *_scan_plot(result),
+        *left_out(result.residuals),
+        _scans(result),
+        *provenance(result),
+    ]
+
+
+def _headline(result: MergeResult) -> list[AnyBlock]:
+    found: list[AnyBlock] = []
+    if result.surface_sigma_mm is not None:
+        shown = plus_minus(result.surface_sigma_mm, "mm")
+        found.append(Figure(label="Merged surface", quantity=shown, remark="along its normal", headline=True))
+    if result.overlap_rms_mm is not None:
+        expected = result.expected_overlap_rms_mm
+        found.append(
+            Figure(
+                label="Scans lie apart, RMS",
+                quantity=quantity(result.overlap_rms_mm, "mm"),
+                limit=None if expected is None else quantity(expected, "mm"),
+                limit_label="expected",
+                headline=True,
+            )
+        )
+    return [*found, Figure(label="Points", quantity=fixed(result.points, 0), headline=True)]
+
+
+def _apart(result: MergeResult) -> list[AnyBlock]:
+    if result.overlap_rms_mm is None:
+        return []
+    blocks: list[AnyBlock] = [
+        Figure(
+            title="How far scans lie apart",
+            label="Measured before any registration, RMS",
+            quantity=quantity(result.overlap_rms_mm, "mm"),
+        ),
+        Figure(
+            label="Expected from noise and calibration, RMS",
+            quantity=quantity(result.expected_overlap_rms_mm, "mm"),
+        ),
+    ]
+    if result.registered_overlap_rms_mm is not None:
+        blocks += [
+            Figure(label="After registration, RMS", quantity=quantity(result.registered_overlap_rms_mm, "mm")),
+            Figure(
+                label="Registration moved the scans by, RMS",
+                quantity=quantity(result.registration_shift_rms_mm, "mm"),
+            ),
+        ]
+    blocks.append(Figure(label="Places compared", quantity=fixed(result.overlap_pairs, 0)))
+    shared = result.self_calibration
+    if shared is not None:
+        moved = number_text(hypot(*shared.shift[3:6]), 3)
+        directions = counted(shared.directions, "direction")
+        text = f"The overlap determines {directions} of tool and table better than the captures did; it moved "
+        blocks.append(Note(text=f"{text}the tool by {moved} mm."))
+    return blocks
+
+
+def _cloud(result: MergeResult) -> list[AnyBlock]:
+    sides = zip(result.low_mm, result.high_mm, strict=True)
+    size = " × ".join(number_text(high - low, 1) for low, high in sides)
+    where = "turntable's frame" if result.frame == "turntable" else "robot's base"
+    figures: list[AnyBlock] = [
+        Figure(title="Merged cloud", label="Points scanned", quantity=fixed(result.scanned_points, 0)),
+        Figure(label="Voxel size", quantity=fixed(result.voxel_mm, 2, "mm")),
+        Figure(label="Size, x × y × z", text=f"{size}\u202fmm", remark=f"in the {where}"),
+    ]
+    if result.mesh or result.triangles:
+        figures.append(Figure(label="Triangles of the mesh", quantity=fixed(result.triangles, 0)))
+    if result.calibrated_by is not None:
+        figures.append(Figure(label="Tool and table from", text=result.calibrated_by))
+    return figures
+
+
+def _scan_plot(result: MergeResult) -> list[AnyBlock]:
+    rows = [row for row in result.residuals if row.overlap_rms_mm is not None]
+    if not rows:
+        return []
+    return [
+        Plot(
+            id="residuals",
+            title="Distance to other scans",
+            shape="captures",
+            caption="How far each scan lies from those that overlap it, RMS, beside what is expected. A scan "
+            "farther off than expected has a wrong pose or angle, or the object moved.",
+            x=Axis(label="Scan"),
+            y=Axis(label="Apart", unit="mm", low=0.0),
+            series=[
+                capture_series(rows, [row.overlap_rms_mm for row in rows], "measured"),
+                capture_series(rows, [row.expected_overlap_rms_mm for row in rows], "expected"),
+            ],
+        )
+    ]
+
+
+def _scans(result: MergeResult) -> Table:
+    moved = any(row.shift_mm is not None for row in result.residuals)
+    columns = [Column(label="Scan", align="left"), Column(label="Points"), Column(label="Kept")]
+    columns += [Column(label=label, unit="%", decimals=1) for _, label in _DROPPED]
+    columns += [Column(label=label, unit="mm", decimals=4) for label in ("Off the others", "Expected")]
+    if moved:
+        columns += [Column(label="Moved", unit="mm", decimals=4), Column(label="Turned", unit="°", decimals=4)]
+    return Table(
+        id="scans",
+        title="Each scan",
+        detail=True,
+        caption="Stray points lie on no surface, mixed ones between two at an edge, grazing ones were seen at too "
+        "flat an angle.",
+        columns=columns,
+        rows=[_scan(row, moved) for row in result.residuals],
+    )
+
+
+def _scan(row: MergeResidual, moved: bool) -> Row:
+    shares = [100 * getattr(row, name) / row.points if row.points else None for name, _ in _DROPPED]
+    cells = [row.capture, row.points, row.kept, *shares, row.overlap_rms_mm, row.expected_overlap_rms_mm]
+    if moved:
+        cells += [row.shift_mm, row.turn_deg]
+    return Row(cells=cells, capture=row.capture, used=row.used, reason=row.reason)

@@ -1,0 +1,188 @@
+"""What the turntable's result says of itself; the whole chain's tells its table alike."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
+from calib_core.evidence.parts import (
+    capture_series,
+    captures_used,
+    direction_text,
+    frame_block,
+    left_out,
+    noise_table,
+    open_directions,
+    provenance,
+    residual_plot,
+    residual_table,
+    workpiece_headline,
+    workpiece_places,
+    workpiece_table,
+)
+from calib_core.frames import RigidTransform
+from calib_core.records import ChainResult, Session, TurntableResidual, TurntableResult
+from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
+
+TableLike = TurntableResult | ChainResult
+COLUMNS = (
+    ("mount", "Mounting", ""),
+    ("table_deg", "Table", "°"),
+    ("radial_mm", "Across", "mm"),
+    ("tangential_mm", "Around", "mm"),
+    ("axial_mm", "Along", "mm"),
+    ("mahalanobis", "Distance", "σ"),
+)
+
+
+def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
+    """Return the turntable told in blocks, the answer first."""
+    places = workpiece_places(session, result)
+    return [
+        *workpiece_headline(places),
+        *axis_sigmas(result),
+        captures_used(result),
+        *open_directions(result),
+        table_frame(session, result, result.covariance),
+        *axis_figures(result),
+        *mountings(result),
+        *workpiece_table(places),
+        *residual_plot(result.residuals),
+        *wobble(result.residuals),
+        *circles(result),
+        table_noise(result),
+        *left_out(result.residuals),
+        *residual_table(table_rows(result), COLUMNS),
+        *provenance(result),
+    ]
+
+
+def axis_sigmas(result: TableLike) -> list[AnyBlock]:
+    """Return how well the axis is known."""
+    return [
+        Figure(label="Axis, place", quantity=plus_minus(result.axis_point_sigma_mm, "mm")),
+        Figure(label="Axis, direction", quantity=plus_minus(result.axis_direction_sigma_deg, "°")),
+    ]
+
+
+def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequence[float]]) -> AnyBlock:
+    """Return the table's frame in the robot's base at angle zero; z is the axis."""
+    frame = RigidTransform.from_rounded(result.base_from_turntable, "base", "turntable")
+    return frame_block(session, frame, covariance, id="table", title="Turntable in the robot's base")
+
+
+def axis_figures(result: TableLike) -> list[AnyBlock]:
+    """Return the axis, how the angles count, and how far the sphere is off its circles."""
+    sigmas = np.sqrt(np.maximum(np.diag(np.array(result.axis_point_covariance, dtype=float)), 0.0))
+    direction = direction_text(result.axis_direction_in_base, float(np.deg2rad(result.axis_direction_sigma_deg)))
+    decimals = plus_minus(float(sigmas.max()), "mm").decimals
+    point = ", ".join(number_text(value, decimals) for value in result.axis_point_in_base_mm)
+    scale = result.encoder_scale
+    return [
+        Figure(title="Axis", label="Direction in base", text=direction),
+        Figure(label="A point on it, in base", text=f"({point})\u202fmm"),
+        Figure(label="Angles count", text="right-handed" if result.direction == 1 else "left-handed"),
+        Figure(
+            label="Scale of the angles off by",
+            quantity=quantity(1e6 * scale.error, "ppm", 1e6 * scale.sigma),
+            remark="accounted for" if scale.applied else "not accounted for",
+        ),
+        Figure(label="Sphere off its circle, across, RMS", quantity=quantity(result.radial_rms_mm, "mm")),
+        Figure(label="Sphere off its circle, along, RMS", quantity=quantity(result.axial_rms_mm, "mm")),
+        Figure(label="Sphere off its circle, around, RMS", quantity=quantity(result.angle_rms_deg, "°")),
+    ]
+
+
+def mountings(result: TableLike) -> list[AnyBlock]:
+    """Return where each mounting put the sphere."""
+    heads = [Column(label="Mounting", align="left"), Column(label="Captures")]
+    heads += [Column(label=label, unit="mm", decimals=3) for label in ("Radius", "x", "y", "z")]
+    rows = [
+        Row(cells=[one.mount or "(no name)", one.captures, one.radius_mm, *one.center_in_turntable_mm])
+        for one in result.mounts
+    ]
+    caption = "The sphere's centre in the turntable's frame."
+    return [Table(title="Mountings of the sphere", caption=caption, columns=heads, rows=rows)]
+
+
+def table_rows(result: TableLike) -> list[TurntableResidual]:
+    """Return the residuals of captures on the table."""
+    return [r for r in result.residuals if isinstance(r, TurntableResidual) and r.table_deg is not None]
+
+
+def wobble(rows: Sequence[object]) -> list[AnyBlock]:
+    """Return what is left at each angle of the table, in mm and as an angle."""
+    seen = [r for r in rows if isinstance(r, TurntableResidual) and r.table_deg is not None]
+    seen = [r for r in seen if r.radial_mm is not None]
+    if not seen:
+        return []
+    angles = [float(r.table_deg or 0.0) for r in seen]
+    across = capture_series(seen, [r.radial_mm for r in seen], "across the axis", angles)
+    along = capture_series(seen, [r.axial_mm for r in seen], "along the axis", angles)
+    around = capture_series(seen, [r.angle_deg for r in seen], "around the axis", angles)
+    axis = Axis(label="Table's angle", unit="°")
+    return [
+        Plot(
+            id="wobble",
+            title="Wobble",
+            shape="xy",
+            caption="What is left at each angle of the table. Noise looks random; a wave that returns each turn "
+            "is the table's own.",
+            x=axis,
+            y=Axis(label="Left over", unit="mm"),
+            series=[across, along],
+        ),
+        Plot(
+            id="wobble-angle",
+            title="Wobble, as an angle",
+            detail=True,
+            shape="xy",
+            caption="The part around the axis, as an angle of the table.",
+            x=axis,
+            y=Axis(label="Left over", unit="°"),
+            series=[around],
+        ),
+    ]
+
+
+def circles(result: TableLike) -> list[AnyBlock]:
+    """Return the paper's circles beside the joint answer."""
+    if not result.circles:
+        return []
+    rows: list[Row] = []
+    other = result.circles_axis_direction_in_base
+    if other is not None:
+        sine = float(np.linalg.norm(np.cross(result.axis_direction_in_base, other)))
+        angle = float(np.rad2deg(np.arcsin(min(sine, 1.0))))
+        sigma = result.axis_direction_sigma_deg
+        cells = ["Axis, direction", plus_minus(sigma, "°"), quantity(angle, "°")]
+        rows.append(Row(cells=[*cells, quantity(angle / sigma, "σ") if sigma > 0 else None]))
+    joint = {mount.mount: mount.radius_mm for mount in result.mounts}
+    for circle in result.circles:
+        name, radius = circle.mount or "(no name)", joint.get(circle.mount)
+        apart = None if radius is None else quantity(circle.radius_mm - radius, "mm")
+        beside = None if radius is None else fixed(radius, 3, "mm")
+        rows += [
+            Row(cells=[f"Radius, {name}", beside, fixed(circle.radius_mm, 3, "mm"), apart]),
+            Row(cells=[f"Off the circle, {name}, RMS", None, quantity(circle.circle_rms_mm, "mm"), None]),
+            Row(cells=[f"Off its plane, {name}, RMS", None, quantity(circle.plane_rms_mm, "mm"), None]),
+        ]
+    heads = [Column(label="Figure", align="left"), Column(label="Joint")]
+    return [
+        Table(
+            id="circles",
+            title="Joint answer beside the paper's circles",
+            caption="A circle is fitted at each height; the axis goes through their centres. The joint answer "
+            "weighs every capture by its own uncertainty. Of the direction, the angle between the two answers.",
+            columns=[*heads, Column(label="Circles"), Column(label="Difference")],
+            rows=rows,
+        )
+    ]
+
+
+def table_noise(result: TableLike) -> Table:
+    """Return the standard deviations that the answer rests on."""
+    parts = result.variance_components
+    estimated = any(name.startswith("angle") for name in parts.estimated)
+    angle = quantity(result.angle_sigma_deg, "°")
+    return noise_table(parts, [("Table's angle", angle, "estimated" if estimated else "given")])
