@@ -3,24 +3,56 @@
 `STYLE` (in `style`) goes with it, once a page; all that it styles is within an element of class ``scancell``.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
-from itertools import groupby
-from typing import Final
+from typing import Any, Final
 
 from calib_core.evidence.numbers import number_text, quantity_text, with_unit
 from calib_core.evidence.svg import plot_svg
-from calib_core.evidence.text import cell_text, figure_text, head_text
+from calib_core.evidence.text import (
+    MOST_IN_SIGHT,
+    VERDICTS,
+    cell_text,
+    figure_text,
+    head_text,
+    runs,
+    sections,
+    split_headline,
+)
 from calib_core.records.evidence import AnyBlock, Figure, Frame, Note, Picture, Plot, Row, Series, Table
+
+STALE: Final = "Out of date: cell, captures or files have changed since. Solve again."
 
 _MARKS: Final = ("●", "■", "▲")
 _MATRIX_DECIMALS: Final = (6, 6, 6, 4)
 
 
+def result_html(result: Mapping[str, Any], blocks: Sequence[AnyBlock]) -> str:
+    """Return a result, given as JSON data, as HTML: verdict, headline, warnings, then the rest of its evidence."""
+    headline, rest = split_headline(blocks)
+    warnings: list[str] = list(result.get("warnings") or [])
+    word, _, meaning = VERDICTS[result["verdict"]].partition(". ")
+    more = _list(warnings[MOST_IN_SIGHT:])
+    parts = [
+        f'<p><strong class="verdict {result["verdict"]}">{word}</strong> {meaning}</p>',
+        f'<p class="warn">{STALE}</p>' if result.get("stale") else "",
+        blocks_html(headline),
+        _list(warnings[:MOST_IN_SIGHT]),
+        f"<details><summary>Further warnings</summary>{more}</details>" if more else "",
+        blocks_html(rest),
+        "<h3>Notes</h3>" + _list(result["notes"]) if result.get("notes") else "",
+    ]
+    return "".join(parts)
+
+
+def _list(sentences: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in sentences)}</ul>" if sentences else ""
+
+
 def blocks_html(blocks: Sequence[AnyBlock]) -> str:
     """Return blocks as HTML; what is shown on demand stands in elements that open."""
     parts: list[str] = []
-    for section in _sections(blocks):
+    for section in sections(blocks):
         first = section[0]
         body = "".join(_section(section))
         if first.detail:
@@ -30,23 +62,9 @@ def blocks_html(blocks: Sequence[AnyBlock]) -> str:
     return "".join(parts)
 
 
-def _sections(blocks: Sequence[AnyBlock]) -> list[list[AnyBlock]]:
-    """Return blocks by section: a title begins one, and so does what is shown on demand after what is not."""
-    sections: list[list[AnyBlock]] = []
-    for block in blocks:
-        if not sections or block.title or block.detail != sections[-1][0].detail:
-            sections.append([])
-        sections[-1].append(block)
-    return sections
-
-
 def _section(blocks: Sequence[AnyBlock]) -> Iterator[str]:
-    for is_figure, run in groupby(blocks, lambda block: isinstance(block, Figure)):
-        group = list(run)
-        if is_figure:
-            yield _figures([block for block in group if isinstance(block, Figure)])
-        else:
-            yield from map(_block, group)
+    for run in runs(blocks):
+        yield _figures(run) if isinstance(run, list) else _block(run)
 
 
 def _block(block: AnyBlock) -> str:
@@ -75,7 +93,7 @@ def _figures(figures: Sequence[Figure]) -> str:
 
 
 def _frame(frame: Frame) -> str:
-    head = f"{frame.name} as {frame.convention_label}"
+    head = f"{frame.name} as {frame.units}; {frame.formula}"
     matrix = "".join(f"<tr>{''.join(map(_number, row, _MATRIX_DECIMALS))}</tr>" for row in frame.matrix)
     matrix_of = f'<div class="wide"><table><caption>{escape(frame.name)}, rows, mm</caption>{matrix}</table></div>'
     if not frame.numbers:

@@ -1,7 +1,7 @@
 """Numbers as they are shown: with unit, expanded uncertainty, and no more digits than that allows."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from calib_core.records.evidence import Quantity
@@ -40,6 +40,12 @@ def fixed(value: float | None, decimals: int, unit: str = "") -> Quantity:
     return Quantity(
         value=value if value is not None and math.isfinite(value) else None, unit=unit, decimals=decimals
     )
+
+
+def same_decimals(shown: Sequence[Quantity]) -> list[Quantity]:
+    """Return numbers that stand together with the decimals of the one that has most."""
+    most = max(one.decimals for one in shown)
+    return [one.model_copy(update={"decimals": most}) for one in shown]
 
 
 def decimals_of_uncertainty(uncertainty: float) -> int:

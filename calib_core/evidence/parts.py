@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from calib_core.evidence.numbers import decimals_of, fixed, number_text, plus_minus, quantity
+from calib_core.evidence.numbers import decimals_of, fixed, number_text, plus_minus, quantity, same_decimals
 from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
@@ -70,7 +70,8 @@ def frame_block(
         matrix=frame.to_rows(),
         covariance=None if covariance is None else [list(row) for row in covariance],
         convention=convention.name,
-        convention_label=f"{convention.name}, {convention.units}; {convention.formula}",
+        units=f"{convention.name}, {convention.units}",
+        formula=convention.formula,
         numbers=list(_frame_numbers(convention.name, frame, covariance)),
         **about,
     )
@@ -87,10 +88,14 @@ def _frame_numbers(
     sigmas = tool_number_sigmas(name, as_tool, square)
     angle = {"quaternion": "", "rotation-vector": "rad"}.get(convention.form, "°")
     lengths = "m" if convention.mm_per_unit == 1000 else "mm"
-    values = zip(convention.numbers.split(), tool_numbers(name, as_tool), sigmas, strict=True)
-    for k, (label, value, sigma) in enumerate(values):
-        shown = quantity(value, lengths if k < 3 else angle, None if covariance is None else sigma)
-        yield FrameNumber(label=label, quantity=shown)
+    labels = convention.numbers.split()
+    values = zip(labels, tool_numbers(name, as_tool), sigmas, strict=True)
+    shown = [
+        quantity(value, lengths if k < 3 else angle, None if covariance is None else sigma)
+        for k, (_, value, sigma) in enumerate(values)
+    ]
+    for label, one in zip(labels, [*same_decimals(shown[:3]), *same_decimals(shown[3:])], strict=True):
+        yield FrameNumber(label=label, quantity=one)
 
 
 def captures_used(result: Result) -> Figure:
@@ -216,7 +221,8 @@ def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
         mount = f", mounting {place.where}" if place.where else ""
         at = ", ".join(number_text(value, 0) for value in place.point_mm)
         sigmas = [*place.sigmas_mm, place.worst_sigma_mm]
-        rows.append(Row(cells=[words[place.of] + mount, at, *(plus_minus(sigma, "") for sigma in sigmas)]))
+        shown = same_decimals([plus_minus(sigma, "") for sigma in sigmas])
+        rows.append(Row(cells=[words[place.of] + mount, at, *shown]))
     if not rows:
         return []
     heads = [Column(label="Known by", align="left"), Column(label="At", unit="mm")]

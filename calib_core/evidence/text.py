@@ -2,9 +2,9 @@
 
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import Final
+from typing import Any, Final
 
 from calib_core.evidence.numbers import number_text, quantity_text, with_unit
 from calib_core.records.evidence import (
@@ -21,6 +21,15 @@ from calib_core.records.evidence import (
     Table,
 )
 
+MOST_IN_SIGHT: Final = 3
+"""So many warnings are in sight; the others are shown on demand."""
+
+VERDICTS: Final = {
+    "pass": "PASS. The captures agree with each other and determine the answer.",
+    "warn": "WARN. Usable with care: read the warnings before you rely on it.",
+    "fail": "FAIL. Do not use this result: the warnings say what to do.",
+}
+
 _WIDTH: Final = 100
 _BARS: Final = "▁▂▃▄▅▆▇█"
 _SHADES: Final = " ░▒▓█"
@@ -28,19 +37,62 @@ _MOST_BARS: Final = 60
 _LEVELS: Final = {"pass": "OK", "warn": "Warning", "fail": "Failed", "info": "Note"}
 
 
+def result_text(title: str, result: Mapping[str, Any], blocks: Sequence[AnyBlock]) -> str:
+    """Return a result, given as JSON data, as text: verdict, headline, warnings, then the rest of its evidence.
+
+    Three warnings stand in sight; further ones follow at the end.
+    """
+    headline, rest = split_headline(blocks)
+    warnings: list[str] = list(result.get("warnings") or [])
+    parts = [
+        f"{title}: {VERDICTS[result['verdict']]}" + (" (out of date)" if result.get("stale") else ""),
+        blocks_text(headline),
+        sentences("Warning", warnings[:MOST_IN_SIGHT]),
+        blocks_text(rest),
+        sentences("Warning", warnings[MOST_IN_SIGHT:]),
+        sentences("Note", result.get("notes") or []),
+    ]
+    return plain("\n\n".join(part for part in parts if part))
+
+
+def sentences(label: str, texts: Sequence[str]) -> str:
+    """Return sentences, each after its label."""
+    return "\n".join(line for text in texts for line in wrapped(label, text))
+
+
+def split_headline(blocks: Sequence[AnyBlock]) -> tuple[list[AnyBlock], list[AnyBlock]]:
+    """Return the blocks before the first title, which stand beside the verdict, and the others."""
+    first = next((k for k, block in enumerate(blocks) if block.title or block.detail), len(blocks))
+    return list(blocks[:first]), list(blocks[first:])
+
+
+def sections(blocks: Sequence[AnyBlock]) -> list[list[AnyBlock]]:
+    """Return blocks by section: a title begins one, and so does what is shown on demand after what is not."""
+    found: list[list[AnyBlock]] = []
+    for block in blocks:
+        if not found or block.title or block.detail != found[-1][0].detail:
+            found.append([])
+        found[-1].append(block)
+    return found
+
+
+def runs(blocks: Sequence[AnyBlock]) -> Iterator[list[Figure] | AnyBlock]:
+    """Give a section's blocks, with figures that follow each other in one list."""
+    for is_figure, run in groupby(blocks, lambda block: isinstance(block, Figure)):
+        group = list(run)
+        if is_figure:
+            yield [block for block in group if isinstance(block, Figure)]
+        else:
+            yield from group
+
+
 def blocks_text(blocks: Sequence[AnyBlock], detail: bool = False) -> str:
     """Return blocks as lines of text; what is shown on demand only where `detail` is asked for."""
     lines: list[str] = []
-    shown = [block for block in blocks if detail or not block.detail]
-    for is_figure, run in groupby(shown, lambda block: isinstance(block, Figure) and not block.title):
-        group = list(run)
-        if is_figure:
-            lines += _figures([block for block in group if isinstance(block, Figure)])
-            continue
-        for block in group:
-            if block.title:
-                lines += ["", block.title]
-            lines += _lines(block)
+    for section in sections([block for block in blocks if detail or not block.detail]):
+        lines += ["", section[0].title] if section[0].title else []
+        for run in runs(section):
+            lines += _figures(run) if isinstance(run, list) else _lines(run)
     return plain("\n".join(lines).strip("\n"))
 
 
@@ -86,7 +138,7 @@ def figure_text(figure: Figure) -> str:
 
 
 def _frame(frame: Frame) -> list[str]:
-    head = f"{frame.name} as {frame.convention_label}"
+    head = f"{frame.name} as {frame.units}"
     if not frame.numbers:
         return [f"  {head}", *("  " + " ".join(f"{v:12.6f}" for v in row) for row in frame.matrix)]
     texts = [quantity_text(number.quantity) for number in frame.numbers]
@@ -113,6 +165,10 @@ def head_text(column: Column) -> str:
     return f"{column.label}, {column.unit}" if column.unit else column.label
 
 
+def _caption(text: str) -> list[str]:
+    return textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="  ")
+
+
 def _table(table: Table) -> list[str]:
     rows = [
         [cell_text(c, column) for c, column in zip(row.cells, table.columns, strict=True)] for row in table.rows
@@ -130,7 +186,7 @@ def _table(table: Table) -> list[str]:
 
     lines = [line(heads), *map(line, rows, marks)]
     lines += _reasons(table.rows)
-    return [*([f"  {table.caption}"] if table.caption else []), *lines]
+    return [*_caption(table.caption), *lines]
 
 
 def _reasons(rows: Sequence[Row]) -> Iterator[str]:
@@ -140,7 +196,7 @@ def _reasons(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _plot(plot: Plot) -> list[str]:
-    lines = wrapped("Plot", plot.caption)
+    lines = _caption(plot.caption)
     for series in plot.series:
         if plot.shape == "grid":
             lines.append("  " + _shaded(series, plot))

@@ -66,8 +66,8 @@ class FrameNumber(Record):
 class Frame(Block):
     """A transform into_from_outof with its covariance (6, 6; rx ry rz tx ty tz, rad and mm).
 
-    `numbers` are what is typed into the controller, in the session's `convention` (`convention_label` names it
-    with its units); a convention of matrices has none.
+    `numbers` are what is typed into the controller, in the session's `convention`, whose `units` and `formula`
+    say what they mean; a convention of matrices has none.
     """
 
     kind: Literal["frame"] = "frame"
@@ -77,7 +77,8 @@ class Frame(Block):
     matrix: Matrix4
     covariance: Rows | None = None
     convention: str
-    convention_label: str
+    units: str = ""
+    formula: str = ""
     numbers: list[FrameNumber] = Field(default_factory=list)
 
 

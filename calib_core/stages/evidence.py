@@ -23,11 +23,21 @@ def with_evidence(session: Session, result: Result) -> Result:
 
 def made_evidence(session: Session, result: Result) -> list[AnyBlock]:
     """Return the blocks that a result's stage makes of it; raises InputError where its numbers are none."""
-    stage = str(getattr(result, "stage", "")).replace("-", "_")
-    module = f"calib_core.stages.{stage}.evidence"
-    if stage.isidentifier() and find_spec(f"calib_core.stages.{stage}") and find_spec(module):
-        return import_module(module).evidence(session, result)
-    return plain_evidence(result.model_dump(mode="json"))
+    module = _module(getattr(result, "stage", ""))
+    return module.evidence(session, result) if module else plain_evidence(result.model_dump(mode="json"))
+
+
+def title_of(stage: str) -> str:
+    """Return what a stage's result is called."""
+    module = _module(stage)
+    return module.TITLE if module else stage
+
+
+def _module(stage: str) -> Any:
+    """Return the module in which a stage tells its result, None where it has none."""
+    package = f"calib_core.stages.{stage.replace('-', '_')}"
+    known = package.rpartition(".")[2].isidentifier() and find_spec(package) and find_spec(f"{package}.evidence")
+    return import_module(f"{package}.evidence") if known else None
 
 
 def stored_evidence(session: Session, data: Mapping[str, Any]) -> list[AnyBlock]:

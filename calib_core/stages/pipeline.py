@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from calib_core.errors import InputError
 from calib_core.records import Capture, Result, Session
+from calib_core.stages.evidence import with_evidence
 from calib_core.stages.graph import STAGES, inputs_sha256, stage_captures, stage_entry
 from calib_core.stages.stage import Kept, Progress, ReadFile, StageInput, StoreFile
 from calib_core.stages.tcp.solve import solve_tcp_stage
@@ -117,7 +118,7 @@ def solve_stage(
         What the stage's solver says.
     """
     given = stage_input(session, stage, read, progress, store, kept)
-    return _SOLVERS[stage](given)
+    return with_evidence(session, _SOLVERS[stage](given))
 
 
 def stage_input(

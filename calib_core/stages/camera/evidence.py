@@ -36,6 +36,8 @@ _LABELS: Final = {
     "tauY": "Sensor's tilt y",
 }
 
+TITLE: Final = "Camera"
+
 
 def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:
     """Return the camera told in blocks, the answer first."""

@@ -1,5 +1,7 @@
 """What the whole chain's result says of itself: tool and table from all captures together."""
 
+from typing import Final
+
 from calib_core.evidence.parts import (
     captures_used,
     left_out,
@@ -27,6 +29,8 @@ from calib_core.stages.turntable.evidence import (
     table_rows,
     wobble,
 )
+
+TITLE: Final = "Tool and turntable together"
 
 
 def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:

@@ -26,6 +26,8 @@ _COLUMNS: Final = (
     ("board_sigma_px", "Corner noise", "px"),
 )
 
+TITLE: Final = "Laser plane"
+
 
 def evidence(session: Session, result: LaserPlaneResult) -> list[AnyBlock]:
     """Return the plane of light told in blocks, the answer first."""

@@ -11,6 +11,8 @@ from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Pl
 
 _DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))
 
+TITLE: Final = "Merged cloud"
+
 
 def evidence(_session: Session, result: MergeResult) -> list[AnyBlock]:
     """Return the merge told in blocks, the answer first."""

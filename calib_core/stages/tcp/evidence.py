@@ -1,5 +1,7 @@
 """What the TCP's result says of itself."""
 
+from typing import Final
+
 from calib_core.evidence.numbers import fixed, plus_minus
 from calib_core.evidence.parts import (
     capture_series,
@@ -25,11 +27,13 @@ from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
 COLUMNS = (
     ("points", "Points", ""),
     ("surface_rms_mm", "Surface RMS", "mm"),
-    ("leave_one_out_rms_mm", "Left out", "mm"),
+    ("leave_one_out_rms_mm", "Surface RMS, left out", "mm"),
     ("center_distance_mm", "Centre", "mm"),
     ("mahalanobis", "Distance", "σ"),
     ("zone", "r/R", ""),
 )
+
+TITLE: Final = "Scanner on the flange (TCP)"
 
 
 def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:

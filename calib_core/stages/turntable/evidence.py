@@ -1,6 +1,7 @@
 """What the turntable's result says of itself; the whole chain's tells its table alike."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -33,6 +34,8 @@ COLUMNS = (
     ("axial_mm", "Along", "mm"),
     ("mahalanobis", "Distance", "σ"),
 )
+
+TITLE: Final = "Turntable"
 
 
 def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
@@ -154,9 +157,8 @@ def circles(result: TableLike) -> list[AnyBlock]:
     if other is not None:
         sine = float(np.linalg.norm(np.cross(result.axis_direction_in_base, other)))
         angle = float(np.rad2deg(np.arcsin(min(sine, 1.0))))
-        sigma = result.axis_direction_sigma_deg
-        cells = ["Axis, direction", plus_minus(sigma, "°"), quantity(angle, "°")]
-        rows.append(Row(cells=[*cells, quantity(angle / sigma, "σ") if sigma > 0 else None]))
+        known = plus_minus(result.axis_direction_sigma_deg, "°")
+        rows.append(Row(cells=["Axis, direction", known, None, quantity(angle, "°")]))
     joint = {mount.mount: mount.radius_mm for mount in result.mounts}
     for circle in result.circles:
         name, radius = circle.mount or "(no name)", joint.get(circle.mount)
@@ -173,7 +175,7 @@ def circles(result: TableLike) -> list[AnyBlock]:
             id="circles",
             title="Joint answer beside the paper's circles",
             caption="A circle is fitted at each height; the axis goes through their centres. The joint answer "
-            "weighs every capture by its own uncertainty. Of the direction, the angle between the two answers.",
+            "weighs every capture by its own uncertainty.",
             columns=[*heads, Column(label="Circles"), Column(label="Difference")],
             rows=rows,
         )
