@@ -382,7 +382,8 @@ export interface Frame {
   matrix: number[][];
   covariance?: number[][] | null;
   convention: string;
-  convention_label: string;
+  units?: string;
+  formula?: string;
   numbers?: FrameNumber[];
 }
 

@@ -85,17 +85,21 @@ def _block(block: AnyBlock) -> str:
 
 
 def _figures(figures: Sequence[Figure]) -> str:
-    rows = "".join(
-        f'<tr><th scope="row">{escape(figure.label)}</th><td class="n">{escape(figure_text(figure))}</td></tr>'
-        for figure in figures
-    )
-    return f'<table class="{"headline" if figures[0].headline else "figures"}">{rows}</table>'
+    return f"<table>{''.join(map(_figure, figures))}</table>"
+
+
+def _figure(figure: Figure) -> str:
+    css = ' class="headline"' if figure.headline else ""
+    value = f'<td class="n">{escape(figure_text(figure))}</td>'
+    return f'<tr{css}><th scope="row">{escape(figure.label)}</th>{value}</tr>'
 
 
 def _frame(frame: Frame) -> str:
     head = f"{frame.name} as {frame.units}; {frame.formula}"
     matrix = "".join(f"<tr>{''.join(map(_number, row, _MATRIX_DECIMALS))}</tr>" for row in frame.matrix)
-    matrix_of = f'<div class="wide"><table><caption>{escape(frame.name)}, rows, mm</caption>{matrix}</table></div>'
+    matrix_of = (
+        f'<p class="soft">{escape(frame.name)}, rows, mm</p><div class="wide"><table>{matrix}</table></div>'
+    )
     if not frame.numbers:
         return matrix_of
     rows = "".join(
@@ -103,7 +107,7 @@ def _frame(frame: Frame) -> str:
         for number in frame.numbers
     )
     return (
-        f'<table class="frame"><caption>{escape(head)}; ± at k = 2</caption>{rows}</table>'
+        f'<p class="soft">{escape(head)}; ± at k = 2</p><table class="frame">{rows}</table>'
         f"<details><summary>The same as a matrix</summary>{matrix_of}</details>"
     )
 
@@ -120,9 +124,9 @@ def _table(table: Table) -> str:
         for c, column in zip(css, table.columns, strict=True)
     )
     heads += '<th scope="col">Used</th>' if judged else ""
-    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
+    caption = f'<p class="soft">{escape(table.caption)}</p>' if table.caption else ""
     rows = "".join(_row(row, table, css, judged) for row in table.rows)
-    return f'<div class="wide"><table>{caption}<tr>{heads}</tr>{rows}</table></div>'
+    return f'{caption}<div class="wide"><table><tr>{heads}</tr>{rows}</table></div>'
 
 
 def _row(row: Row, table: Table, css: Sequence[str], judged: bool) -> str:

@@ -221,7 +221,8 @@ def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
         mount = f", mounting {place.where}" if place.where else ""
         at = ", ".join(number_text(value, 0) for value in place.point_mm)
         sigmas = [*place.sigmas_mm, place.worst_sigma_mm]
-        shown = same_decimals([plus_minus(sigma, "") for sigma in sigmas])
+        decimals = plus_minus(place.worst_sigma_mm, "").decimals
+        shown = [plus_minus(sigma, "").model_copy(update={"decimals": decimals}) for sigma in sigmas]
         rows.append(Row(cells=[words[place.of] + mount, at, *shown]))
     if not rows:
         return []

@@ -16,7 +16,6 @@ STYLE: Final = """
 }
 .scancell h3 { margin: 22px 0 6px; font-size: 16px; }
 .scancell table { border-collapse: collapse; max-width: 100%; margin: 6px 0; font-variant-numeric: tabular-nums; }
-.scancell caption { text-align: left; padding-bottom: 4px; color: var(--soft); }
 .scancell th { text-align: left; font-weight: 500; }
 .scancell th, .scancell td { padding: 4px 14px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 .scancell .n { text-align: right; white-space: nowrap; }

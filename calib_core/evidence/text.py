@@ -44,8 +44,9 @@ def result_text(title: str, result: Mapping[str, Any], blocks: Sequence[AnyBlock
     """
     headline, rest = split_headline(blocks)
     warnings: list[str] = list(result.get("warnings") or [])
+    word, _, meaning = VERDICTS[result["verdict"]].partition(". ")
     parts = [
-        f"{title}: {VERDICTS[result['verdict']]}" + (" (out of date)" if result.get("stale") else ""),
+        f"{result.get('stage', '')}: {word}  ({title}{', out of date' if result.get('stale') else ''})\n{meaning}",
         blocks_text(headline),
         sentences("Warning", warnings[:MOST_IN_SIGHT]),
         blocks_text(rest),

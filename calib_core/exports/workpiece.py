@@ -17,6 +17,7 @@ from calib_core.robots import parse_pose
 Of = Literal["tool", "table", "both"]
 _STILL: Final = ("tcp", "verify")
 _LARGEST: Final = 1e9
+_ROUNDING: Final = 1e-6
 
 
 class AtWorkpiece(Record):
@@ -97,11 +98,17 @@ def covariance_in(result: Mapping[str, Any], name: str) -> FloatArray:
     rows = result.get(name) or []
     square = len(rows) >= 6 and all(len(row) >= 6 for row in rows[:6])
     covariance = np.array([row[:6] for row in rows[:6]], dtype=float) if square else np.full((6, 6), np.nan)
-    if not (np.abs(covariance) < _LARGEST).all():
+    whole = name.startswith("cross") or (square and _is_covariance(covariance))
+    if not ((np.abs(covariance) < _LARGEST).all() and whole):
         where = f"results/{result['stage']}.json: {name}"
-        got = "numbers that are none" if square else "another shape"
+        got = "numbers that cannot be one" if square else "another shape"
         raise InputError("a covariance of six numbers", got, "Solve the session again.", where)
     return covariance
+
+
+def _is_covariance(square: FloatArray) -> bool:
+    """Whether no direction has a negative variance; a rounding error is none."""
+    return bool(np.isfinite(square).all() and np.linalg.eigvalsh(square)[0] >= -_ROUNDING)
 
 
 def seen_in_laser_mm(session: Session, result: Mapping[str, Any]) -> FloatArray | None:

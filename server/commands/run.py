@@ -9,7 +9,7 @@ from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result, remark
 
 if TYPE_CHECKING:
-    from calib_core.records import Result, Session
+    from calib_core.records import Result
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +40,7 @@ def _run(options: argparse.Namespace) -> int:
         session, read = load_session(folder)
         with progress_bar(options) as progress:
             results = run(session, read, options.stage, progress, store)
-    text = "\n\n".join(_summary(session, result) for result in results.values())
+    text = "\n\n".join(_text(result) for result in results.values())
     data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
     print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is not None:
@@ -50,33 +50,13 @@ def _run(options: argparse.Namespace) -> int:
     return NOT_ACCEPTED if any(result.verdict == "fail" for result in results.values()) else OK
 
 
-def _summary(session: "Session", result: "Result") -> str:
-    from calib_core.records import (
-        CameraResult,
-        ChainResult,
-        LaserPlaneResult,
-        MergeResult,
-        TcpResult,
-        TurntableResult,
-    )
-    from server.render.text.merge_summary import merge_summary
-    from server.render.text.optics_summary import camera_summary, laser_plane_summary
-    from server.render.text.summary import tcp_summary
-    from server.render.text.table_summary import table_summary
+def _text(result: "Result") -> str:
+    from calib_core.evidence.text import result_text
+    from calib_core.stages.evidence import title_of
 
-    match result:
-        case CameraResult():
-            return camera_summary(result)
-        case LaserPlaneResult():
-            return laser_plane_summary(result)
-        case TcpResult():
-            return tcp_summary(session, result)
-        case TurntableResult() | ChainResult():
-            return table_summary(session, result)
-        case MergeResult():
-            return merge_summary(result)
-        case _:
-            return f"{result.verdict.upper()}: {result.method}"
+    stage: str = getattr(result, "stage", "")
+    data = {"stage": stage, **result.model_dump(include={"verdict", "warnings", "notes"})}
+    return result_text(title_of(stage), data, result.evidence)
 
 
 def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path) -> None:

@@ -1,11 +1,13 @@
 """A simulated session, solved and packed once for all tests of archives and reports."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from calib_core.archive.archive import pack
-from calib_core.archive.folder import load_session, save_session, to_json_bytes, write_result
+from calib_core.archive.folder import load_session, result_data, save_session, to_json_bytes, write_result
+from calib_core.records import Session
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import run
 
@@ -19,6 +21,14 @@ def solved_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     session, read = load_session(folder)
     write_result(folder, "tcp", run(session, read)["tcp"])
     return folder
+
+
+@pytest.fixture(scope="session")
+def turntable_results() -> tuple[Session, dict[str, dict[str, Any]]]:
+    """A session with a turntable, and its results as JSON data; tests leave them as they are."""
+    simulated = simulate("turntable", 3)
+    results = run(simulated.session, simulated.files.__getitem__)
+    return simulated.session, {stage: result_data(result) for stage, result in results.items()}
 
 
 @pytest.fixture(scope="session")

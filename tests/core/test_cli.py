@@ -11,7 +11,6 @@ from calib_core import __version__
 from calib_core.simulation import simulate
 from server.cli import main
 from server.commands.schema.records import PYTHON_CLIENT, SCHEMAS, schema_text
-from server.render.text.summary import with_uncertainty
 from tests.benchmarks.harness import Row
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -194,20 +193,6 @@ def test_bench_fails_where_a_figure_does_not_hold(capsys, monkeypatch):
     assert json.loads(capsys.readouterr().out)["tcp"][0]["holds"] is True
     assert main(["bench", "nothing"]) == 2
     assert "a benchmark among" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("value", "uncertainty", "text"),
-    [
-        (140.3217, 0.0812, "140.322 ± 0.081"),
-        (140.3217, 1.26, "140.3 ± 1.3"),
-        (-0.000123, 0.0000045, "-0.0001230 ± 0.0000045"),
-        (1234.5, 250.0, "1234 ± 250"),
-        (1.5, 0.0, "1.5000"),
-    ],
-)
-def test_a_number_has_as_many_digits_as_its_uncertainty_allows(value, uncertainty, text):
-    assert with_uncertainty(value, uncertainty).strip() == text
 
 
 def test_serve_refuses_a_taken_port(capsys, tmp_path):

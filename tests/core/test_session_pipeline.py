@@ -179,7 +179,7 @@ def test_run_writes_elsewhere_when_asked(folder, tmp_path, capsys):
     assert (tmp_path / "out" / "results" / "tcp.json").is_file()
     assert not (copy / "results").exists()
     out = capsys.readouterr().out
-    for words in ("tcp: PASS", "14 of 14 captures used", " ± ", "two-step", "Noise", "Sphere"):
+    for words in ("tcp: PASS", "14 of 14", " ± ", "two steps", "Noise", "At the workpiece"):
         assert words in out
 
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from calib_core.archive.folder import result_data
+from calib_core.evidence.numbers import quantity, quantity_text
+from calib_core.evidence.text import plain
 from calib_core.frames import RigidTransform
 from calib_core.records import ChainResult, MergeResult, Result, TcpResult, TurntableResult
 from calib_core.simulation import simulate
@@ -15,9 +17,6 @@ from calib_core.stages.pipeline import run
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import print_result, remark
 from server.console.progress import progress_bar
-from server.render.text.summary import with_uncertainty
-
-_SIGMAS_OF_95 = 1.96
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -76,7 +75,7 @@ def _table(result: TurntableResult | ChainResult, truth: dict[str, Any]) -> Iter
     sigmas = np.sqrt(np.diag(np.array(result.axis_point_covariance)))
     found, true = result.axis_point_in_base_mm, truth["axis_point_in_base_mm"]
     for axis in range(3):
-        value = with_uncertainty(found[axis], _SIGMAS_OF_95 * float(sigmas[axis]))
+        value = _measured(found[axis], float(sigmas[axis]))
         label = f"axis, point {'xyz'[axis]}, mm"
         yield f"  {label:22}{value:>24}{true[axis]:12.3f}{found[axis] - true[axis]:10.3f}"
     sigma_deg = result.axis_direction_sigma_deg
@@ -92,6 +91,10 @@ def _table(result: TurntableResult | ChainResult, truth: dict[str, Any]) -> Iter
         yield f"  {'tool, error':22}{text:>46}"
 
 
+def _measured(value: float, sigma: float) -> str:
+    return plain(quantity_text(quantity(value, "", sigma)))
+
+
 def _angle_deg(one: list[float], other: list[float]) -> float:
     return float(np.rad2deg(np.linalg.norm(np.cross(one, other))))
 
@@ -103,7 +106,7 @@ def _tcp(result: TcpResult, truth: dict[str, Any]) -> Iterator[str]:
     yield f"\ntcp: where the scanner is on the flange — verdict {result.verdict}"
     yield f"  {'':22}{'found ± 95 %':>24}{'truth':>12}{'error':>10}"
     for axis in range(3):
-        value = with_uncertainty(found.translation_mm[axis], _SIGMAS_OF_95 * float(sigmas[3 + axis]))
+        value = _measured(found.translation_mm[axis], float(sigmas[3 + axis]))
         truly = true.translation_mm[axis]
         yield f"  {'xyz'[axis] + ', mm':22}{value:>24}{truly:12.3f}{found.translation_mm[axis] - truly:10.3f}"
     yield from _rotation(result, found, true, sigmas[:3])

@@ -1,36 +1,27 @@
-"""The report's content: what the template shows, computed from the session's records alone."""
+"""The report: a page to sign, then the evidence of every result, from the session's records alone."""
 
-import math
 from collections.abc import Collection, Mapping
 from typing import Any, Final
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from pydantic import ValidationError
+from markupsafe import Markup
 
 from calib_core import __version__
-from calib_core.frames import RigidTransform
-from calib_core.records import Cell, ChainResult, Session, TcpResult
+from calib_core.errors import ConflictError
+from calib_core.evidence.html import STALE, result_html
+from calib_core.evidence.numbers import number_text, quantity, quantity_text, with_unit
+from calib_core.evidence.style import STYLE
+from calib_core.evidence.text import VERDICTS, figure_text
+from calib_core.exports.answer import answer_of
+from calib_core.exports.workpiece import covariance_in
+from calib_core.records import Cell, Session
+from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.robots import CONVENTIONS
-from server.render.report.numbers import COVERAGE, frame_rows, number, pose_covariance
-from server.render.report.plot import residual_plot
-from server.render.report.turntable import table_section
-from server.render.report.workpiece import workpiece_rows
+from calib_core.stages.evidence import stored_evidence, title_of
+from calib_core.stages.graph import STAGES
 
-_MEANING: Final = {
-    "pass": "Accepted: the captures agree with each other and determine the answer.",
-    "warn": "Usable with care: read the warnings below before you rely on it.",
-    "fail": "Not accepted: do not use these numbers; the warnings below say what to mend.",
-}
-_STAGES: Final = {
-    "camera": "Camera",
-    "laser-plane": "Laser plane",
-    "tcp": "Scanner on the flange (TCP)",
-    "turntable": "Turntable",
-    "chain": "Whole chain",
-    "verify": "Verification",
-    "merge": "Merge",
-}
+_SIGNED_BY: Final = ("Calibrated by", "Checked by", "Released by")
+_COVARIANCES: Final = ("covariance", "turntable_covariance")
 
 Data = Mapping[str, Any]
 
@@ -51,175 +42,62 @@ def report_html(session: Session, results: Mapping[str, Data], stale: Collection
     InputError
         If a result's frame or covariance is none.
     """
-    stages = [_stage(session, name, results[name], name in stale) for name in _STAGES if name in results]
-    verdicts = [stage["verdict"] for stage in stages]
-    worst = next((v for v in ("fail", "warn", "pass") if v in verdicts), None)
+    order = ["chain", *STAGES]  # the answer first, then what led to it
+    names = sorted(results, key=lambda name: order.index(name) if name in order else len(order))
+    told = {name: {**results[name], "stale": name in stale} for name in names}
+    blocks = {name: _evidence(session, data) for name, data in told.items()}
     environment = Environment(
         loader=PackageLoader("server.render.report", "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    environment.filters["number"] = number
     return environment.get_template("report.html.jinja").render(
-        session=session,
         name=session.name or "Session",
-        worst=worst,
+        style=Markup(STYLE),
+        answer=_answer(session, told, blocks),
         cell=_cell_rows(session.cell),
         captures=_capture_counts(session),
-        stages=stages,
-        coverage=COVERAGE,
+        stages=[
+            {**told[name], "title": title_of(name), "body": Markup(result_html(told[name], blocks[name]))}
+            for name in names
+        ],
+        stale=STALE,
+        signed_by=_SIGNED_BY,
         software=f"scancell {__version__}",
     )
 
 
-def _stage(session: Session, name: str, result: Data, stale: bool) -> dict[str, Any]:
-    stage: dict[str, Any] = {
-        "name": name,
-        "title": _STAGES[name],
-        "verdict": result["verdict"],
-        "meaning": _MEANING[result["verdict"]],
-        "method": result["method"],
-        "software": result["software"],
-        "inputs_sha256": result["inputs_sha256"],
-        "warnings": result.get("warnings") or [],
-        "stale": stale,
-        "rows": result.get("residuals") or [],
-        "figures": _plain_figures(result),
-    }
-    stage["tcp"] = _tcp(session, result)
-    stage["table"] = table_section(session.cell.pose_convention, result)
-    stage["workpiece"] = workpiece_rows(session, result) if stage["tcp"] or stage["table"] else []
-    return stage
+def _evidence(session: Session, data: Data) -> list[AnyBlock]:
+    for name in _COVARIANCES:
+        if name in data and data.get("tool0_from_laser") is not None:
+            covariance_in(data, name)
+    return stored_evidence(session, data)
 
 
-def _tcp(session: Session, data: Data) -> dict[str, Any] | None:
-    """Return what is said of a tool frame, None of a result that is not one (of another version)."""
-    record = {"tcp": TcpResult, "chain": ChainResult}.get(data["stage"])
+def _answer(session: Session, results: Mapping[str, Data], blocks: Mapping[str, list[AnyBlock]]) -> Data | None:
+    """Return what stands on the first page: the answer with its uncertainty, and what was decided."""
     try:
-        result = record.model_validate(data) if record else None
-    except ValidationError:
+        answer = answer_of(session, results)
+    except ConflictError:
         return None
-    if not isinstance(result, TcpResult | ChainResult):
-        return None
-    tool = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
-    covariance = pose_covariance(result.covariance, f"results/{result.stage}.json: covariance")
-    parts = result.variance_components
+    headline = next((b for b in blocks[answer.stage] if isinstance(b, Figure) and b.headline), None)
+    decision = results.get("verify", {}).get("decision")
     return {
-        "convention": CONVENTIONS[session.cell.pose_convention],
-        "frame": frame_rows(session.cell.pose_convention, tool, covariance),
-        "matrix": [[number(v, 6 if k < 3 else 4) for k, v in enumerate(row)] for row in result.tool0_from_laser],
-        "says": _says(covariance),
-        "sphere": [number(v) for v in result.sphere_center_in_base_mm],
-        "components": [
-            ("Noise of one point", number(parts.point_sigma_mm, 4, "mm"), _origin(parts.estimated, "point")),
-            (
-                "Robot, position, each axis",
-                number(parts.position_sigma_mm, 4, "mm"),
-                _origin(parts.estimated, "pos"),
-            ),
-            (
-                "Robot, orientation, each axis",
-                number(parts.orientation_sigma_deg, 4, "°"),
-                _origin(parts.estimated, "orient"),
-            ),
-        ],
-        "compared": _compared(result),
-        "two_step_reason": result.two_step.reason,
-        "apart": _apart(tool, result),
-        "undetermined": [direction.description for direction in result.undetermined],
-        "plot": residual_plot(result.residuals),
-        "residuals": [_residual_row(row.model_dump()) for row in result.residuals],
-        "used": sum(row.used for row in result.residuals),
+        "title": title_of(answer.stage),
+        "verdict": answer.verdict,
+        "meaning": VERDICTS[answer.verdict].partition(". ")[2],
+        "label": headline.label if headline else "",
+        "value": figure_text(headline) if headline else "",
+        "stale": any(result["stale"] for result in results.values()),
+        "decision": decision or "",
     }
-
-
-def _says(covariance: Any) -> str:
-    """Return what the covariance means where the scanner measures."""
-    angle_rad = math.sqrt(max(float(np.linalg.eigvalsh(covariance[:3, :3])[-1]), 0.0))
-    shift_mm = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
-    return (
-        f"With about 95 % confidence (k = {COVERAGE:g}) the scanner's origin is known to "
-        f"{number(COVERAGE * shift_mm, 2, 'mm')} and its orientation to "
-        f"{number(math.degrees(COVERAGE * angle_rad), 3, '°')}, in the worst direction. The two are correlated: "
-        "what they mean together where the scanner measures stands below, at the workpiece. The robot's own error "
-        "at each pose comes on top."
-    )
-
-
-def _origin(estimated: list[str], begin: str) -> str:
-    return "estimated from the data" if any(name.startswith(begin) for name in estimated) else "given"
-
-
-def _compared(result: TcpResult | ChainResult) -> list[tuple[str, str, str]]:
-    two = result.two_step
-    return [
-        (
-            "Scatter of the sphere's centres, RMS",
-            number(result.center_scatter_rms_mm, 3, "mm"),
-            number(two.center_scatter_rms_mm, 3, "mm"),
-        ),
-        (
-            "Points on the sphere's surface, RMS",
-            number(result.surface_rms_mm, 3, "mm"),
-            number(two.surface_rms_mm, 3, "mm"),
-        ),
-        (
-            "The same, each capture left out in turn",
-            number(result.leave_one_out_surface_rms_mm, 3, "mm"),
-            number(two.leave_one_out_surface_rms_mm, 3, "mm"),
-        ),
-    ]
-
-
-def _apart(tool: RigidTransform, result: TcpResult | ChainResult) -> str:
-    if result.two_step.tool0_from_laser is None:
-        return ""
-    difference = tool.difference(RigidTransform.from_rounded(result.two_step.tool0_from_laser, "tool0", "laser"))
-    angle_deg = math.degrees(float(np.linalg.norm(difference[:3])))
-    shift = number(float(np.linalg.norm(difference[3:])), 3, "mm")
-    return f"The two answers differ by {number(angle_deg, 3, '°')} and {shift}."
-
-
-def _residual_row(row: Data) -> dict[str, Any]:
-    return {
-        "capture": row["capture"],
-        "used": row["used"],
-        "reason": row["reason"] or "",
-        "figures": [
-            str(row["points"]),
-            number(row["surface_rms_mm"]),
-            number(row.get("leave_one_out_rms_mm")),
-            number(row["center_distance_mm"]),
-            number(row["mahalanobis"], 2),
-            number(row.get("zone"), 2),
-        ],
-    }
-
-
-def _plain_figures(result: Data) -> list[tuple[str, str]]:
-    """Return the single numbers of any stage's result, by name with unit."""
-    figures: list[tuple[str, str]] = []
-    for name, value in result.items():
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            words, unit = _label(name)
-            figures.append((words, number(float(value), 0 if isinstance(value, int) else 4, unit)))
-    return figures
-
-
-def _label(name: str) -> tuple[str, str]:
-    for ending, unit in (("_mm", "mm"), ("_deg", "°"), ("_rad", "rad"), ("_px", "px"), ("_s", "s")):
-        if name.endswith(ending):
-            return name.removesuffix(ending).replace("_", " "), unit
-    return name.replace("_", " "), ""
 
 
 def _cell_rows(cell: Cell) -> list[tuple[str, str]]:
-    sphere = number(cell.sphere_diameter_mm, 4, "mm")
-    if cell.sphere_diameter_sigma_mm is not None:
-        sphere += f" ± {number(COVERAGE * cell.sphere_diameter_sigma_mm, 4, 'mm')}"
+    sigma = cell.sphere_diameter_sigma_mm
     rows = [
-        ("Sphere's diameter", sphere),
+        ("Sphere's diameter", quantity_text(quantity(cell.sphere_diameter_mm, "mm", sigma or None))),
         ("Poses as", f"{cell.pose_convention}: {CONVENTIONS[cell.pose_convention].numbers}"),
         ("Robot", cell.robot.brand),
         ("Scanner", cell.scanner.kind),
@@ -234,7 +112,7 @@ def _cell_rows(cell: Cell) -> list[tuple[str, str]]:
 
 
 def _given(sigma: float | None, unit: str) -> str | None:
-    return None if sigma is None else f"{number(sigma, 4, unit)} standard deviation"
+    return None if sigma is None else f"{with_unit(number_text(sigma, 4), unit)} standard deviation"
 
 
 def _capture_counts(session: Session) -> list[tuple[str, int, int]]:

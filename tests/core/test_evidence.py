@@ -1,0 +1,256 @@
+"""Evidence: a result reads the same in the terminal, in HTML and in JSON, in the same words."""
+
+import html
+import json
+import re
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from calib_core.archive.folder import load_session
+from calib_core.archive.stored_results import stored_results
+from calib_core.evidence.html import blocks_html, result_html
+from calib_core.evidence.numbers import number_text, quantity, quantity_text
+from calib_core.evidence.parts import BAND, residual_plot
+from calib_core.evidence.svg import plot_svg
+from calib_core.evidence.text import blocks_text, plain, result_text
+from calib_core.evidence.words import captures_text
+from calib_core.records import TcpResidual
+from calib_core.records.evidence import (
+    AnyBlock,
+    Axis,
+    Band,
+    Column,
+    Figure,
+    Frame,
+    FrameNumber,
+    Note,
+    Picture,
+    Plot,
+    Quantity,
+    Row,
+    Series,
+    Table,
+)
+from calib_core.review.replay import compare
+from calib_core.stages.evidence import stored_evidence, title_of
+
+BLOCKS = TypeAdapter(list[AnyBlock])
+IDENTITY = [[float(i == k) for k in range(4)] for i in range(4)]
+EVERY_KIND: list[AnyBlock] = [
+    Figure(
+        label="Reach",
+        quantity=quantity(1.25, "mm", 0.04),
+        limit=quantity(2.0, "mm"),
+        limit_label="allowed",
+        remark="estimated",
+        headline=True,
+    ),
+    Frame(
+        title="Tool",
+        name="tool0_from_laser",
+        into="tool0",
+        outof="laser",
+        matrix=IDENTITY,
+        convention="fanuc",
+        units="fanuc, mm and deg",
+        numbers=[FrameNumber(label="W", quantity=quantity(-179.9, "°", 0.02))],
+    ),
+    Table(
+        title="Captures",
+        caption="What each shows.",
+        columns=[Column(label="Capture", align="left"), Column(label="RMS", unit="mm", decimals=3)],
+        rows=[
+            Row(cells=["p01", 0.0123]),
+            Row(cells=["p02", 7.5], capture="p02", used=False, reason="the sphere was moved"),
+        ],
+    ),
+    *(
+        Plot(
+            title=f"A plot, {shape}",
+            shape=shape,
+            caption=f"How it looks as {shape}.",
+            x=Axis(label="Capture"),
+            y=Axis(label="Distance", unit="σ"),
+            series=[Series(label="one", y=[1.0, 2.0, None]), Series(label="two", y=[3.0, 1.0, 2.0])],
+            band=Band(low=0.0, high=2.8, label="expected"),
+        )
+        for shape in ("captures", "line", "xy", "histogram", "grid")
+    ),
+    Picture(title="Board", drawing="board", alt="A board under the scanner."),
+    Note(title="Said", text="The table was still.", level="info"),
+]
+SAID = (
+    "Reach", "1.250 ± 0.080 mm", "allowed 2.00 mm", "estimated", "tool0_from_laser as fanuc", "−179.900 ± 0.040°",
+    "What each shows.", "RMS, mm", "0.012", "7.500", "the sphere was moved", "How it looks as captures.",
+    "How it looks as grid.", "A board under the scanner.", "The table was still.", "Captures", "Board",
+)  # fmt: skip
+
+
+def words_of_html(text: str) -> str:
+    return " ".join(plain(html.unescape(re.sub(r"<[^>]+>", " ", text))).split())
+
+
+@pytest.mark.parametrize("said", SAID)
+def test_each_kind_of_block_says_the_same_in_each_medium(said):
+    wanted = plain(said)
+    assert wanted in " ".join(blocks_text(EVERY_KIND).split())
+    assert wanted in words_of_html(blocks_html(EVERY_KIND))
+
+
+def test_blocks_survive_json_and_keep_their_kind():
+    data = [json.loads(json.dumps(block.to_json())) for block in EVERY_KIND]
+    assert BLOCKS.validate_python(data) == EVERY_KIND
+    assert {block["kind"] for block in data} == {"figure", "frame", "table", "plot", "picture", "note"}
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        {"kind": "poem", "text": "x"},
+        {"kind": "note"},
+        {"kind": "table", "columns": [{"label": "a"}], "rows": [{"cells": [1, 2]}]},
+        {"kind": "figure", "label": "x", "quantity": {"value": float("nan")}},
+        {
+            "kind": "plot", "shape": "xy", "caption": "", "x": {"label": ""}, "y": {"label": ""},
+            "series": [{"y": [1, 2], "captures": ["p01"]}],
+        },
+    ],
+)  # fmt: skip
+def test_blocks_that_are_none_are_refused(block):
+    with pytest.raises(ValidationError):
+        BLOCKS.validate_python([block])
+
+
+def assert_same_everywhere(session: Any, result: dict[str, Any]) -> None:
+    """Hold every number and sentence of a result's evidence against terminal and HTML."""
+    blocks = stored_evidence(session, result)
+    assert blocks
+    assert blocks == stored_evidence(session, {**result, "evidence": []})  # as 0.1.0 stored it
+    text = " ".join(result_text(title_of(result["stage"]), result, blocks).split())
+    detailed = " ".join(blocks_text(blocks, detail=True).split())
+    page = words_of_html(result_html(result, blocks))
+    said = [*result["warnings"], *result["notes"]]
+    for block in blocks:
+        said += [said_by for said_by in (block.title,) if said_by]
+        match block:
+            case Figure(quantity=Quantity() as shown):
+                said += [block.label, quantity_text(shown)]
+            case Figure() | Note():
+                said.append(block.text or "")
+            case Frame():
+                said += [quantity_text(number.quantity) for number in block.numbers]
+            case Table():
+                said += [quantity_text(c) for row in block.rows for c in row.cells if isinstance(c, Quantity)]
+                said += [block.caption, *(c for row in block.rows for c in row.cells if isinstance(c, str))]
+            case Plot():
+                said.append(block.caption)
+                assert not block.title or html.escape(block.title) in plot_svg(block)
+            case _:
+                pass
+    for sentence in said:
+        wanted = " ".join(plain(sentence).split())
+        assert wanted in page, sentence
+        assert wanted in text or wanted in detailed, sentence
+
+
+def test_the_tcp_reads_the_same_everywhere(solved_folder):
+    session, results = load_session(solved_folder)[0], stored_results(solved_folder)
+    assert_same_everywhere(session, results["tcp"])
+
+
+@pytest.mark.parametrize("stage", ["turntable", "chain"])
+def test_table_and_chain_read_the_same_everywhere(turntable_results, stage):
+    session, results = turntable_results
+    assert_same_everywhere(session, results[stage])
+
+
+def test_the_headline_is_the_uncertainty_at_the_workpiece(turntable_results):
+    session, results = turntable_results
+    first = stored_evidence(session, results["chain"])[0]
+    assert isinstance(first, Figure)
+    assert first.headline
+    assert first.label == "At the workpiece"
+
+
+def test_words_are_no_difference_to_a_replay(solved_folder):
+    stored = stored_results(solved_folder)["tcp"]
+    retold = {**stored, "evidence": [], "notes": ["told"], "warnings": ["told otherwise"]}
+    assert compare(stored, retold).equal
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "shown"),
+    [
+        (140.3217, 0.0406, "140.322 ± 0.081"),
+        (140.3217, 0.63, "140.3 ± 1.3"),
+        (-0.6701234, 0.0008, "−0.6701 ± 0.0016"),
+        (-0.000123, 0.00000225, "−0.0001230 ± 0.0000045"),
+        (1234.5, 125.0, "1234 ± 250"),
+        (None, 0.04, "± 0.080"),
+        (1.5, None, "1.50"),
+        (0.0432, None, "0.0432"),
+        (1.5, float("nan"), "1.50"),
+        (float("inf"), None, "–"),
+        (12345.6, None, "12\u202f346"),
+    ],
+)
+def test_digits_follow_the_uncertainty(value, sigma, shown):
+    assert quantity_text(quantity(value, "", sigma)) == shown
+
+
+def test_no_number_is_minus_zero():
+    assert (number_text(-0.0001, 3), number_text(0.0, 1), number_text(-0.0006, 3)) == ("0.000", "0.0", "−0.001")
+
+
+def test_captures_are_named_as_runs():
+    order = [f"f{k:02d}" for k in range(1, 31)]
+    assert captures_text(order[12:24], order) == "f13–f24"
+    assert captures_text(["f07", "f03", "f09"], order) == "f03, f07 and f09"
+    assert captures_text(["f03", "f04"], order) == "f03 and f04"
+    assert captures_text(["x"]) == "x"
+    assert captures_text(order[::2], order).endswith("f23 and 3 more")
+
+
+def plot_of(rows: list[TcpResidual]) -> Plot:
+    (plot,) = residual_plot(rows)
+    assert isinstance(plot, Plot)
+    return plot
+
+
+def test_the_plot_has_one_dot_a_capture_at_its_height_and_crosses_the_rejected():
+    values = {"p01": 0.0, "p02": BAND, "p03": 1.4}
+    rows = [TcpResidual(capture=name, used=True, mahalanobis=value) for name, value in values.items()]
+    rows += [TcpResidual(capture="p04", used=False, mahalanobis=700.0), TcpResidual(capture="p05", used=False)]
+    root = ET.fromstring(plot_svg(plot_of(rows)))
+    heights = {str(c.findtext("title")).split(":")[0]: float(c.attrib["cy"]) for c in root.iter("circle")}
+    band = next(e for e in root.iter("rect") if e.attrib["class"] == "band").attrib
+    assert heights["p02"] == pytest.approx(float(band["y"]), abs=0.11)
+    assert heights["p01"] == pytest.approx(float(band["y"]) + float(band["height"]), abs=0.11)
+    between = heights["p01"] + (heights["p02"] - heights["p01"]) * 1.4 / BAND
+    assert heights["p03"] == pytest.approx(between, abs=0.11)
+    (cross,) = [e for e in root.iter("path") if e.attrib["class"] == "rejected"]
+    assert float(cross.attrib["d"].split()[1].split("l")[0]) + 5 == pytest.approx(14, abs=0.1)  # the upper edge
+
+
+def test_the_plot_of_many_captures_stays_legible():
+    rows = [TcpResidual(capture=f"capture-{k:04d}", used=True, mahalanobis=1.0) for k in range(500)]
+    root = ET.fromstring(plot_svg(plot_of(rows)))
+    assert len(list(root.iter("circle"))) == 500
+    assert len([t for t in root.iter("text") if (t.text or "").startswith("capture-")]) <= 42
+    assert residual_plot([TcpResidual(capture="p01", used=False)]) == []
+
+
+@pytest.mark.parametrize("values", [[0.0], [1e-12, 2e-12], [-5.0, 3.0], [1e9, 1e9], [4.0, 4.0, 4.0]])
+@pytest.mark.parametrize("shape", ["captures", "line", "xy", "histogram", "grid"])
+def test_a_plot_of_any_numbers_is_drawn_within_its_frame(values, shape):
+    axis = Axis(label="what")
+    plot = Plot(shape=shape, caption="how", x=axis, y=axis, series=[Series(y=values)])
+    root = ET.fromstring(plot_svg(plot))
+    assert root.find("title") is not None
+    assert root.findtext("desc") == "how"
+    for mark in root.iter("circle"):
+        assert 0 <= float(mark.attrib["cx"]) <= 760
+        assert 0 <= float(mark.attrib["cy"]) <= 240
