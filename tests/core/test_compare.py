@@ -151,5 +151,5 @@ def test_numbers_that_are_none_are_refused(solved: tuple[Session, dict[str, Any]
     with pytest.raises(InputError, match="covariance"):
         at_workpiece(session, {**result, "covariance": [[1.0]]})
     one = Compared("s", {**result, "covariance": np.full((6, 6), 1e300).tolist()}, session)
-    with pytest.raises(InputError, match="numbers that are none"):
+    with pytest.raises(InputError, match="numbers that cannot be one"):
         compare_results(one, one)
