@@ -7,6 +7,7 @@ from calib_core.robots.brand import Brand
 from calib_core.robots.convention import QUATERNION, Convention
 
 if TYPE_CHECKING:
+    from calib_core.exports.entry import Export
     from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
@@ -40,6 +41,12 @@ class Abb(Brand):
             re.search(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget|tooldata|wobjdata)\b", text, re.I)
             is not None
         )
+
+    def exports(self) -> "tuple[Export, ...]":
+        """Return the tool and frame data that it writes."""
+        from calib_core.robots.abb.writer import EXPORT
+
+        return (EXPORT,)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return robtargets, jointtargets, tools and work objects of a module."""

@@ -6,13 +6,14 @@ in the base is its user frame times its object frame.
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.robots.abb.literal import Value, blanked, literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.poses import parse_pose, to_pose
-from calib_core.robots.text import Source, closing, number, source_of, split_top
+from calib_core.robots.text import Source, number, source_of, split_top
 
 _DECLARED = re.compile(
     r"\b(?:(?:LOCAL|TASK)\s+)?(CONST|VAR|PERS)\s+(\w+)\s+(\w+)\s*(\{[^}]*\})?\s*(:=|;|(?=\n)|$)", re.IGNORECASE
@@ -29,15 +30,6 @@ _PARTS = ("pos", "orient", "pose", "confdata", "extjoint", "robjoint", "loaddata
 _NOT_CONNECTED = 8.9e9
 
 
-@dataclass(frozen=True)
-class _Value:
-    """A literal: its items for a list, its text otherwise, and where it stands."""
-
-    position: int
-    text: str
-    items: tuple["_Value", ...] | None
-
-
 def find(data: bytes, name: str) -> Found:
     """Return what stands in a RAPID module or backup file."""
     source = source_of(data, name)
@@ -47,9 +39,9 @@ def find(data: bytes, name: str) -> Found:
 class _Module:
     def __init__(self, source: Source) -> None:
         self._source = source
-        self._text = _blanked(source.text)
+        self._text = blanked(source.text)
         self._found = Found(source.name)
-        self._parts: dict[str, _Value] = {}
+        self._parts: dict[str, Value] = {}
 
     def found(self) -> Found:
         """Return all that the module holds."""
@@ -65,7 +57,7 @@ class _Module:
         self._mark_assigned()
         return self._found
 
-    def _declarations(self) -> Iterator[tuple[int, str, str, _Value | None]]:
+    def _declarations(self) -> Iterator[tuple[int, str, str, Value | None]]:
         for found in _DECLARED.finditer(self._text):
             kind, name = found[2].lower(), found[3]
             if kind not in _KINDS and kind not in _PARTS:
@@ -79,18 +71,18 @@ class _Module:
             try:
                 if end < 0:
                     raise ValueError("the declaration has no end (;): is the file cut?")
-                yield found.start(1), kind, name, _literal(self._text, found.end(), end)
+                yield found.start(1), kind, name, literal(self._text, found.end(), end)
             except ValueError as error:
                 if kind in _KINDS:
                     self._found.skip(line, f"{found[2]} {name}: {error}")
 
-    def _take(self, position: int, kind: str, name: str, value: _Value | None) -> None:
+    def _take(self, position: int, kind: str, name: str, value: Value | None) -> None:
         if value is None:
             return
         array = re.match(r"\s*\{([^}]*)\}", self._text[self._text.find(name, position) + len(name) :])
         self._elements(kind, name, value, array[1].count(",") + 1 if array else 0, [])
 
-    def _elements(self, kind: str, name: str, value: _Value, depth: int, index: list[int]) -> None:
+    def _elements(self, kind: str, name: str, value: Value, depth: int, index: list[int]) -> None:
         if depth and value.items is not None:
             for i, item in enumerate(value.items, start=1):
                 self._elements(kind, name, item, depth - 1, [*index, i])
@@ -102,7 +94,7 @@ class _Module:
         except (ValueError, InputError) as error:
             self._found.skip(line, f"{kind} {full}: {error}")
 
-    def _element(self, kind: str, name: str, value: _Value, line: int) -> None:
+    def _element(self, kind: str, name: str, value: Value, line: int) -> None:
         file = self._source.name
         if kind == "robtarget":
             self._found.poses.append(self._robtarget(name, value, line))
@@ -122,14 +114,14 @@ class _Module:
             pose = _chained(self._pose(user), self._pose(of_object))
             self._found.frames.append(Frame(name, name, pose, "abb", line, file, moving))
 
-    def _robtarget(self, name: str, value: _Value, line: int) -> Taught:
+    def _robtarget(self, name: str, value: Value, line: int) -> Taught:
         position, rotation, configuration, external = self._list(value, 4)
         pose = (*self._numbers(position, 3), *self._numbers(rotation, 4))
         if configuration.items is not None or configuration.text.lower() in self._parts:
             self._numbers(configuration, 4)
         return Taught(name, pose, "abb", line, None, self._external(external), file=self._source.name)
 
-    def _list(self, value: _Value, count: int) -> tuple[_Value, ...]:
+    def _list(self, value: Value, count: int) -> tuple[Value, ...]:
         value = self._parts.get(value.text.lower(), value) if value.items is None else value
         if value.items is None:
             raise ValueError(f"'{value.text[:40]}' instead of a list of {count}")
@@ -137,7 +129,7 @@ class _Module:
             raise ValueError(f"a list of {len(value.items)} instead of {count}")
         return value.items
 
-    def _numbers(self, value: _Value, count: int) -> list[float]:
+    def _numbers(self, value: Value, count: int) -> list[float]:
         values: list[float] = []
         for item in self._list(value, count):
             item = self._parts.get(item.text.lower(), item) if item.items is None else item
@@ -146,16 +138,16 @@ class _Module:
             values.append(number(item.text))
         return values
 
-    def _pose(self, value: _Value) -> tuple[float, ...]:
+    def _pose(self, value: Value) -> tuple[float, ...]:
         position, rotation = self._list(value, 2)
         return (*self._numbers(position, 3), *self._numbers(rotation, 4))
 
-    def _boolean(self, value: _Value) -> bool:
+    def _boolean(self, value: Value) -> bool:
         if value.text.strip().upper() not in ("TRUE", "FALSE"):
             raise ValueError(f"'{value.text.strip()[:40]}' instead of TRUE or FALSE")
         return value.text.strip().upper() == "TRUE"
 
-    def _external(self, value: _Value) -> dict[str, float] | None:
+    def _external(self, value: Value) -> dict[str, float] | None:
         if value.items is None and value.text.lower() not in self._parts:
             return None  # a name that this file does not define
         axes = dict(zip("abcdef", self._numbers(value, 6), strict=True))
@@ -192,7 +184,7 @@ class _Module:
         position = self._text.index("[", position)
         line = self._source.line(position)
         try:
-            value = _literal(self._text, position, position + len(text))
+            value = literal(self._text, position, position + len(text))
             if kind == "moveabsj":
                 self._element("jointtarget", f"line {line}", value, line)
                 return
@@ -217,21 +209,6 @@ class _Module:
                 self._found.poses[i] = replace(taught, doubt=doubt)
 
 
-def _blanked(text: str) -> str:
-    """Return the text with comments blanked; a ``!`` within a string begins none."""
-    lines: list[str] = []
-    for line in text.split("\n"):
-        at, quoted = -1, False
-        for i, c in enumerate(line):
-            if c == '"':
-                quoted = not quoted
-            elif c == "!" and not quoted:
-                at = i
-                break
-        lines.append(line if at < 0 else line[:at] + " " * (len(line) - at))
-    return "\n".join(lines)
-
-
 def _statement_end(text: str, position: int) -> int:
     quoted = False
     for i in range(position, len(text)):
@@ -240,23 +217,6 @@ def _statement_end(text: str, position: int) -> int:
         elif text[i] == ";" and not quoted:
             return i
     return -1
-
-
-def _literal(text: str, begin: int, end: int) -> _Value:
-    """Return the literal between two positions; raises ValueError where brackets do not match."""
-    while begin < end and text[begin].isspace():
-        begin += 1
-    raw = text[begin:end].rstrip()
-    if not raw:
-        raise ValueError("a value is missing")
-    if raw[0] != "[":
-        if any(c in raw for c in "[]"):
-            raise ValueError(f"'{' '.join(raw.split())[:40]}' cannot be read")
-        return _Value(begin, raw, None)
-    if closing(raw, 0, ";") != len(raw):
-        raise ValueError("its brackets do not match: is the file cut or damaged?")
-    items = tuple(_literal(text, begin + 1 + p, begin + 1 + p + len(s)) for p, s in split_top(raw[1:-1]))
-    return _Value(begin, raw, items)
 
 
 def _chained(user: tuple[float, ...], of_object: tuple[float, ...]) -> tuple[float, ...]:

@@ -12,6 +12,12 @@ _FIELD = re.compile(r"\b([A-Z]\d?)\s*=\s*([^\s,]+)\s*([A-Za-z]*)")
 _VARIABLE = re.compile(r"^\[\*(\w+)\*\](\$?\w+)[^\n]*$", re.MULTILINE)
 _ENTRY = re.compile(r"^[ \t]*\[\s*(\d+)\s*,\s*(\d+)\s*\]\s*=[ \t]*(?:'([^']*)')?", re.MULTILINE)
 _COMPONENT = re.compile(r"\b(J\d|[XYZWPRE]\d?)\s*[:=]\s*([^\s,]+)(?:\s*(mm|deg|in)\b)?")
+_SETS = re.compile(
+    r"^\s*\d+:\s*(?:PR\[(\d+)[^\],]*\]\s*=\s*[LJ]POS|PR\[(\d+)[^\],]*,\s*([1-6])\]\s*=\s*(\(?"
+    + NUMBER
+    + r"\)?)\s*;|(UTOOL|UFRAME)\[(\d+)[^\]]*\]\s*=\s*PR\[(\d+)[^\],]*\]\s*;)",
+    re.MULTILINE,
+)
 _NAMES = ("X", "Y", "Z", "W", "P", "R")
 _UNITS = {**dict.fromkeys("XYZ", ("mm",)), **dict.fromkeys("WPR", ("deg",))}
 
@@ -28,6 +34,7 @@ def find(data: bytes, name: str) -> Found:
 def _program(source: Source, found: Found) -> None:
     section = re.search(r"^\s*/POS\b", source.text, re.MULTILINE)
     begin = section.end() if section else 0
+    _assigned(source, begin if section else len(source.text), found)
     incremental = _incremental(source.text[:begin])
     positions = list(_POSITION.finditer(source.text, begin))
     for i, position in enumerate(positions):
@@ -45,6 +52,24 @@ def _program(source: Source, found: Found) -> None:
             found.poses.append(taught)
         except ValueError as error:
             found.skip(line, f"{name}: {error}")
+
+
+def _assigned(source: Source, end: int, found: Found) -> None:
+    """Take frames that the program sets: ``PR[9,1]=…`` to ``PR[9,6]=…``, then ``UTOOL[1]=PR[9]``."""
+    registers: dict[str, dict[int, float]] = {}
+    for step in _SETS.finditer(source.text, 0, end):
+        if step[1]:
+            registers[step[1]] = {}
+        elif step[2]:
+            registers.setdefault(step[2], {})[int(step[3])] = float(step[4].strip("()"))
+        else:
+            line, values = source.line(step.start(5)), registers.get(step[7], {})
+            if set(values) != set(range(1, 7)):
+                found.skip(line, f"{step[5]}[{step[6]}]: PR[{step[7]}] has no six numbers in the program")
+                continue
+            pose = tuple(values[i] for i in range(1, 7))
+            frame = Frame(int(step[6]), None, pose, "fanuc", line, source.name)
+            (found.tools if step[5].upper() == "UTOOL" else found.frames).append(frame)
 
 
 def _incremental(program: str) -> set[int]:

@@ -7,6 +7,7 @@ from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, Convention
 
 if TYPE_CHECKING:
+    from calib_core.exports.entry import Export
     from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
@@ -38,6 +39,12 @@ class Kawasaki(Brand):
         """Return whether it has sections of AS."""
         pattern = r"^\s*\.(?:TRANS|JOINTS|REALS|PROGRAM|NETCONF|ROBOTDATA\d*|SYSDATA)\b"
         return re.search(pattern, text, re.MULTILINE | re.IGNORECASE) is not None
+
+    def exports(self) -> "tuple[Export, ...]":
+        """Return the tool and frame data that it writes."""
+        from calib_core.robots.kawasaki.writer import EXPORT
+
+        return (EXPORT,)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return transformations, joints, tools and bases of a saved file."""

@@ -7,6 +7,7 @@ from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, Convention
 
 if TYPE_CHECKING:
+    from calib_core.exports.entry import Export
     from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
@@ -41,6 +42,12 @@ class Kuka(Brand):
             re.IGNORECASE | re.MULTILINE,
         )
         return found is not None
+
+    def exports(self) -> "tuple[Export, ...]":
+        """Return the tool and frame data that it writes."""
+        from calib_core.robots.kuka.writer import EXPORT
+
+        return (EXPORT,)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return positions, tools and bases of a KRL file."""

@@ -7,6 +7,7 @@ from calib_core.robots.brand import Brand
 from calib_core.robots.convention import Convention
 
 if TYPE_CHECKING:
+    from calib_core.exports.entry import Export
     from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
@@ -37,6 +38,12 @@ class Staubli(Brand):
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is VAL 3 text, a program or a project."""
         return re.search(r"staubli\.com/robotics/VAL3|ProjectNameSpace", text, re.IGNORECASE) is not None
+
+    def exports(self) -> "tuple[Export, ...]":
+        """Return the tool and frame data that it writes."""
+        from calib_core.robots.staubli.writer import EXPORT
+
+        return (EXPORT,)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return tools, frames, points and joints of VAL 3 data."""

@@ -31,13 +31,13 @@ def _tools(source: Source, found: Found) -> None:
     index, name, awaited, head = -1, "", False, 0
     for line, content in [*source.lines(), (0, "//TOOL")]:
         text = content.strip()
-        if text.startswith("//TOOL") and not text.startswith("///"):
+        if re.match(r"//[A-Z]", text):
             if awaited:
                 found.skip(head, f"tool {index}: its frame is missing: is the file cut?")
             begin = re.fullmatch(r"//TOOL\s+(\d+)", text)
             awaited = begin is not None
             index, name, head = int(begin[1]) if begin else -1, "", line
-            if not begin and line:
+            if not begin and line and text.startswith("//TOOL"):
                 found.skip(line, f"'{text[:40]}' names no tool")
         elif text.startswith("///NAME") and index >= 0:
             name = text.removeprefix("///NAME").strip()

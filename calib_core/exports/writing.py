@@ -1,0 +1,183 @@
+"""What the writers of controllers' files share: settings, numbers as text, the note on where they come from."""
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StringConstraints
+
+from calib_core.errors import ConflictError, InputError
+from calib_core.exports.answer import Answer
+from calib_core.exports.entry import Export, Patch, Settings
+from calib_core.frames import RigidTransform
+from calib_core.robots.poses import to_pose
+
+Part = Literal["tool", "table", "both"]
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w{0,31}(\[\d{1,4}\])?$")]
+
+
+class NumberedSettings(Settings):
+    """Which tool and user frame are written; of a backup, only the tool unless `part` says otherwise."""
+
+    tool: int = Field(default=1, ge=0, le=999)
+    frame: int = Field(default=1, ge=0, le=999)
+    part: Part | None = None
+
+
+class NamedSettings(Settings):
+    """What tool and user frame are called; of a backup, only the tool unless `part` says otherwise."""
+
+    tool: Name = "tScanner"
+    frame: Name = "fTable"
+    part: Part | None = None
+
+
+def wanted(answer: Answer, part: Part | None, default: Part) -> tuple[bool, bool]:
+    """Return whether tool and table are to be written.
+
+    Raises
+    ------
+    ConflictError
+        If the table is asked for and there is none.
+    """
+    chosen = part or default
+    has_table = answer.base_from_turntable is not None
+    if chosen == "table" and not has_table:
+        raise ConflictError("a solved turntable", "none", "Solve the turntable first, or export the tool.", "part")
+    return chosen != "table", chosen != "tool" and has_table
+
+
+def tool_pose(answer: Answer, convention: str) -> list[float]:
+    """Return tool0_from_laser as a controller's numbers."""
+    return _pose(answer.tool0_from_laser, convention)
+
+
+def table_pose(answer: Answer, convention: str) -> list[float]:
+    """Return base_from_turntable as a controller's numbers."""
+    if answer.base_from_turntable is None:
+        raise ConflictError("a solved turntable", "none", "Solve the turntable first.", "part")
+    return _pose(answer.base_from_turntable, convention)
+
+
+def _pose(frame: RigidTransform, convention: str) -> list[float]:
+    return to_pose(convention, RigidTransform(frame.matrix, "base", "tool0"))
+
+
+def fixed(value: float, digits: int) -> str:
+    """Return a number with fixed digits, never as minus zero."""
+    text = f"{value:.{digits}f}"
+    return text.removeprefix("-") if float(text) == 0 else text
+
+
+def listed(pose: Iterable[float], position: int, orientation: int, separator: str = ",") -> str:
+    """Return a pose's numbers with fixed digits for position and orientation."""
+    return separator.join(fixed(v, position if i < 3 else orientation) for i, v in enumerate(pose))
+
+
+def provenance(answer: Answer) -> list[str]:
+    """Return what a person at the controller should know, in ASCII: session, uncertainty, date, hash.
+
+    A stale or failed answer says so first.
+    """
+    name = ascii_of(answer.session.name) or "without a name"
+    faults = " and ".join(_FAULTS[fault] for fault in answer.faults)
+    position, rotation = answer.position_sigma_mm, answer.rotation_sigma_deg
+    return [
+        *([f"NOT TO BE USED: this answer is {faults}"] if faults else []),
+        f"scancell: scanner frame (laser) in tool0, of session {name}",
+        f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date or 'at an unknown date'}",
+        f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
+        f"inputs sha256 {answer.inputs_sha256[:16]}",
+    ]
+
+
+_FAULTS = {"stale": "stale", "fail": "failed"}
+
+
+def mark(answer: Answer, longest: int = 32) -> str:
+    """Return a short name for the entry, where a format has no comments: it tells a stale or failed answer too."""
+    prefix = "DO-NOT-USE" if answer.faults else "SCANCELL"
+    return f"{prefix} {answer.inputs_sha256[:8]}"[:longest]
+
+
+def ascii_of(text: str) -> str:
+    """Return a text as controllers' editors take it: one line of ASCII, without quotes."""
+    plain = text.encode("ascii", "replace").decode()
+    return re.sub(r"[\x00-\x1f\"'*/\\<>{};!]+", " ", plain).strip()[:60]
+
+
+def as_bytes_kept(backup: bytes) -> tuple[str, str]:
+    """Return a backup's text and the encoding that turns it back into the very same bytes."""
+    for mark_of, encoding in ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be")):
+        if backup.startswith(mark_of) and len(backup) % 2 == 0:
+            return backup.decode(encoding, errors="surrogatepass"), encoding
+    return backup.decode("latin-1"), "latin-1"
+
+
+def put_back(text: str, encoding: str) -> bytes:
+    """Return the bytes of a text that `as_bytes_kept` gave."""
+    return text.encode(encoding, errors="surrogatepass" if encoding != "latin-1" else "strict")
+
+
+def only_match(pattern: str, text: str, what: str, flags: int = re.MULTILINE | re.IGNORECASE) -> re.Match[str]:
+    """Return the one match of an entry in a backup.
+
+    Raises
+    ------
+    InputError
+        If the entry is not there, or more than once.
+    """
+    found = list(re.finditer(pattern, text, flags))
+    if len(found) != 1:
+        got = f"{len(found)} of them" if found else "none"
+        to_do = "Give the file that defines it, or name another with --tool or --frame."
+        raise InputError(f"one {what} in the backup", got, to_do, "into")
+    return found[0]
+
+
+def replaced(text: str, begin: int, end: int, new: str) -> str:
+    """Return a text with one stretch of it replaced."""
+    return text[:begin] + new + text[end:]
+
+
+Lines = Callable[[Answer, Any], Sequence[str]]
+
+
+def program_export(
+    name: str,
+    title: str,
+    suffix: str,
+    comment: str,
+    settings: type[Settings],
+    tool: Lines,
+    table: Lines,
+    around: tuple[Sequence[str], Sequence[str]] = ((), ()),
+    patch: Patch | None = None,
+) -> Export:
+    """Return the export of a brand whose programs are lines with comments.
+
+    Parameters
+    ----------
+    name, title, suffix : str
+        Of the export.
+    comment : str
+        What a comment begins with.
+    settings : type
+        With a field `part`.
+    tool, table : callable
+        (answer, settings) to the lines that set the tool, and the user frame.
+    around : pair of sequence of str
+        Lines before and after.
+    patch : callable, optional
+        As in `Export`.
+    """
+
+    def write(answer: Answer, chosen: Any) -> str:
+        with_tool, with_table = wanted(answer, chosen.part, "both")
+        lines = [*around[0], *(f"{comment}{line}" for line in provenance(answer))]
+        lines += tool(answer, chosen) if with_tool else []
+        if with_table:
+            lines += [f"{comment}the turntable at 0 deg: z is its axis", *table(answer, chosen)]
+        return "\r\n".join([*lines, *around[1]]) + "\r\n"
+
+    return Export(name, title, "text/plain", suffix, write, settings, name, patch)

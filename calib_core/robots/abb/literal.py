@@ -1,0 +1,46 @@
+"""RAPID literals: lists in brackets with the places of their items, and text without its comments."""
+
+from dataclasses import dataclass
+
+from calib_core.robots.text import closing, split_top
+
+
+@dataclass(frozen=True)
+class Value:
+    """A literal: its items for a list, its text otherwise, and where it stands."""
+
+    position: int
+    text: str
+    items: tuple["Value", ...] | None
+
+
+def blanked(text: str) -> str:
+    """Return the text with comments blanked; a ``!`` within a string begins none."""
+    lines: list[str] = []
+    for line in text.split("\n"):
+        at, quoted = -1, False
+        for i, c in enumerate(line):
+            if c == '"':
+                quoted = not quoted
+            elif c == "!" and not quoted:
+                at = i
+                break
+        lines.append(line if at < 0 else line[:at] + " " * (len(line) - at))
+    return "\n".join(lines)
+
+
+def literal(text: str, begin: int, end: int) -> Value:
+    """Return the literal between two positions; raises ValueError where brackets do not match."""
+    while begin < end and text[begin].isspace():
+        begin += 1
+    raw = text[begin:end].rstrip()
+    if not raw:
+        raise ValueError("a value is missing")
+    if raw[0] != "[":
+        if any(c in raw for c in "[]"):
+            raise ValueError(f"'{' '.join(raw.split())[:40]}' cannot be read")
+        return Value(begin, raw, None)
+    if closing(raw, 0, ";") != len(raw):
+        raise ValueError("its brackets do not match: is the file cut or damaged?")
+    items = tuple(literal(text, begin + 1 + p, begin + 1 + p + len(s)) for p, s in split_top(raw[1:-1]))
+    return Value(begin, raw, items)

@@ -1,0 +1,87 @@
+"""ABB RAPID: tooldata and wobjdata, alone or patched into a module."""
+
+import re
+
+from calib_core.errors import InputError
+from calib_core.exports.answer import Answer
+from calib_core.exports.writing import (
+    NamedSettings,
+    as_bytes_kept,
+    fixed,
+    only_match,
+    program_export,
+    provenance,
+    put_back,
+    replaced,
+    table_pose,
+    tool_pose,
+    wanted,
+)
+from calib_core.robots.abb.literal import blanked, literal
+
+
+def _frame(pose: list[float]) -> str:
+    position, rotation = (",".join(fixed(v, d) for v in part) for part, d in ((pose[:3], 9), (pose[3:], 15)))
+    return f"[[{position}],[{rotation}]]"
+
+
+_HERE = "[[0,0,0],[1,0,0,0]]"
+
+
+def _tool(answer: Answer, settings: NamedSettings) -> list[str]:
+    load = "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]"
+    return [
+        "  ! the robot holds it (robhold TRUE); enter or identify its load data before moving",
+        f"  PERS tooldata {settings.tool}:=[TRUE,{_frame(tool_pose(answer, 'abb'))},{load}];",
+    ]
+
+
+def _table(answer: Answer, settings: NamedSettings) -> list[str]:
+    frame = _frame(table_pose(answer, "abb"))
+    return [f'  PERS wobjdata {settings.frame}:=[FALSE,TRUE,"",{frame},{_HERE}];']
+
+
+def patch(backup: bytes, answer: Answer, settings: NamedSettings) -> bytes:
+    """Return a module with one frame changed; the load data and all else stay as they are."""
+    text, encoding = as_bytes_kept(backup)
+    with_tool, with_table = wanted(answer, settings.part, "tool")
+    if with_tool:
+        text = _put(text, "tooldata", settings.tool, _frame(tool_pose(answer, "abb")), answer)
+    if with_table:
+        text = _put(text, "wobjdata", settings.frame, _frame(table_pose(answer, "abb")), answer)
+    return put_back(text, encoding)
+
+
+def _put(text: str, kind: str, name: str, frame: str, answer: Answer) -> str:
+    plain = blanked(text)
+    found = only_match(rf"\b(?:PERS|VAR|CONST)\s+{kind}\s+{re.escape(name)}\s*:=", plain, f"{kind} {name}")
+    end = plain.find(";", found.end())
+    try:
+        items = list(literal(plain, found.end(), end).items or ())
+    except ValueError as error:
+        to_do = "Correct the module first."
+        raise InputError(f"a whole {kind} {name}", str(error), to_do, "into") from None
+    if len(items) not in ((3,) if kind == "tooldata" else (5,)):
+        raise InputError(f"a whole {kind} {name}", f"{len(items)} parts", "Correct the module first.", "into")
+    held = items[0].text.strip().upper() == "TRUE"
+    if held != (kind == "tooldata"):
+        got = f"robhold {items[0].text.strip()}"
+        need = "a tool that the robot holds" if kind == "tooldata" else "a work object that stands still"
+        raise InputError(need, got, "Choose another name with --tool or --frame.", name)
+    note = f" ! {'; '.join(provenance(answer))}"
+    line_end = min((i for i in (text.find("\r", end), text.find("\n", end)) if i >= 0), default=len(text))
+    text = replaced(text, end + 1, line_end, note) if not plain[end + 1 : line_end].strip() else text
+    if kind == "wobjdata":
+        if items[1].text.strip().upper() != "TRUE":
+            raise InputError(
+                "a fixed user frame (ufprog TRUE)", "a moved one", "Choose another work object.", name
+            )
+        text = replaced(text, items[4].position, items[4].position + len(items[4].text), _HERE)
+    place = items[1 if kind == "tooldata" else 3]
+    return replaced(text, place.position, place.position + len(place.text), frame)
+
+
+EXPORT = program_export(
+    "abb", "ABB RAPID: tooldata and wobjdata", ".sys", "  ! ", NamedSettings, _tool, _table,
+    (["MODULE ScancellData(SYSMODULE)"], ["ENDMODULE"]), patch,
+)  # fmt: skip

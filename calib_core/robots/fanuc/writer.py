@@ -1,0 +1,101 @@
+"""FANUC: a TP program that sets UTOOL and UFRAME from a position register; entries of a .va listing."""
+
+import re
+
+from pydantic import Field
+
+from calib_core.errors import InputError
+from calib_core.exports.answer import Answer
+from calib_core.exports.entry import Export
+from calib_core.exports.writing import (
+    NumberedSettings,
+    as_bytes_kept,
+    fixed,
+    provenance,
+    put_back,
+    replaced,
+    table_pose,
+    tool_pose,
+    wanted,
+)
+
+_NAMES = "XYZWPR"
+
+
+class FanucSettings(NumberedSettings):
+    """Which tool and user frame are written, by way of which position register, which it overwrites."""
+
+    position_register: int = Field(default=99, ge=1, le=999)
+
+
+def write(answer: Answer, settings: FanucSettings) -> str:
+    """Return a TP program as a listing; the controller's ASCII option or its PC tool loads it."""
+    with_tool, with_table = wanted(answer, settings.part, "both")
+    steps: list[str] = []
+    for line in provenance(answer):
+        steps += [f"  !{piece}" for piece in _pieces(line)]
+    if with_tool:
+        steps += _assignments(settings.position_register, tool_pose(answer, "fanuc"), f"UTOOL[{settings.tool}]")
+    if with_table:
+        steps += ["  !the turntable at 0 deg"]
+        steps += _assignments(settings.position_register, table_pose(answer, "fanuc"), f"UFRAME[{settings.frame}]")
+    numbered = [f"{i:4d}:{step} ;" for i, step in enumerate(steps, start=1)]
+    comment = "DO NOT USE" if answer.faults else "scancell"
+    head = ["/PROG  SCANCELL", "/ATTR", f'COMMENT\t\t= "{comment}";', "DEFAULT_GROUP\t= 1,*,*,*,*;", "/MN"]
+    return "\r\n".join([*head, *numbered, "/POS", "/END"]) + "\r\n"
+
+
+def _pieces(line: str, longest: int = 30) -> list[str]:
+    """Return a line in pieces that fit a remark."""
+    pieces = [""]
+    for word in line.split():
+        if pieces[-1] and len(pieces[-1]) + len(word) >= longest:
+            pieces.append("")
+        pieces[-1] = f"{pieces[-1]} {word}".strip()[:longest]
+    return pieces
+
+
+def _assignments(register: int, pose: list[float], target: str) -> list[str]:
+    steps = [f"  PR[{register}]=LPOS"]
+    for i, value in enumerate(pose, start=1):
+        text = fixed(value, 3)
+        steps.append(f"  PR[{register},{i}]={f'({text})' if text.startswith('-') else text}")
+    return [*steps, f"  {target}=PR[{register}]"]
+
+
+def patch(backup: bytes, answer: Answer, settings: FanucSettings) -> bytes:
+    """Return a .va listing with the numbers of one frame changed."""
+    text, encoding = as_bytes_kept(backup)
+    with_tool, with_table = wanted(answer, settings.part, "tool")
+    if with_tool:
+        text = _put(text, "MNUTOOL", settings.tool, tool_pose(answer, "fanuc"))
+    if with_table:
+        text = _put(text, "MNUFRAME", settings.frame, table_pose(answer, "fanuc"))
+    return put_back(text, encoding)
+
+
+def _put(text: str, variable: str, index: int, pose: list[float]) -> str:
+    what = f"${variable}[1,{index}]"
+    head = re.search(rf"^\[\*SYSTEM\*\]\${variable}\b[^\r\n]*", text, re.MULTILINE)
+    begin = re.compile(rf"^[ \t]*\[[ \t]*1[ \t]*,[ \t]*{index}[ \t]*\][ \t]*=", re.MULTILINE)
+    entry = begin.search(text, head.end()) if head else None
+    following = re.compile(r"^[ \t]*\[", re.MULTILINE)
+    limit = re.compile(r"^\[\*", re.MULTILINE).search(text, head.end()) if head else None
+    if head is None or entry is None or (limit and limit.start() < entry.start()):
+        raise InputError(f"{what} in the backup", "none", "Give sysframe.va, or name another frame.", "into")
+    after = following.search(text, entry.end())
+    end = after.start() if after else len(text)
+    for name, value in reversed(list(zip(_NAMES, pose, strict=True))):
+        number = re.compile(rf"\b{name}[ \t]*:[ \t]*([-+.\d]+)").search(text, entry.end(), end)
+        if number is None:
+            to_do = "Set the frame on the pendant once, and save the backup again."
+            raise InputError(f"numbers in {what}", "an entry that is not set", to_do, "into")
+        new = fixed(value, 3).rjust(number.end(1) - number.start(1))
+        text = replaced(text, number.start(1), number.end(1), new)
+        end += len(new) - (number.end(1) - number.start(1))
+    return text
+
+
+EXPORT = Export(
+    "fanuc", "FANUC: UTOOL and UFRAME (TP program)", "text/plain", ".ls", write, FanucSettings, "fanuc", patch
+)

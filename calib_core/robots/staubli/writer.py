@@ -1,0 +1,86 @@
+"""Stäubli VAL 3: a tool and a frame as .dtx data, alone or patched into an application's."""
+
+import re
+
+from calib_core.exports.answer import Answer
+from calib_core.exports.entry import Export
+from calib_core.exports.writing import (
+    NamedSettings,
+    as_bytes_kept,
+    fixed,
+    only_match,
+    provenance,
+    put_back,
+    replaced,
+    table_pose,
+    tool_pose,
+    wanted,
+)
+
+_NAMES = ("x", "y", "z", "rx", "ry", "rz")
+_HEAD = """<?xml version="1.0" encoding="utf-8"?>
+<Database xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns="http://www.staubli.com/robotics/VAL3/Data/2">
+  <Datas>"""
+
+
+def _attributes(pose: list[float]) -> str:
+    return " ".join(
+        f'{n}="{fixed(v, 9 if i < 3 else 11)}"' for i, (n, v) in enumerate(zip(_NAMES, pose, strict=True))
+    )
+
+
+def _data(name: str, kind: str, pose: list[float], father: str) -> str:
+    plain, _, key = name.rstrip("]").partition("[")
+    size = int(key or 0) + 1
+    return (
+        f'    <Data name="{plain}" access="public" xsi:type="array" type="{kind}" size="{size}">\n'
+        f'      <Value key="{key or 0}" {_attributes(pose)} fatherId="{father}" />\n'
+        "    </Data>"
+    )
+
+
+def write(answer: Answer, settings: NamedSettings) -> str:
+    """Return a .dtx with the tool and the frame."""
+    with_tool, with_table = wanted(answer, settings.part, "both")
+    lines = [_HEAD, *(f"    <!-- {line.replace('--', '-')} -->" for line in provenance(answer))]
+    if with_tool:
+        lines.append(_data(settings.tool, "tool", tool_pose(answer, "staubli"), "flange[0]"))
+    if with_table:
+        lines.append(_data(settings.frame, "frame", table_pose(answer, "staubli"), "world[0]"))
+    return "\n".join([*lines, "  </Datas>", "</Database>"]) + "\n"
+
+
+def patch(backup: bytes, answer: Answer, settings: NamedSettings) -> bytes:
+    """Return a .dtx with the numbers of one entry changed."""
+    text, encoding = as_bytes_kept(backup)
+    with_tool, with_table = wanted(answer, settings.part, "tool")
+    if with_tool:
+        text = _put(text, settings.tool, "tool", tool_pose(answer, "staubli"), "flange")
+    if with_table:
+        text = _put(text, settings.frame, "frame", table_pose(answer, "staubli"), "world")
+    return put_back(text, encoding)
+
+
+def _put(text: str, name: str, kind: str, pose: list[float], father: str) -> str:
+    plain, _, key = name.rstrip("]").partition("[")
+    data = only_match(rf'<Data\b(?=[^>]*\bname="{plain}")(?=[^>]*\btype="{kind}")[^>]*>(.*?)</Data>', text,
+                      f'{kind} "{plain}"', re.DOTALL)  # fmt: skip
+    pattern = rf'<Value\b(?=[^>]*\bkey="{key or 0}")(?=[^>]*fatherId="{father}(?:\[0\])?")([^>]*?)(/?>)'
+    value = only_match(pattern, data[1], f'{kind} "{plain}[{key or 0}]" in {father}', 0)
+    kept = re.sub(r'\s+(?:x|y|z|rx|ry|rz)="[^"]*"', "", value[1])
+    first = re.match(r'(\s*key="[^"]*")?', kept)
+    at = first.end() if first else 0
+    new = f"{kept[:at]} {_attributes(pose)}{kept[at:]}"
+    return replaced(text, data.start(1) + value.start(1), data.start(1) + value.end(1), new)
+
+
+EXPORT = Export(
+    "staubli",
+    "Stäubli VAL 3: tool and frame (.dtx)",
+    "application/xml",
+    ".dtx",
+    write,
+    NamedSettings,
+    "staubli",
+    patch,
+)

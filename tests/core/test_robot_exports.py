@@ -1,0 +1,157 @@
+"""Exports: what is written is read back by our own readers, and a backup is patched in one entry alone."""
+
+import gzip
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import ConflictError, InputError
+from calib_core.exports.export import export
+from calib_core.exports.registry import all_exports
+from calib_core.frames import RigidTransform
+from calib_core.records import Session, parse_session
+from calib_core.robots import BRANDS, parse_pose
+from calib_core.robots.backup import read_controller_files
+from tests.core.robot_dialects import AS, CONFIG, DTX, RAPID, SCRIPT, TOOL_CND, UFRAME_CND, VA
+
+TOOL = RigidTransform.of([0.3, -1.1, 0.7], [149.61234567891, -709.5, 487.25], "tool0", "laser")
+LOCKED = RigidTransform.of([0.0, np.pi / 2, 0.0], [-1e-7, 0.125, 300.0], "tool0", "laser")
+TABLE = RigidTransform.of([0.01, -0.02, 2.0], [1200.125, -35.5, 410.75], "base", "turntable")
+COVARIANCE = (np.diag([1e-5, 1e-5, 2e-5, 0.02, 0.02, 0.03]) ** 2).tolist()
+DIGITS = {  # of the format: position in mm, rotation in rad
+    "fanuc": (6e-4, 2e-5), "yaskawa": (6e-4, 2e-6), "kuka": (1e-9, 1e-12), "abb": (1e-9, 1e-12),
+    "ur": (1e-9, 1e-12), "kawasaki": (1e-9, 1e-12), "staubli": (1e-9, 1e-12),
+}  # fmt: skip
+BACKUPS = {
+    "kuka": (CONFIG, {"tool": 1}), "abb": (RAPID, {"tool": "tGrip"}), "fanuc": (VA, {"tool": 1}),
+    "ur": ("def p():\n  x=1\n  set_tcp(p[0,0,0.1,0,0,0]) # old\n  movej(q)\nend\n", {}),
+    "yaskawa": (TOOL_CND, {"tool": 1}),
+    "kawasaki": (AS, {"tool": "t1"}), "staubli": (DTX, {"tool": "tTool[0]"}),
+}  # fmt: skip
+SESSION: Session = parse_session(
+    {"format": "scancell-session/1", "name": "Zelle „4“", "cell": {"pose_convention": "kuka"}}
+)
+
+
+def results(tool: RigidTransform = TOOL, verdict: str = "pass") -> dict[str, Any]:
+    common = {
+        "verdict": verdict,
+        "warnings": [],
+        "software": "test",
+        "inputs_sha256": "ab" * 32,
+        "covariance": COVARIANCE,
+    }
+    tcp = common | {
+        "stage": "tcp",
+        "tool0_from_laser": tool.to_rows(),
+        "sphere_center_in_base_mm": [1500.0, 20.0, 600.0],
+    }
+    table = common | {"stage": "turntable", "base_from_turntable": TABLE.to_rows(), "direction": 1, "mounts": []}
+    return {"tcp": tcp, "turntable": table}
+
+
+def near(pose: RigidTransform, expected: RigidTransform, brand: str) -> None:
+    position, rotation = DIGITS[brand]
+    np.testing.assert_allclose(pose.translation_mm, expected.translation_mm, atol=position, rtol=0)
+    np.testing.assert_allclose(pose.rotation, expected.rotation, atol=rotation, rtol=0)
+
+
+@pytest.mark.parametrize("tool", [TOOL, LOCKED], ids=["any", "gimbal lock"])
+@pytest.mark.parametrize("brand", sorted(DIGITS))
+def test_a_brands_export_is_read_back(brand: str, tool: RigidTransform) -> None:
+    content, entry = export(SESSION, results(tool), brand, date="2026-11-21")
+    found = read_controller_files({f"x{entry.suffix}": content}, brand)
+    assert [row.reason for row in found.skipped if "calculat" not in row.reason] == []
+    assert len(found.tools) == 1
+    near(parse_pose(found.tools[0].convention, found.tools[0].pose), tool, brand)
+    if brand != "ur":
+        assert len(found.frames) == 1
+        near(parse_pose(found.frames[0].convention, found.frames[0].pose), TABLE, brand)
+    assert content.isascii()
+    if brand != "yaskawa":  # which has a name alone
+        text = " ".join(content.decode().replace("!", " ").split())
+        assert "abababababababab" in text
+        assert "2026-11-21" in text
+
+
+@pytest.mark.parametrize("brand", sorted(BACKUPS))
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_a_backup_is_patched_in_one_entry_alone(brand: str, ends: str) -> None:
+    text, chosen = BACKUPS[brand]
+    backup = text.replace("\n", ends).encode() + "äöü".encode("latin-1") * (brand not in ("staubli", "ur"))
+    content, _ = export(SESSION, results(), brand, settings=chosen, backup=backup)
+    before, after = backup.split(ends.encode()), content.split(ends.encode())
+    assert len(before) == len(after)
+    changed = [i for i, (one, other) in enumerate(zip(before, after, strict=True)) if one != other]
+    assert 1 <= len(changed) <= (2 if brand == "fanuc" else 1)  # its numbers stand in two lines
+    found = {t.number: t for t in read_controller_files({"b": content}, brand).tools if t.group == 1}
+    tool = found[chosen["tool"]] if chosen else next(iter(found.values()))
+    near(parse_pose(tool.convention, tool.pose), TOOL, brand if brand != "kawasaki" else "fanuc")
+    again, _ = export(SESSION, results(), brand, settings=chosen, backup=content)
+    assert again == content
+
+
+def test_load_data_beside_a_patched_tool_stay() -> None:
+    content, _ = export(SESSION, results(), "abb", settings={"tool": "tGrip"}, backup=RAPID.encode())
+    assert b"[0.5,[0,0,92],[1,0,0,0],1,2,3]];" in content
+    assert b"robhold TRUE" not in content
+    table, _ = export(SESSION, results(), "yaskawa", settings={"frame": 2}, backup=UFRAME_CND.encode())
+    near(parse_pose("yaskawa", read_controller_files({"b": table}).frames[0].pose), TABLE, "yaskawa")
+    installation = b'<Installation><TCPs><tcp name="a"><tcpTransform>0,0,0,0,0,0</tcpTransform></tcp>\
+<tcp name="b"><tcpTransform>0,0,0.1,0,0,0</tcpTransform></tcp></TCPs></Installation>'
+    packed, _ = export(SESSION, results(), "ur", settings={"tool": "b"}, backup=gzip.compress(installation))
+    tools = read_controller_files({"default.installation": packed}).tools
+    near(parse_pose("ur", tools[1].pose), TOOL, "ur")
+    assert tools[0].pose == (0, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("brand", "chosen", "backup", "match"),
+    [
+        ("kuka", {"tool": 9}, CONFIG, r"TOOL_DATA\[9\]"),
+        ("kuka", {"tool": 2}, CONFIG, "#BASE"),
+        ("abb", {"tool": "tStand"}, RAPID, "robhold FALSE"),
+        ("abb", {"tool": "tGrip", "frame": "wTurn", "part": "both"}, RAPID, "ufprog"),
+        ("fanuc", {"tool": 2}, VA, "not set"),
+        ("fanuc", {"tool": 7}, VA, r"MNUTOOL\[1,7\]"),
+        ("ur", {}, SCRIPT + SCRIPT, "2 of them"),
+        ("yaskawa", {"tool": 5}, TOOL_CND, "TOOL 5"),
+        ("kawasaki", {"tool": "nothing"}, AS, "transformation nothing"),
+        ("staubli", {"tool": "fTable"}, DTX, "fTable"),
+        ("json", {}, "{}", "export that can change a backup"),
+        ("kuka", {"tool": "x"}, CONFIG, "settings of 'kuka'"),
+        ("kuka", {"color": 1}, CONFIG, "settings of 'kuka'"),
+    ],
+)
+def test_what_cannot_be_patched_is_refused(brand: str, chosen: dict[str, Any], backup: str, match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        export(SESSION, results(), brand, settings=chosen, backup=backup.encode())
+
+
+@pytest.mark.parametrize("entry", list(all_exports()), ids=lambda e: e.name)
+def test_a_stale_or_failed_answer_is_refused_unless_allowed_and_then_marked(entry: Any) -> None:
+    with pytest.raises(ConflictError, match="allow stale"):
+        export(SESSION, results(), entry.name, stale=["tcp"], allow=())
+    with pytest.raises(ConflictError, match="allow fail"):
+        export(SESSION, results(verdict="fail"), entry.name, allow=["stale"])
+    if "check" in entry.name:
+        return  # refused whatever is allowed: the robot would move
+    marked, _ = export(SESSION, results(verdict="fail"), entry.name, allow=["fail"])
+    fresh, _ = export(SESSION, results(), entry.name, allow=())
+    assert (
+        b"not_to_be_used" in marked.lower().replace(b" ", b"_").replace(b"-", b"_")
+        or b"DO-NOT-USE" in marked
+        or (b"DO_NOT_USE" in marked.replace(b" ", b"_"))
+    )
+    assert marked != fresh
+
+
+def test_every_export_describes_itself() -> None:
+    names = [entry.name for entry in all_exports()]
+    assert len(names) == len(set(names))
+    assert {"json", "kuka", "abb", "fanuc", "ur", "yaskawa", "staubli", "kawasaki"} <= set(names)
+    for entry in all_exports():
+        described = entry.describe()
+        assert described["settings"]["type"] == "object"
+        assert entry.brand == "" or entry.brand in BRANDS.names()
