@@ -15,6 +15,10 @@ _CHOICE = ("chain", "tcp")
 """Stages whose tool may be the answer, the best first."""
 
 
+class NotUsableError(ConflictError):
+    """An answer that is stale or failed, and was not allowed to be used all the same."""
+
+
 @dataclass(frozen=True, eq=False)
 class Answer:
     """Tool and table, with uncertainty and origin.
@@ -68,12 +72,12 @@ class Answer:
         return float(np.rad2deg(_worst(self.tool_covariance[:3, :3])))
 
     def require_usable(self, allow: Collection[str] = ()) -> None:
-        """Raise ConflictError where the answer is stale or failed and that is not allowed."""
+        """Raise NotUsableError where the answer is stale or failed and that is not allowed."""
         for fault in self.faults:
             if fault not in allow:
                 got = "one whose inputs have changed" if fault == "stale" else "one with the verdict 'fail'"
                 to_do = f"Solve the session again, or allow it with --allow {fault}: it is marked then."
-                raise ConflictError("an answer that is fresh and not failed", got, to_do, self.stage)
+                raise NotUsableError("an answer that is fresh and not failed", got, to_do, self.stage)
 
 
 def _worst(covariance: FloatArray) -> float:
@@ -129,7 +133,7 @@ def answer_of(
         table_covariance=table_covariance,
         verdict=next((v for v in ("fail", "warn") if v in verdicts), "pass"),
         inputs_sha256=str(result.get("inputs_sha256", "")),
-        date=date,
+        date=date or str(result.get("solved_at") or ""),
         stale=any(part in stale for part in parts),
         warnings=tuple(result.get("warnings", ())),
     )

@@ -7,9 +7,22 @@ from server.console.command import Command, late, session_argument
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
+    from calib_core.archive.stored_clouds import media_types
+    from calib_core.exports.registry import all_exports
+
     session_argument(parser)
-    formats = "json: tool and table; ply, pcd, xyz, e57: the merged cloud; stl: its mesh"
+    names = ", ".join(export.name for export in all_exports())
+    formats = f"tool and table: {names}; the merged cloud or its mesh: {', '.join(media_types())}"
     parser.add_argument("--format", required=True, metavar="NAME", help=formats)
+    parser.add_argument("--tool", metavar="N", help="the tool's number or name in the controller")
+    parser.add_argument("--frame", metavar="N", help="the user frame's number or name, for the turntable")
+    parser.add_argument("--part", choices=("tool", "table", "both"), help="what is written")
+    into = "a controller's backup file: written with this one entry changed, all else byte for byte"
+    parser.add_argument("--into", type=Path, metavar="BACKUP", help=into)
+    settings = "another setting of the export; may be given several times"
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=settings)
+    allow = "export an answer that is stale, or failed, all the same: it is marked (stale, fail or stale,fail)"
+    parser.add_argument("--allow", default="", metavar="WHAT", help=allow)
     parser.add_argument(
         "--out", type=Path, default=Path("-"), metavar="FILE", help="the file to write (default standard output)"
     )

@@ -1,41 +1,90 @@
 """`scancell export` of tool and table."""
 
 import argparse
+import sys
 from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from calib_core.archive.archive import opened
-from calib_core.archive.folder import load_results, load_session
+from calib_core.archive.folder import load_results, load_session, read_bytes
 from calib_core.archive.stored_clouds import media_types
+from calib_core.errors import InputError
+from calib_core.exports.answer import NotUsableError
 from calib_core.exports.export import export as export_results
 from calib_core.exports.registry import export_named
 from calib_core.records import Record, Session
-from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.graph import stage_captures
 from calib_core.stages.pipeline import run as run_stages
-from calib_core.stages.stage import ReadFile
-from server.console.command import OK
+from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import write_out
 from server.console.progress import progress_bar
+from server.render.report.stale import stale_stages
+
+_FAULTS = ("stale", "fail")
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write tool and table, or the merged cloud, in a format; what is not stored or stale is solved first."""
+    """Write tool and table, or the merged cloud, in a format; what is not stored is solved first."""
     if options.format in media_types():
         from server.commands.export.clouds import export_cloud
 
         return export_cloud(options)
+    export_named(options.format, tuple(media_types()))
+    allow = _allowed(options.allow)
+    backup = None if options.into is None else read_bytes(options.into, "Name the controller's backup file.")
     with opened(options.session) as folder:
         session, read = load_session(folder)
-        results: dict[str, Record | Mapping[str, Any]] = {**load_results(folder)}
-        export_named(options.format, tuple(media_types()))
-        if _is_stale(session, read, results.get("tcp")):
+        stored = load_results(folder)
+        stale = stale_stages(session, read, stored)
+        results: dict[str, Record | Mapping[str, Any]] = {**stored}
+        if not {"chain", "tcp"} & stored.keys():
             with progress_bar(options) as progress:
-                results |= run_stages(session, read, "tcp", progress)
-    content, _ = export_results(session, results, options.format)
+                results |= run_stages(session, read, _answering_stage(session), progress)
+        date = _solved_at(folder, stored)
+    try:
+        content, _ = export_results(
+            session, results, options.format, stale, allow, _settings(options), backup, date
+        )
+    except NotUsableError as error:
+        print(f"scancell: error: {error}", file=sys.stderr)
+        return NOT_ACCEPTED
     write_out(options, options.out, [content])
     return OK
 
 
-def _is_stale(session: Session, read: ReadFile, stored: Any) -> bool:
-    """Return whether there is no result of the session's captures as they are now."""
-    return not isinstance(stored, dict) or stored.get("inputs_sha256") != inputs_sha256(session, "tcp", read)
+def _answering_stage(session: Session) -> str:
+    """Return the stage whose result is the answer: the whole chain where there are captures for it."""
+    known = session.cell.known
+    if known.tool0_from_laser or known.base_from_turntable:
+        return "tcp"
+    return "chain" if all(stage_captures(session, name) for name in ("tcp", "turntable")) else "tcp"
+
+
+def _allowed(text: str) -> list[str]:
+    allowed = [word.strip() for word in text.split(",") if word.strip()]
+    for word in allowed:
+        if word not in _FAULTS:
+            raise InputError("stale, fail or stale,fail", f"'{word}'", "Name what is allowed.", "--allow")
+    return allowed
+
+
+def _settings(options: argparse.Namespace) -> dict[str, str]:
+    """Return the export's settings that the options name."""
+    settings = {name: value for name in ("tool", "frame", "part") if (value := getattr(options, name)) is not None}
+    for pair in options.set:
+        name, equals, value = pair.partition("=")
+        if not equals:
+            raise InputError("NAME=VALUE", f"'{pair}'", "Write it as tool_name=tScanner.", "--set")
+        settings[name] = value
+    return settings
+
+
+def _solved_at(folder: Path, stored: Mapping[str, Any]) -> str:
+    """Return when the answer was written, as a date; now where it was solved just now."""
+    for stage in ("chain", "tcp"):
+        file = folder / "results" / f"{stage}.json"
+        if stage in stored and file.is_file():
+            return datetime.fromtimestamp(file.stat().st_mtime, UTC).date().isoformat()
+    return datetime.now(UTC).date().isoformat()
