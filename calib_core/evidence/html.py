@@ -102,13 +102,14 @@ def _frame(frame: Frame) -> str:
     )
     if not frame.numbers:
         return matrix_of
+    opened = " open" if frame.convention == "matrix" else ""
     rows = "".join(
         f'<tr><th scope="row">{escape(number.label)}</th><td class="n">{quantity_text(number.quantity)}</td></tr>'
         for number in frame.numbers
     )
     return (
         f'<p class="soft">{escape(head)}; ± at k = 2</p><table class="frame">{rows}</table>'
-        f"<details><summary>The same as a matrix</summary>{matrix_of}</details>"
+        f"<details{opened}><summary>As a matrix</summary>{matrix_of}</details>"
     )
 
 

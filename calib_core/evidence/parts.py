@@ -35,7 +35,8 @@ _NOISE_LABELS: Final = {
     "point_sigma_mm": ("Noise of one point", "mm"),
     "position_sigma_mm": ("Robot's position, each axis", "mm"),
     "orientation_sigma_deg": ("Robot's orientation, each axis", "°"),
-    "angle_sigma_deg": ("Table's angle", "°"),
+    "alike_position_sigma_mm": ("The same, shared by alike poses", "mm"),
+    "alike_orientation_sigma_deg": ("The same, shared by alike poses", "°"),
 }
 _UNITS: Final = {"_mm": "mm", "_deg": "°", "_px": "px", "_rad": "rad"}
 
@@ -51,7 +52,7 @@ def label_of(name: str) -> tuple[str, str]:
 def frame_block(
     session: Session, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None, **about: Any
 ) -> Frame:
-    """Return a frame in the session's convention, each number with its uncertainty.
+    """Return a frame in the session's convention, each number with its uncertainty; of a matrix, the translation.
 
     Parameters
     ----------
@@ -82,6 +83,11 @@ def _frame_numbers(
 ) -> Iterator[FrameNumber]:
     convention = CONVENTIONS[name]
     if convention.form == "matrix":
+        sigmas = np.zeros(6) if covariance is None else np.sqrt(np.diag(np.array(covariance, dtype=float)[:6, :6]))
+        shown = same_decimals(
+            [quantity(v, "mm", s) for v, s in zip(frame.translation_mm, sigmas[3:], strict=True)]
+        )
+        yield from (FrameNumber(label=label, quantity=one) for label, one in zip("xyz", shown, strict=True))
         return
     as_tool = RigidTransform(frame.matrix, "tool0", "laser")  # numbers of a pose, whatever its frames are called
     square = np.zeros((6, 6)) if covariance is None else np.array(covariance, dtype=float)[:6, :6]
@@ -166,6 +172,7 @@ def residual_table(
     rows: Sequence[Any], columns: Sequence[tuple[str, str, str]], title: str = "Each capture"
 ) -> list[AnyBlock]:
     """Return one row a capture with the fields named by `columns`: field, label, unit."""
+    columns = [one for one in columns if any(getattr(row, one[0], None) is not None for row in rows)]
     decimals = [_decimals(rows, field) for field, _, _ in columns]
     heads = [Column(label="Capture", align="left")]
     heads += [
@@ -240,15 +247,29 @@ def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
     ]
 
 
+def _in_degrees(parts: VarianceComponents) -> dict[str, float]:
+    """Return the standard deviations that are not zero by name, angles in degrees."""
+    found: dict[str, float] = {}
+    for name, value in parts.model_dump().items():
+        if "_sigma_" in name and isinstance(value, float) and value:
+            in_degrees = name.replace("_rad", "_deg")
+            found[in_degrees] = float(np.rad2deg(value)) if in_degrees != name else value
+    return found
+
+
 def noise_table(parts: VarianceComponents, more: Iterable[tuple[str, Quantity, str]] = ()) -> Table:
     """Return the standard deviations that the answer rests on, and where they come from."""
+    sigmas = _in_degrees(parts)
+    order = [name for name in _NOISE_LABELS if name in sigmas] + [
+        name for name in sigmas if name not in _NOISE_LABELS
+    ]
     rows: list[Row] = []
-    for name, value in parts.model_dump().items():
-        if not isinstance(value, float) or name == "orientation_sigma_rad":
-            continue
+    for name in order:
         label, unit = _NOISE_LABELS.get(name) or label_of(name)
-        estimated = any(one.partition("_")[0] == name.partition("_")[0] for one in parts.estimated)
-        rows.append(Row(cells=[label, quantity(value, unit), "estimated" if estimated else "given"]))
+        estimated = name.startswith("alike") or any(
+            one.partition("_")[0] == name.partition("_")[0] for one in parts.estimated
+        )
+        rows.append(Row(cells=[label, quantity(sigmas[name], unit), "estimated" if estimated else "given"]))
     rows += [Row(cells=[label, shown, origin]) for label, shown, origin in more]
     heads = [
         Column(label="Source", align="left"),

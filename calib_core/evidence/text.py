@@ -140,8 +140,9 @@ def figure_text(figure: Figure) -> str:
 
 def _frame(frame: Frame) -> list[str]:
     head = f"{frame.name} as {frame.units}"
+    matrix = ["  " + " ".join(f"{v:12.6f}" for v in row) for row in frame.matrix]
     if not frame.numbers:
-        return [f"  {head}", *("  " + " ".join(f"{v:12.6f}" for v in row) for row in frame.matrix)]
+        return [f"  {head}", *matrix]
     texts = [quantity_text(number.quantity) for number in frame.numbers]
     labels = max(len(number.label) for number in frame.numbers)
     before = max(text.index(" ±") if " ±" in text else len(text) for text in texts)
@@ -149,7 +150,7 @@ def _frame(frame: Frame) -> list[str]:
         f"  {number.label:{labels}}  {' ' * (before - (text.index(' ±') if ' ±' in text else len(text)))}{text}"
         for number, text in zip(frame.numbers, texts, strict=True)
     ]
-    return [f"  {head}", *rows]
+    return [f"  {head}", *(matrix if frame.convention == "matrix" else []), *rows]
 
 
 def cell_text(cell: str | float | Quantity | None, column: Column) -> str:

@@ -1,10 +1,12 @@
 """Names of captures in sentences: one cause, one sentence."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 _SHORTEST_RUN: Final = 3
 _MOST_NAMED: Final = 12
+_NUMBER: Final = re.compile(r"[-−+±]?\d+(?:[.,]\d+)*")
 
 
 def captures_text(names: Sequence[str], order: Sequence[str] = ()) -> str:
@@ -40,6 +42,30 @@ def by_cause(causes: Mapping[str, str]) -> dict[str, list[str]]:
     for capture, cause in causes.items():
         found.setdefault(cause, []).append(capture)
     return dict(sorted(found.items(), key=lambda item: -len(item[1])))
+
+
+def not_used(reasons: Mapping[str, str], order: Sequence[str] = ()) -> list[str]:
+    """Return why captures are not used, one sentence a cause: ``p03, p07 and p09 are not used: …``.
+
+    Reasons that differ in numbers alone are one cause, told with the first one's numbers.
+
+    Parameters
+    ----------
+    reasons : mapping
+        By capture, with or without a full stop.
+    order : sequence of str
+        All captures as they follow each other.
+    """
+    causes = by_cause({capture: _NUMBER.sub("#", reason) for capture, reason in reasons.items()})
+    sentences: list[str] = []
+    for captures in causes.values():
+        told = {reasons[capture].removesuffix(".") for capture in captures}
+        what = f"{captures_text(captures, order)} {'is' if len(captures) == 1 else 'are'} not used"
+        first = next(name for name in [*order, *captures] if name in captures)
+        alike = f" (in {first}; the others alike)" if len(told) > 1 else ""
+        many = f" ({len(captures)} captures)" if len(captures) > _SHORTEST_RUN else ""
+        sentences.append(f"{what}{many}: {reasons[first].removesuffix('.')}{alike}.")
+    return sentences
 
 
 def counted(count: int, noun: str) -> str:

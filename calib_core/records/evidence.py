@@ -67,7 +67,7 @@ class Frame(Block):
     """A transform into_from_outof with its covariance (6, 6; rx ry rz tx ty tz, rad and mm).
 
     `numbers` are what is typed into the controller, in the session's `convention`, whose `units` and `formula`
-    say what they mean; a convention of matrices has none.
+    say what they mean; where that is the matrix itself, they are its translation.
     """
 
     kind: Literal["frame"] = "frame"

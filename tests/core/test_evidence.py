@@ -16,7 +16,7 @@ from calib_core.evidence.numbers import number_text, quantity, quantity_text
 from calib_core.evidence.parts import BAND, residual_plot
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import blocks_text, plain, result_text
-from calib_core.evidence.words import captures_text
+from calib_core.evidence.words import captures_text, not_used
 from calib_core.records import TcpResidual
 from calib_core.records.evidence import (
     AnyBlock,
@@ -212,6 +212,17 @@ def test_captures_are_named_as_runs():
     assert captures_text(["f03", "f04"], order) == "f03 and f04"
     assert captures_text(["x"]) == "x"
     assert captures_text(order[::2], order).endswith("f23 and 3 more")
+
+
+def test_reasons_that_differ_in_numbers_alone_are_one_cause():
+    order = [f"f{k:02d}" for k in range(1, 31)]
+    reasons = {name: f"need 20 points, got {k}. Move closer." for k, name in enumerate(order[12:24])}
+    reasons |= {"f02": "the lens was covered."}
+    assert not_used(reasons, order) == [
+        "f13–f24 are not used (12 captures): need 20 points, got 0. Move closer (in f13; the others alike).",
+        "f02 is not used: the lens was covered.",
+    ]
+    assert not_used({}, order) == []
 
 
 def plot_of(rows: list[TcpResidual]) -> Plot:

@@ -17,7 +17,7 @@ from calib_core.evidence.parts import (
 from calib_core.records import ChainResult, Session, TcpResidual
 from calib_core.records.evidence import AnyBlock
 from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
-from calib_core.stages.tcp.evidence import sphere_figures, tool_frame, tool_sigmas
+from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frame, tool_sigmas
 from calib_core.stages.turntable.evidence import COLUMNS as TABLE_COLUMNS
 from calib_core.stages.turntable.evidence import (
     axis_figures,
@@ -53,6 +53,7 @@ def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:
         *two_step_blocks(result),
         *circles(result),
         table_noise(result),
+        *scanner_table(result),
         *sphere_figures(result),
         *left_out(result.residuals),
         *residual_table(still, TCP_COLUMNS, "Each capture of the still sphere"),

@@ -2,11 +2,12 @@
 
 from typing import Final
 
-from calib_core.evidence.numbers import fixed, plus_minus
+from calib_core.evidence.numbers import fixed, plus_minus, quantity
 from calib_core.evidence.parts import (
     capture_series,
     captures_used,
     frame_block,
+    label_of,
     left_out,
     noise_table,
     open_directions,
@@ -22,14 +23,22 @@ from calib_core.evidence.parts import (
 from calib_core.exports.workpiece import turned_deg
 from calib_core.frames import RigidTransform
 from calib_core.records import ChainResult, Session, TcpResult
-from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
+from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
 
-COLUMNS = (
+_SCANNER_LABELS: Final = {
+    "radius_mm": ("Sphere's radius", "mm"),
+    "scale_x": ("Scale of x", "%"),
+    "scale_z": ("Scale of z", "%"),
+    "shear": ("Shear of x by z", "%"),
+    "bow": ("Bow of z", ""),
+}
+COLUMNS: Final = (
     ("points", "Points", ""),
     ("surface_rms_mm", "Surface RMS", "mm"),
     ("leave_one_out_rms_mm", "Surface RMS, left out", "mm"),
     ("center_distance_mm", "Centre", "mm"),
     ("mahalanobis", "Distance", "σ"),
+    ("weight", "Weight", ""),
     ("zone", "r/R", ""),
 )
 
@@ -50,6 +59,7 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
         *by_turn(session, result),
         *two_step_blocks(result),
         noise_table(result.variance_components),
+        *scanner_table(result),
         *sphere_figures(result),
         *left_out(result.residuals),
         *residual_table(result.residuals, COLUMNS),
@@ -70,6 +80,24 @@ def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
     """Return the scanner's frame on the flange, to be typed into the controller."""
     frame = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
     return frame_block(session, frame, result.covariance, id="tool", title="Scanner on the flange")
+
+
+def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:
+    """Return what was found of sphere and scanner together with the tool."""
+    found = getattr(result, "scanner", None)
+    if found is None:
+        return []
+    rows: list[Row] = []
+    for name, value, sigma in zip(found.names, found.values, found.sigmas, strict=True):
+        label, unit = _SCANNER_LABELS.get(name) or label_of(name)
+        factor = 100.0 if unit == "%" else 1.0
+        rows.append(Row(cells=[label, quantity(factor * value, unit, factor * sigma)]))
+    columns = [Column(label="Error", align="left"), Column(label="Found")]
+    done = "taken out of the points" if found.applied else "in the uncertainty, not taken out of the points"
+    caption = f"Each with its prior; errors of scale, shear and bow are {done}."
+    return [
+        Table(id="scanner", title="Sphere and scanner", detail=True, caption=caption, columns=columns, rows=rows)
+    ]
 
 
 def sphere_figures(result: TcpResult | ChainResult) -> list[AnyBlock]:
