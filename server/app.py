@@ -29,6 +29,7 @@ from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
 from server.metrics import Metrics
 from server.routes import (
+    answers,
     archived_files,
     archives,
     batches,
@@ -131,6 +132,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         batches,
         folders,
         solves,
+        answers,
         history,
         clouds,
         merged,

@@ -1,5 +1,12 @@
 // Generated from the API's OpenAPI document by tests/web/api_types.py; do not edit.
 
+export interface AnsweredFrame {
+  matrix: number[][];
+  covariance: number[][];
+  numbers: number[];
+  number_sigmas: number[];
+}
+
 export interface ArchiveFacts {
   session: string;
   captures: number;
@@ -863,6 +870,30 @@ export interface Session {
   name?: string;
   cell: Cell;
   captures?: Capture[];
+}
+
+export interface SessionAnswer {
+  format?: string;
+  session: string;
+  cell: string;
+  stage: string;
+  verdict: "pass" | "warn" | "fail";
+  stale: boolean;
+  faults: string[];
+  warnings: string[];
+  undetermined: unknown[];
+  solved: string | null;
+  software: string;
+  inputs_sha256: Record<string, string>;
+  pose_convention: string;
+  names: string[];
+  units: string;
+  tool0_from_laser: AnsweredFrame;
+  base_from_turntable: AnsweredFrame | null;
+  position_sigma_mm: number;
+  rotation_sigma_deg: number;
+  budget?: unknown;
+  decision?: string | null;
 }
 
 export interface SessionChanges {

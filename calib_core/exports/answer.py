@@ -76,7 +76,8 @@ class Answer:
         for fault in self.faults:
             if fault not in allow:
                 got = "one whose inputs have changed" if fault == "stale" else "one with the verdict 'fail'"
-                to_do = f"Solve the session again, or allow it with --allow {fault}: it is marked then."
+                how = f"`--allow {fault}`, over REST `allow={fault}`"
+                to_do = f"Solve the session again, or allow it ({how}): it is marked then."
                 raise NotUsableError("an answer that is fresh and not failed", got, to_do, self.stage)
 
 

@@ -59,8 +59,19 @@ def export(
     ConflictError
         If nothing is solved yet, or the answer is stale or failed and that is not allowed.
     """
+    export_named(name, tuple(media_types()))  # that there is no such format comes first
+    return write_export(answer_of(session, results, stale, date), name, allow, settings, backup)
+
+
+def write_export(
+    answer: Answer,
+    name: str,
+    allow: Collection[str] = (),
+    settings: Mapping[str, Any] | None = None,
+    backup: bytes | None = None,
+) -> tuple[bytes, Export]:
+    """Return an answer in an export's syntax, and the export's entry; parameters and errors as of `export`."""
     entry = export_named(name, tuple(media_types()))
-    answer = answer_of(session, results, stale, date)
     answer.require_usable(allow)
     try:
         chosen = entry.settings.model_validate(dict(settings or {}))

@@ -84,6 +84,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_API}/compare/{{stage}}",
         f"GET {_API}/jobs/{{job_id}}/answer",
         f"GET {_SESSION}/exports/{{name}}",
+        f"GET {_SESSION}/answer",
         f"GET {_SESSION}/report",
         f"GET {_SESSION}/archive",
         f"GET {_API}/jobs/{{job_id}}",

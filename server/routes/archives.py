@@ -1,22 +1,27 @@
 """Archives and reports: a session out as one file, and an archive in."""
 
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Mapping
 from contextlib import suppress
 from typing import IO, Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import HTMLResponse
+from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
+from calib_core.archive.folder import to_json_bytes
 from calib_core.errors import CalibrationError, InputError
+from calib_core.exports.answer import Answer
+from calib_core.review.answer import ANSWER_FILE, answer_record
 from server.http.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredSession
 from server.http.strict_json import StrictRoute
 from server.store.archived_files import archived_files
 from server.store.models import Data
+from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
 
@@ -81,9 +86,10 @@ def get_archive(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         kept, past = archived_files(db, session_id), history_bytes(db, session_id)
+        answer = _answer(db, stored)
     file = store.blobs.scratch()
     try:
-        pack_stored(stored, kept, file, {**_pages(stored, scene), HISTORY_FILE: past})
+        pack_stored(stored, kept, file, {**_pages(stored, scene), **_answer_file(answer), HISTORY_FILE: past})
         size = file.seek(0, 2)
     except BaseException:
         file.close()
@@ -91,6 +97,7 @@ def get_archive(
     headers = {
         "Content-Length": str(size),
         "Content-Disposition": f'attachment; filename="{archive_name(stored.session)}.zip"',
+        **_marks(answer),
     }
     return Download(file, "application/zip", headers)
 
@@ -131,7 +138,24 @@ def get_report(session_id: SessionId, store: StoreDep) -> HTMLResponse:
     """Return the session's report: one page that needs nothing else and can be printed."""
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-    return HTMLResponse(_report(stored))
+        answer = _answer(db, stored)
+    return HTMLResponse(_report(stored), headers=dict(_marks(answer)))
+
+
+def _answer(db: Transaction, stored: SessionOfStore) -> Answer | None:
+    """Return a session's answer, None where it has none yet or its numbers cannot be used."""
+    try:
+        return session_answer(db, stored)
+    except CalibrationError:
+        return None
+
+
+def _answer_file(answer: Answer | None) -> dict[str, bytes]:
+    return {} if answer is None else {ANSWER_FILE: to_json_bytes(answer_record(answer).to_json())}
+
+
+def _marks(answer: Answer | None) -> Mapping[str, str]:
+    return {} if answer is None else answer_headers(answer.verdict, answer.stale)
 
 
 def _report(stored: SessionOfStore) -> str:

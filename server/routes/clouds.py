@@ -11,6 +11,7 @@ from server.http.dependencies import SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredCloudFile, StoredCloudFiles
 from server.http.strict_json import StrictRoute
+from server.store.session_answer import stage_headers
 from server.store.sessions import StoredSession, load_session
 
 router = APIRouter(tags=["clouds"], route_class=StrictRoute)
@@ -68,6 +69,7 @@ def get_cloud(
     headers = {
         "ETag": f'"{output.sha256}-{chosen}"',
         "Content-Disposition": f'attachment; filename="{PurePosixPath(file).stem}.{chosen}"',
+        **stage_headers(stored, "merge"),
     }
     content = store.blobs.open(output.sha256)
     if chosen == "ply":

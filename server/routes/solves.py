@@ -1,10 +1,10 @@
-"""Solves: started, followed, cancelled; their results; exports."""
+"""Solves: started, followed, cancelled; their results."""
 
 import json
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
@@ -117,22 +117,3 @@ def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Resp
             "a stage that was solved", f"'{stage}', which was not", f"POST …/solve/{stage} first.", "stage"
         )
     return JSONResponse(stored.results_with_stale()[stage])
-
-
-@router.get(
-    "/sessions/{session_id}/exports/{name}",
-    response_class=Response,
-    responses={200: {"description": "The file, in the format's own media type.", "content": {"*/*": {}}}},
-)
-def export_results(
-    session_id: SessionId,
-    name: Annotated[str, Path(max_length=64, description="`json`.", examples=["json"])],
-    store: StoreDep,
-) -> Response:
-    """Return the calibrated tool and table in a format's own syntax."""
-    from calib_core.exports.export import export
-
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
-    content, entry = export(stored.session, stored.results, name)
-    return Response(content, media_type=entry.media_type)

@@ -23,6 +23,7 @@ from calib_core.archive.stored_clouds import REFERENCE_FILE
 from calib_core.archive.stored_results import output_names
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import FORMAT, Capture, Measured, Session
+from calib_core.review.answer import ANSWER_FILE
 from calib_core.stages.graph import STAGES
 from server.jobs.measuring import Measure, check_poses, measure
 from server.store.archived_files import add_archived_files
@@ -37,7 +38,7 @@ from server.store.solves import store_result
 
 _MAX_NAME = 500
 _WHERE = "archive"
-_PAGES = (REPORT_FILE, SCENE_FILE)
+_MADE_ANEW = (REPORT_FILE, SCENE_FILE, ANSWER_FILE)
 
 
 @dataclass
@@ -77,7 +78,7 @@ def pack_stored(
     CalibrationError
         If a name cannot be stored everywhere, or a stored file is damaged.
     """
-    taken = {*_PAGES, *(plain_name(name) for name in stored.digests)}
+    taken = {*_MADE_ANEW, *(plain_name(name) for name in stored.digests)}
     files = {name: file for name, file in kept.items() if name not in taken} | dict(stored.outputs)
     payload: dict[str, Content] = {
         **{name: partial(stored.blobs.open, file.sha256) for name, file in files.items()},

@@ -11,6 +11,7 @@ from calib_core.archive.folder import folder_of, load_session, to_json_bytes
 from calib_core.archive.stored_results import stored_results
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
+from calib_core.review.answer import ANSWER_FILE, answer_of_folder
 from calib_core.review.replay import Replay, StageReplay
 from calib_core.review.replay import replay as replay_session
 from calib_core.stages.stage import ReadFile
@@ -32,6 +33,8 @@ def pack(options: argparse.Namespace) -> int:
         results = solved_if_possible(options, session, read)
         extra |= {f"results/{stage}.json": to_json_bytes(result) for stage, result in results.items()}
     extra |= _report(options, session, read, results)
+    answer = answer_of_folder(session, results, read)
+    extra |= {} if answer is None else {ANSWER_FILE: to_json_bytes(answer.to_json())}
     if not options.no_scene:
         extra |= _scene(options, session, read, results)
     _print_facts(options, str(options.out), archive.pack(folder, options.out, extra))

@@ -1,0 +1,135 @@
+"""A session's answer in one record: frames, covariance, verdict, date, hashes, and whether it is stale."""
+
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+from calib_core.errors import ConflictError
+from calib_core.exports.answer import Answer, answer_of
+from calib_core.exports.export import tool_number_sigmas, tool_numbers
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import Finite, Matrix4, Record, Session, Verdict
+from calib_core.records.base import Rows
+from calib_core.robots import CONVENTIONS
+from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.stage import ReadFile
+
+ANSWER_FILE: Final = "answer.json"
+"""Its name in an archive."""
+
+_FORMAT: Final = "scancell-answer/1"
+
+
+class AnsweredFrame(Record):
+    """A frame: 4×4 rows in mm, its covariance, and the same as the cell's controller writes it.
+
+    `covariance` is 6×6 of rx ry rz tx ty tz in rad and mm, the rotation perturbing on the right.
+    """
+
+    matrix: Matrix4
+    covariance: Rows
+    numbers: list[Finite]
+    number_sigmas: list[Finite]
+
+
+class SessionAnswer(Record):
+    """The answer of a session: of `chain` or, without a table, of `tcp`.
+
+    `faults` says what speaks against using it: `stale`, `fail`, both or nothing; `inputs_sha256` are the hashes of
+    what its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
+    error contributes, where the stage says it; `decision` that of the latest verification.
+    """
+
+    format: str = _FORMAT
+    session: str
+    cell: str
+    stage: str
+    verdict: Verdict
+    stale: bool
+    faults: list[str]
+    warnings: list[str]
+    undetermined: list[Any]
+    solved: str | None
+    software: str
+    inputs_sha256: dict[str, str]
+    pose_convention: str
+    names: list[str]
+    units: str
+    tool0_from_laser: AnsweredFrame
+    base_from_turntable: AnsweredFrame | None
+    position_sigma_mm: float
+    rotation_sigma_deg: float
+    budget: Any = None
+    decision: str | None = None
+
+
+def cell_id(session: Session) -> str:
+    """Return the cell's `id`, or one that is made from the session's name where it has none."""
+    given = getattr(session.cell, "id", None)
+    return given or re.sub(r"[^a-z0-9]+", "-", session.name.lower()).strip("-")[:64] or "cell"
+
+
+def answer_record(answer: Answer) -> SessionAnswer:
+    """Return what exports write as the record that programs act on."""
+    session, result = answer.session, answer.results[answer.stage]
+    convention = CONVENTIONS[session.cell.pose_convention]
+    stages = [answer.stage]
+    if answer.stage == "tcp" and answer.base_from_turntable is not None:
+        stages.append("turntable")
+    return SessionAnswer(
+        session=session.name,
+        cell=cell_id(session),
+        stage=answer.stage,
+        verdict=_verdict(answer),
+        stale=answer.stale,
+        faults=list(answer.faults),
+        warnings=list(answer.warnings),
+        undetermined=list(result.get("undetermined", [])),
+        solved=answer.date or None,
+        software=str(result.get("software", "")),
+        inputs_sha256={stage: str(answer.results[stage].get("inputs_sha256", "")) for stage in stages},
+        pose_convention=convention.name,
+        names=convention.numbers.split(),
+        units=convention.units,
+        tool0_from_laser=_frame(convention.name, answer.tool0_from_laser, answer.tool_covariance),
+        base_from_turntable=_table(convention.name, answer),
+        position_sigma_mm=answer.position_sigma_mm,
+        rotation_sigma_deg=answer.rotation_sigma_deg,
+        budget=result.get("budget"),
+        decision=answer.results.get("verify", {}).get("decision"),
+    )
+
+
+def answer_of_folder(
+    session: Session, results: Mapping[str, Mapping[str, Any]], read: ReadFile, date: str = ""
+) -> SessionAnswer | None:
+    """Return the answer of a session whose files can be read; None where neither chain nor tcp is solved."""
+    hashes = {stage: result.get("inputs_sha256") for stage, result in results.items()}
+    stale = [stage for stage, found in hashes.items() if found != inputs_sha256(session, stage, read)]
+    try:
+        return answer_record(answer_of(session, results, stale, date))
+    except ConflictError:
+        return None
+
+
+def _verdict(answer: Answer) -> Verdict:
+    match answer.verdict:
+        case "pass" | "warn" | "fail":
+            return answer.verdict
+        case _:
+            return "fail"
+
+
+def _frame(convention: str, frame: RigidTransform, covariance: FloatArray) -> AnsweredFrame:
+    return AnsweredFrame(
+        matrix=frame.to_rows(),
+        covariance=covariance.tolist(),
+        numbers=tool_numbers(convention, frame),
+        number_sigmas=tool_number_sigmas(convention, frame, covariance),
+    )
+
+
+def _table(convention: str, answer: Answer) -> AnsweredFrame | None:
+    if answer.base_from_turntable is None or answer.table_covariance is None:
+        return None
+    return _frame(convention, answer.base_from_turntable, answer.table_covariance)

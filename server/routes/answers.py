@@ -1,0 +1,77 @@
+"""The answer of a session: for programs that act on it, and in other programs' syntax."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Response
+from fastapi.responses import JSONResponse
+
+from calib_core.errors import InputError
+from calib_core.review.answer import SessionAnswer
+from server.http.dependencies import SessionId, StoreDep
+from server.http.strict_json import StrictRoute, plain_json
+from server.store.session_answer import answer_headers, session_answer
+from server.store.sessions import load_session
+
+router = APIRouter(prefix="/sessions/{session_id}", tags=["answers"], route_class=StrictRoute)
+
+_FAULTS = ("stale", "fail")
+_HEADERS = {
+    "Scancell-Stale": {"description": "`true` where inputs have changed since.", "schema": {"type": "string"}},
+    "Scancell-Verdict": {"description": "`pass`, `warn` or `fail`.", "schema": {"type": "string"}},
+}
+_BINARY = {"*/*": {"schema": {"type": "string", "format": "binary"}}}
+
+Allow = Annotated[
+    str,
+    Query(max_length=40, description="`stale`, `fail` or `stale,fail`: what is given all the same, and marked."),
+]
+
+
+@router.get("/answer", response_model=SessionAnswer)
+def get_answer(session_id: SessionId, store: StoreDep) -> Response:
+    """Return the session's answer, of `chain` or else `tcp`: frames, covariance, verdict, hashes, and `stale`.
+
+    It is given as it is; `faults` says what speaks against acting on it.
+    """
+    from calib_core.review.answer import answer_record
+
+    with store.read() as db:
+        answer = session_answer(db, load_session(db, store.blobs, session_id))
+    headers = answer_headers(answer.verdict, answer.stale)
+    return JSONResponse(plain_json(answer_record(answer).to_json()), headers=dict(headers))
+
+
+@router.get(
+    "/exports/{name}",
+    response_class=Response,
+    responses={
+        200: {"description": "The file, in the format's own media type.", "content": _BINARY, "headers": _HEADERS}
+    },
+)
+def export_results(
+    session_id: SessionId,
+    name: Annotated[str, Path(max_length=64, description="As `GET /exports` lists them.", examples=["json"])],
+    store: StoreDep,
+    allow: Allow = "",
+) -> Response:
+    """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused with 409."""
+    from calib_core.archive.stored_clouds import media_types
+    from calib_core.exports.export import write_export
+    from calib_core.exports.registry import export_named
+
+    allowed = allowed_faults(allow)
+    export_named(name, tuple(media_types()))  # that there is no such format comes first
+    with store.read() as db:
+        answer = session_answer(db, load_session(db, store.blobs, session_id))
+    content, entry = write_export(answer, name, allowed)
+    headers = dict(answer_headers(answer.verdict, answer.stale))
+    return Response(content, media_type=entry.media_type, headers=headers)
+
+
+def allowed_faults(allow: str) -> tuple[str, ...]:
+    """Return the faults that a caller puts up with; raises InputError."""
+    allowed = tuple(word.strip() for word in allow.split(",") if word.strip())
+    unknown = [word for word in allowed if word not in _FAULTS]
+    if unknown:
+        raise InputError("stale, fail or both", f"'{unknown[0]}'", "Write allow=stale,fail.", "allow")
+    return allowed

@@ -1,0 +1,49 @@
+"""A session's answer: as its latest results have it, with when they were solved, and whether it is stale."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session as Transaction
+from sqlalchemy.orm import undefer
+
+from calib_core.exports.answer import Answer, answer_of
+from calib_core.records import parse_session
+from server.store.models import ResultRow
+from server.store.sessions import StoredSession
+
+STALE_HEADER: Final = "Scancell-Stale"
+VERDICT_HEADER: Final = "Scancell-Verdict"
+
+
+def session_answer(db: Transaction, stored: StoredSession) -> Answer:
+    """Return tool and table of a session, fresh or not, in the convention that they were solved with.
+
+    Raises
+    ------
+    ConflictError
+        If neither chain nor tcp is solved.
+    """
+    stale = [stage for stage, result in stored.results_with_stale().items() if result["stale"]]
+    answer = answer_of(stored.session, stored.results, stale)
+    latest = select(func.max(ResultRow.number)).where(
+        ResultRow.session_id == stored.id, ResultRow.stage == answer.stage
+    )
+    query = select(ResultRow).where(ResultRow.number == latest.scalar_subquery())
+    row = db.scalars(query.options(undefer(ResultRow.solved_from))).one()
+    session = stored.session
+    if answer.stale and row.solved_from is not None:
+        then = parse_session(row.solved_from["session"], stored.id)
+        session = session.model_copy(update={"cell": then.cell})
+    return answer_of(session, stored.results, stale, row.created)
+
+
+def answer_headers(verdict: str, stale: bool) -> Mapping[str, str]:
+    """Return what a download says about the answer in it, beside its body."""
+    return {STALE_HEADER: str(stale).lower(), VERDICT_HEADER: verdict}
+
+
+def stage_headers(stored: StoredSession, stage: str) -> Mapping[str, str]:
+    """Return the same of a file that one stage made; nothing where it has no result."""
+    result = stored.results_with_stale().get(stage)
+    return {} if result is None else answer_headers(result["verdict"], result["stale"])

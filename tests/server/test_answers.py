@@ -1,0 +1,129 @@
+"""The answer that programs act on: never stale or failed in silence, always with the numbers that were solved."""
+
+import json
+import zipfile
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from server.cli import main
+from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
+
+
+@pytest.fixture(scope="module")
+def solved(shared_client: httpx.Client) -> str:
+    """A solved session of the simulated cell; who changes it changes it back."""
+    session = simulated_session(shared_client, captures=14)
+    job = shared_client.post(f"/sessions/{session}/solve/tcp").json()["id"]
+    assert wait_for(shared_client, job)["status"] == "done"
+    return session
+
+
+@pytest.fixture
+def stale(client: httpx.Client, solved: str) -> Iterator[str]:
+    client.patch(f"/sessions/{solved}/captures/p03", json={"excluded": True})
+    yield solved
+    client.patch(f"/sessions/{solved}/captures/p03", json={"excluded": None})
+
+
+def test_the_answer_holds_frame_covariance_verdict_date_and_hashes(client: httpx.Client, solved: str) -> None:
+    found = client.get(f"/sessions/{solved}/answer")
+    answer, result = found.json(), client.get(f"/sessions/{solved}/results/tcp").json()
+    assert (answer["stage"], answer["verdict"], answer["stale"], answer["faults"]) == ("tcp", "pass", False, [])
+    assert np.allclose(answer["tool0_from_laser"]["matrix"], result["tool0_from_laser"], atol=1e-9)
+    assert np.allclose(answer["tool0_from_laser"]["covariance"], np.array(result["covariance"])[:6, :6])
+    assert answer["inputs_sha256"] == {"tcp": result["inputs_sha256"]}
+    assert answer["solved"].startswith("20")
+    assert answer["base_from_turntable"] is None
+    assert len(answer["names"]) == len(answer["tool0_from_laser"]["numbers"])
+    assert found.headers["Scancell-Stale"] == "false"
+    assert found.headers["Scancell-Verdict"] == "pass"
+
+
+def test_without_a_solve_there_is_no_answer(client: httpx.Client) -> None:
+    session = make_session(client)
+    assert_problem(client.get(f"/sessions/{session}/answer"), 409, "Solve the session first")
+    assert_problem(client.get(f"/sessions/{session}/exports/json"), 409, "Solve the session first")
+    assert_problem(client.get(f"/sessions/{session}/exports/smoke-signals"), 422, "json")
+
+
+def test_a_stale_answer_is_refused_unless_allowed_and_then_marked(client: httpx.Client, stale: str) -> None:
+    for export in client.get("/exports").json()["items"]:
+        path = f"/sessions/{stale}/exports/{export['name']}"
+        assert_problem(client.get(path), 409, "allow=stale")
+        given = client.get(path, params={"allow": "stale,fail"})
+        if given.status_code == 409:  # it has no table
+            assert "stale" not in given.json()["got"]
+            continue
+        assert given.headers["Scancell-Stale"] == "true"
+        assert "stale" in given.text.lower(), export["name"]
+    assert client.get(f"/sessions/{stale}/answer").json()["faults"] == ["stale"]
+    assert_problem(client.get(f"/sessions/{stale}/exports/json", params={"allow": "old"}), 422, "allow")
+
+
+def test_report_and_archive_are_always_made_and_marked(client: httpx.Client, stale: str) -> None:
+    report = client.get(f"/sessions/{stale}/report")
+    assert report.headers["Scancell-Stale"] == "true"
+    archive = client.get(f"/sessions/{stale}/archive", params={"scene": False})
+    assert archive.headers["Scancell-Stale"] == "true"
+    with zipfile.ZipFile(BytesIO(archive.content)) as packed:
+        (name,) = (name for name in packed.namelist() if name.endswith("data/answer.json"))
+        answer = json.loads(packed.read(name))
+    assert answer == client.get(f"/sessions/{stale}/answer").json()
+    imported = client.post("/archives", content=archive.content, headers={"Content-Type": "application/zip"})
+    again = client.get(f"/sessions/{imported.json()['id']}/archive", params={"scene": False})
+    with zipfile.ZipFile(BytesIO(again.content)) as packed:
+        assert sum(name.endswith("answer.json") for name in packed.namelist()) == 1
+
+
+def test_a_stale_answer_keeps_the_convention_that_it_was_solved_with(client: httpx.Client, solved: str) -> None:
+    before = client.get(f"/sessions/{solved}/answer").json()
+    assert before["pose_convention"] == "abb"
+    other = {"pose_convention": "quaternion-xyzw"}  # as many numbers
+    changed = client.patch(f"/sessions/{solved}", json={"cell": other})
+    assert changed.status_code == 200, changed.text
+    after = client.get(f"/sessions/{solved}/answer").json()
+    client.patch(f"/sessions/{solved}", json={"cell": {"pose_convention": before["pose_convention"]}})
+    assert after["stale"]
+    assert after["pose_convention"] == before["pose_convention"]
+    assert after["tool0_from_laser"] == before["tool0_from_laser"]
+
+
+def test_a_failed_answer_is_refused_unless_allowed(start: Callable[..., Any], tmp_path: Path) -> None:
+    with start() as client:
+        session = simulated_session(client, captures=14)
+        wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])
+        archive = client.get(f"/sessions/{session}/archive", params={"scene": False}).content
+    (tmp_path / "cell.zip").write_bytes(archive)
+    assert main(["archive", "unpack", str(tmp_path / "cell.zip"), "--out", str(tmp_path / "cell")]) == 0
+    folder = tmp_path / "cell" / "data"
+    result = json.loads((folder / "results" / "tcp.json").read_text())
+    (folder / "results" / "tcp.json").write_text(json.dumps({**result, "verdict": "fail"}))
+    assert main(["answer", str(folder), "--json"]) == 1
+    assert main(["archive", "pack", str(folder), "--no-scene", "--out", str(tmp_path / "failed.zip")]) == 0
+    with start() as client:
+        body = (tmp_path / "failed.zip").read_bytes()
+        imported = client.post("/archives", content=body, headers={"Content-Type": "application/zip"})
+        path = f"/sessions/{imported.json()['id']}/exports/json"
+        assert_problem(client.get(path), 409, "allow=fail")
+        given = client.get(path, params={"allow": "fail"})
+        assert given.headers["Scancell-Verdict"] == "fail"
+        assert given.json()["not_to_be_used"] == ["fail"]
+
+
+def test_the_command_prints_the_same_answer_as_the_server(
+    client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    archive = client.get(f"/sessions/{solved}/archive", params={"scene": False}).content
+    (tmp_path / "cell.zip").write_bytes(archive)
+    assert main(["answer", str(tmp_path / "cell.zip"), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    served = client.get(f"/sessions/{solved}/answer").json()
+    assert {**printed, "solved": None} == {**served, "solved": None}
+    assert main(["answer", str(tmp_path / "cell.zip")]) == 0
+    assert "tool0_from_laser" in capsys.readouterr().out
