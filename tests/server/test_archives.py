@@ -82,7 +82,8 @@ def test_import_keeps_all_that_the_archive_held(client: httpx.Client, solved: st
     new = f"/sessions/{made.json()['id']}"
     held = payload_of(whole)
     listed = client.get(f"{new}/kept").json()["items"]
-    assert [item["name"] for item in listed] == ["notes/día 1.txt", "report.html", "scene.html", "truth.json"]
+    names = ["answer.json", "notes/día 1.txt", "report.html", "scene.html", "truth.json"]
+    assert [item["name"] for item in listed] == names
     for item in listed:
         answer = client.get(f"{new}/kept/{item['name']}")
         assert answer.content == held[item["name"]]
