@@ -355,6 +355,8 @@ export interface FileFormat {
   settings: Record<string, unknown>;
   endings: string[];
   kinds: string[];
+  reads: boolean;
+  writes: string[];
 }
 
 export interface FileFormats {

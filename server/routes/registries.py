@@ -30,6 +30,8 @@ class FileFormat(_Entry):
 
     endings: list[str] = Field(description="Of its files, with the dot, in lower case.")
     kinds: list[str] = Field(description="What its files can hold.")
+    reads: bool
+    writes: list[str] = Field(description="What can be written in it.")
 
 
 class PoseConventionEntry(_Entry):
@@ -95,16 +97,9 @@ class StagesOfCell(BaseModel):
 @router.get("/formats", response_model=FileFormats)
 def formats() -> FileFormats:
     """List the file formats, and what may be said about a file that does not say it itself."""
-    from server.sources.folder import KINDS
+    from calib_core.formats.points import FORMATS
 
-    return FileFormats(
-        items=[
-            FileFormat(
-                name=ending[1:], title=ending[1:].upper(), settings=_NO_SETTINGS, endings=[ending], kinds=[kind]
-            )
-            for ending, kind in KINDS.items()
-        ]
-    )
+    return FileFormats(items=[FileFormat.model_validate(entry.to_json()) for entry in FORMATS])
 
 
 @router.get("/conventions", response_model=PoseConventions)

@@ -11,7 +11,7 @@ from tests.server.test_captures import POSE, arc_csv
 @pytest.mark.parametrize(
     ("what", "there"),
     [
-        ("formats", {"csv", "ply"}),
+        ("formats", {"ply", "pcd"}),
         ("conventions", {"fanuc", "matrix", "ur"}),
         ("exports", {"json"}),
         ("sources", {"simulated", "folder"}),
