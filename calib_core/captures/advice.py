@@ -35,7 +35,7 @@ def _zone(fit: ArcFit, sphere_diameter_mm: float) -> tuple[str, str] | None:
     if zone > USEFUL_ZONE[1]:
         return (
             f"The stripe runs almost through the sphere's middle (r/R = {zone:.3f}): "
-            "the circle hardly changes there when the sphere moves across the stripe.",
+            "the circle barely changes there when the sphere moves across the stripe.",
             f"Move the stripe about {step_mm:.0f} mm off the sphere's middle, square to the stripe.",
         )
     if zone < USEFUL_ZONE[0]:

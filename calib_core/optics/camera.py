@@ -147,7 +147,7 @@ def _no_boards(corners: Corners, image_size: tuple[int, int]) -> dict[int, str]:
     if not np.isfinite(limit) or float(np.median(misfits)) > _NO_BOARD_SHARE * max(image_size):
         limit = _NO_BOARD_SHARE * max(image_size)
     return {
-        int(v): f"its points are {misfits[v]:.0f} px off a flat board in perspective: they were mistaken"
+        int(v): f"its points are {misfits[v]:.0f} px off a flat board in perspective: they were misread"
         for v in np.flatnonzero(~(misfits <= limit))
     }
 
@@ -214,8 +214,8 @@ def _worst_view(corners: Corners, fit: Adjusted, sigma_px: float) -> tuple[int, 
     others = float(np.median(typical))
     if typical[worst] > max(_WORST_VIEW_FACTOR * max(others, 0.3 * sigma_px), _HARMLESS_PX):
         return worst, (
-            f"its corners miss the camera by {typical[worst]:.2f} px, those of other views by {others:.2f} px: "
-            "board moved, bent or mistaken"
+            f"its corners lie {typical[worst]:.2f} px from their predicted places, those of other views "
+            f"{others:.2f} px: the board moved, is bent or was misread"
         )
     return None
 

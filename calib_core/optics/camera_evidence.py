@@ -143,7 +143,7 @@ def remarks_of(solution: "CameraSolution") -> list[str]:
         why = "no other is" if chosen == "plain" else "it is"
         found.append(f"The {chosen} model was chosen: {why} significantly better on held-out views ({errors}).")
     if chosen in ("plain", "tilted") and "k3" not in solution.parameters:
-        found.append("k3 was left at zero: it is below √2 of its standard deviation and would foretell worse.")
+        found.append("k3 is fixed at zero: it is below √2 of its standard deviation and would predict worse.")
     if solution.tilt_correlation is not None and solution.tilt_correlation > 0.9:
         found.append(
             f"Tilt and principal point are correlated by {solution.tilt_correlation:.3f}: "
@@ -159,9 +159,7 @@ def problems_of(solution: "CameraSolution") -> list[str]:
     found: list[str] = []
     used = sum(pose is not None for pose in solution.camera_from_board)
     if not solution.converged:
-        found.append(
-            "The adjustment did not settle: the views hardly determine this model. Take more, or a plainer one."
-        )
+        found.append("The adjustment did not converge: the views barely determine this model. Take more views.")
     if used < _ADVISED_VIEWS:
         found.append(f"Only {used} views are used: take at least {_ADVISED_VIEWS}, better 15 to 25.")
     seen = solution.coverage
@@ -182,7 +180,7 @@ def problems_of(solution: "CameraSolution") -> list[str]:
             "points. Show the board in the corners too."
         )
     if deviation > _UNSURE_FOCAL * focal:
-        found.append(f"The focal length is known to ±{100 * deviation / focal:.1f} % only: tilt the board more.")
+        found.append(f"The focal length is known only to ±{100 * deviation / focal:.1f} %: tilt the board more.")
     if solution.bend_gain is not None and solution.bend_gain > _NOTABLE_BEND_GAIN and solution.bend_mm is not None:
         found.append(
             f"The board seems to be bent by {solution.bend_mm:.2f} mm: the residuals would be "
@@ -191,7 +189,7 @@ def problems_of(solution: "CameraSolution") -> list[str]:
         )
     if solution.reprojection_rms_px > _LARGE_RMS_PX:
         found.append(
-            f"The corners miss by {solution.reprojection_rms_px:.1f} px RMS, where 0.05 to 0.5 px is usual: check "
+            f"The corners lie {solution.reprojection_rms_px:.1f} px RMS from their predicted places, where 0.05 to 0.5 px is usual: check "
             "that the board is flat and still, and its columns and rows."
         )
     return found

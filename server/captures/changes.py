@@ -26,7 +26,7 @@ from server.store.sessions import (
 from server.store.waiting import measure_anew
 
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
-_CHANGED = "It is measured anew: the cell was changed."
+_CHANGED = "It is measured again: the cell has changed."
 # What measuring a capture depends on, beside the capture.
 _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
 _FIXED = ("id", "files", "kind")

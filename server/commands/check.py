@@ -24,7 +24,7 @@ def _run(options: argparse.Namespace) -> int:
     if not errors:
         return OK
     print(
-        f"scancell: error: {options.session}: {errors} finding(s) block solving; mend what is said there.",
+        f"scancell: error: {options.session}: {errors} finding(s) block solving; fix them first.",
         file=sys.stderr,
     )
     return BAD_INPUT

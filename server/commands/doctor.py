@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     data_argument(parser)
-    parser.add_argument("--repair", action="store_true", help="mend what can be; no server may run")
+    parser.add_argument("--repair", action="store_true", help="repair what can be repaired; no server may run")
     parser.add_argument("--backup", type=Path, metavar="DIR", help="where --repair takes damaged files from")
 
 

@@ -42,7 +42,7 @@ _TO_DO = {
     405: "Use one of the methods that the Allow header names; /docs lists them all.",
     408: "Send it again; the same Idempotency-Key keeps it from counting twice.",
     413: "Send less at once: thin the points, crop the frame, or split the capture.",
-    500: "Look into the server's log and report it.",
+    500: "Check the server's log and report it.",
     503: "Try again in a moment.",
     504: "Try again with less at once.",
     507: "Free space on the server's disk, then send it again.",

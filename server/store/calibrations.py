@@ -41,7 +41,7 @@ class Calibrated:
         """Return what was measured, with a doubt where the plane of light is not up to date."""
         if not self.outdated or measured.verdict == "fail" or measured.reason:
             return measured
-        to_do = "Solve the laser plane again; this capture is then measured anew."
+        to_do = "Solve the laser plane again; this capture is then measured again."
         return measured.model_copy(update={"verdict": "warn", "reason": _OUTDATED, "to_do": to_do})
 
 

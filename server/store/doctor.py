@@ -217,9 +217,9 @@ def _blobs(connection: sa.Connection, blobs: Blobs, found: Examination, progress
 
 
 def _damaged(row: Row, wrong: str) -> Finding:
-    to_do = "Mend it from a backup (`scancell doctor --repair --backup DIR`), or upload the capture again."
+    to_do = "Restore it from a backup (`scancell doctor --repair --backup DIR`), or upload the capture again."
     if "capture_id" not in row:
-        to_do = "Solve the stage again, or mend it from a backup (`scancell doctor --repair --backup DIR`)."
+        to_do = "Solve the stage again, or restore it from a backup (`scancell doctor --repair --backup DIR`)."
     what = f"the file {row['name']} is {wrong} ({row['sha256'][:12]}…). {to_do}"
     return Finding("damage", what, row["session_id"], row.get("capture_id", ""), row["sha256"])
 

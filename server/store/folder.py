@@ -26,7 +26,7 @@ def folder_lock(folder: Path) -> Generator[None]:
         raise InputError(
             "a folder for the data that can be written to",
             (error.strerror or type(error).__name__).lower(),
-            "Choose another with --data, or mend its rights.",
+            "Choose another with --data, or correct its permissions.",
             str(folder),
         ) from None
     try:

@@ -26,6 +26,6 @@ def after_cursor(cursor: str, *kinds: type) -> list[Any]:
             raise ValueError
     except (ValueError, TypeError, RecursionError):
         raise InputError(
-            "a cursor from the `next` of a page", repr(cursor[:80]), "Leave it out to begin anew.", "cursor"
+            "a cursor from the `next` of a page", repr(cursor[:80]), "Leave it out to start over.", "cursor"
         ) from None
     return values

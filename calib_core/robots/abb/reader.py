@@ -205,7 +205,7 @@ class _Module:
             position = assigned.get(taught.name.partition("{")[0].lower())
             if position is not None:
                 line = self._source.line(position)
-                doubt = f"The program assigns it anew (line {line}): the value here may be another."
+                doubt = f"The program reassigns it (line {line}): the value here may be another."
                 self._found.poses[i] = replace(taught, doubt=doubt)
 
 

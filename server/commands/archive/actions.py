@@ -74,7 +74,7 @@ def _report(
     for stage in stale:
         remark(
             options,
-            f"warning: the result of {stage} is older than its captures: `scancell run` solves it anew.",
+            f"warning: the result of {stage} is older than its captures: `scancell run` solves it again.",
         )
     try:
         return {REPORT_FILE: report_html(session, results, stale).encode()}
