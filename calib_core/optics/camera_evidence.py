@@ -189,7 +189,7 @@ def problems_of(solution: "CameraSolution") -> list[str]:
         )
     if solution.reprojection_rms_px > _LARGE_RMS_PX:
         found.append(
-            f"The corners lie {solution.reprojection_rms_px:.1f} px RMS from their predicted places, where 0.05 to 0.5 px is usual: check "
-            "that the board is flat and still, and its columns and rows."
+            f"The corners lie {solution.reprojection_rms_px:.1f} px RMS from their predicted places, where "
+            "0.05 to 0.5 px is usual: check that the board is flat and still, and its columns and rows."
         )
     return found

@@ -70,6 +70,6 @@ def _unusable(settings: Settings, error: DBAPIError) -> InputError:
     to_do = (
         "Check that the database runs, its address and the rights there (SCANCELL_DATABASE_URL)."
         if settings.database_url
-        else "Make room there, or correct its permissions; `scancell doctor` says what is wrong with what is stored."
+        else "Make room there, or correct its permissions; `scancell doctor` says what is wrong."
     )
     return InputError("a database that can be read and written", got, to_do, str(settings.data))
