@@ -24,6 +24,12 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def _page() -> Path:
+    """Return the folder of the page: within the package where it is installed, beside it in a checkout."""
+    here = Path(__file__).resolve().parent
+    return here / "web" if (here / "web").is_dir() else here.parent / "web"
+
+
 class Settings(BaseSettings):
     """Everything that may differ from one installation to the next."""
 
@@ -40,7 +46,7 @@ class Settings(BaseSettings):
         default=None, description="s3://bucket or s3://bucket/prefix; left out: the data folder."
     )
     s3_endpoint: str | None = Field(default=None, description="Of an S3 store that is not Amazon's.")
-    web: Path = Path(__file__).resolve().parents[1] / "web"
+    web: Path = Field(default_factory=_page, description="The page's files; left out: those that came along.")
 
     watch_root: Path | None = Field(
         default=None, description="Sessions may watch folders below it for captures; left out: none."

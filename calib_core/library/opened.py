@@ -1,0 +1,152 @@
+"""A session at hand: loaded from a folder or an archive, or made of arrays."""
+
+import tempfile
+import weakref
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from calib_core.archive import archive
+from calib_core.archive.folder import load_session, save_session, write_result
+from calib_core.errors import InputError
+from calib_core.library.results import Results, as_records
+from calib_core.records import Capture, Cell, Finding, Session
+from calib_core.stages.stage import Progress, ReadFile
+
+
+class OpenSession:
+    """A session with its captures' files and its results.
+
+    Parameters
+    ----------
+    record : Session
+        As session.json holds it.
+    read : callable
+        Returns the bytes of a capture's file by its name.
+    results : mapping, optional
+        By stage.
+
+    Attributes
+    ----------
+    results : Results
+        What was stored or solved last, by stage.
+    """
+
+    def __init__(self, record: Session, read: ReadFile, results: Mapping[str, Any] | None = None) -> None:
+        self.record, self.read = record, read
+        self.results = Results(results or {})
+        self.files: dict[str, bytes] = {}
+
+    @property
+    def cell(self) -> Cell:
+        """The cell."""
+        return self.record.cell
+
+    @property
+    def captures(self) -> list[Capture]:
+        """The captures, in their order."""
+        return self.record.captures
+
+    def run(self, stage: str = "all", progress: Progress | None = None) -> Results:
+        """Solve a stage, or all that there are captures for; return the results, which `results` keeps too.
+
+        Raises
+        ------
+        CalibrationError
+            If the stage is unknown or has no captures, or what its solver says.
+        """
+        from calib_core.stages.pipeline import run
+
+        found = run(self.record, self.read, stage, progress, self._store)
+        self.results.update(found)
+        return Results(found, self.files)
+
+    def check(self) -> list[Finding]:
+        """Return what is wrong with the session, and what is still missing."""
+        from calib_core.review.check import check_session
+
+        return check_session(self.record, self.read)
+
+    def export(self, name: str) -> bytes:
+        """Return the answer in the format of a controller or a program; raises InputError for an unknown name."""
+        from calib_core.exports.export import export
+
+        return export(self.record, self.results, name)[0]
+
+    def save(self, folder: str | Path) -> Path:
+        """Write a new session folder with all files and results; raises ConflictError where another stands."""
+        folder = Path(folder)
+        files = {name: self.read(name) for name in self._names()}
+        save_session(folder, self.record, {**files, **self.files})
+        for stage, result in self.results.items():
+            write_result(folder, stage, result)
+        return folder
+
+    def pack(self, file: str | Path) -> Path:
+        """Write the session's archive; an older file of the name is replaced once the new one is whole."""
+        with tempfile.TemporaryDirectory(prefix="scancell-") as name:
+            archive.pack(self.save(Path(name) / "session"), Path(file))
+        return Path(file)
+
+    def _names(self) -> Iterator[str]:
+        for capture in self.captures:
+            yield from capture.files
+
+    def _store(self, name: str, pieces: Any) -> None:
+        self.files[name] = b"".join(pieces)
+
+    def __repr__(self) -> str:
+        name = self.record.name or "session"
+        done = ", ".join(f"{stage} {result.verdict}" for stage, result in self.results.items())
+        return f"<{name}: {len(self.captures)} captures; {done or 'nothing solved'}>"
+
+
+def load(path: str | Path) -> OpenSession:
+    """Return the session in a folder or in an archive, with its stored results.
+
+    Parameters
+    ----------
+    path : str or Path
+        A session folder, its session.json, or an archive, which is verified and unpacked for as long as the
+        session is used.
+
+    Raises
+    ------
+    CalibrationError
+        If it is none of these, or the archive is damaged.
+    """
+    place = Path(path)
+    if not archive.is_archive(place):
+        return _loaded(place)
+    temporary = tempfile.TemporaryDirectory(prefix="scancell-")
+    archive.unpack(place, Path(temporary.name) / "session")
+    session = _loaded(Path(temporary.name) / "session" / "data")
+    weakref.finalize(session, temporary.cleanup)
+    return session
+
+
+def simulate(scenario: str, seed: int = 1) -> tuple[OpenSession, dict[str, Any]]:
+    """Return the session of a simulated cell, and its truth; raises InputError for an unknown scenario."""
+    from calib_core.simulation import simulate as simulate_cell
+
+    made = simulate_cell(scenario, seed)
+    return in_memory(made.session, made.files), made.truth
+
+
+def in_memory(record: Session, files: Mapping[str, bytes]) -> OpenSession:
+    """Return a session whose captures' files are given by name."""
+
+    def read(name: str) -> bytes:
+        if name not in files:
+            raise InputError("a file of the session", f"none named '{name}'", "Give it.", name)
+        return files[name]
+
+    return OpenSession(record, read)
+
+
+def _loaded(place: Path) -> OpenSession:
+    from calib_core.archive.folder import folder_of
+    from calib_core.archive.stored_results import stored_results
+
+    record, read = load_session(place)
+    return OpenSession(record, read, as_records(stored_results(folder_of(place))))

@@ -1,0 +1,123 @@
+"""The wheel, installed alone into an empty environment and used there, as pipx, uv and an image would."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import httpx
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(out)]
+    subprocess.run(build, cwd=ROOT, capture_output=True, check=True)
+    (file,) = out.glob("*.whl")
+    return file
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the environment's programs; what scancell depends on is seen in this one's."""
+    place = tmp_path_factory.mktemp("environment")
+    venv.create(place, with_pip=False)
+    programs = place / ("Scripts" if os.name == "nt" else "bin")
+    python = str(programs / "python")
+    packages = Path(sysconfig.get_path("purelib", vars={"base": str(place), "platbase": str(place)}))
+    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    pip = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        python,
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+        "--no-compile",
+    ]
+    subprocess.run([*pip, str(wheel)], check=True)
+    for file in (ROOT / "calib_core" / "kernels" / "__pycache__").glob(
+        "*.nb[ic]"
+    ):  # compiled from the same sources
+        shutil.copy(file, packages / "calib_core" / "kernels" / "__pycache__" / file.name)
+    return programs
+
+
+def outside() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+
+def ran(program: Path, *arguments: str, cwd: Path) -> str:
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(
+        [program, *arguments], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_it_holds_every_file_and_no_names_of_nobody(wheel: Path) -> None:
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    listed = subprocess.run(
+        ["git", "ls-files", "calib_core", "server", "web"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    files = [name for name in listed.stdout.split() if (ROOT / name).is_file()]
+    assert {re.sub("^web/", "server/web/", name) for name in files} <= names
+    assert {name.partition("/")[0] for name in names} == {"calib_core", "server"}
+    assert "calib_core/py.typed" in names
+
+
+def test_the_library_is_imported(installed: Path, tmp_path: Path) -> None:
+    code = "import calib_core as cc; print(cc.__file__); print(cc.calibrate_tcp.__module__)"
+    file, module = ran(installed / "python", "-c", code, cwd=tmp_path).split()
+    assert Path(file).is_relative_to(installed.parent)
+    assert module == "calib_core.library.calibrate"
+
+
+def test_a_session_is_simulated_solved_and_reported(installed: Path, tmp_path: Path) -> None:
+    scancell = installed / "scancell"
+    assert "scancell 0." in ran(scancell, "--version", cwd=tmp_path)
+    ran(scancell, "simulate", "tcp", "--seed", "3", "--out", "cell", cwd=tmp_path)
+    solved = json.loads(ran(scancell, "run", "cell", "--json", cwd=tmp_path))
+    assert solved["results"]["tcp"]["verdict"] == "pass"
+    ran(scancell, "report", "cell", "--out", "report.html", cwd=tmp_path)
+    assert "<html" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_benchmarks_say_that_they_need_a_checkout(installed: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [installed / "scancell", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "in a checkout of the project" in done.stderr
+
+
+def test_the_workbench_is_served_with_its_page(installed: Path, tmp_path: Path) -> None:
+    command = [installed / "scancell", "serve", "--port", "0", "--data", "data", "--json"]
+    server = subprocess.Popen(
+        command, cwd=tmp_path, env=outside() | {"SCANCELL_WARM_UP": "false"}, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert server.stdout is not None
+        address = json.loads(server.stdout.readline())["address"]
+        page = httpx.get(address)
+        assert page.status_code == 200
+        scripts = re.findall(r'(?:src|href)="(/[^"]+\.(?:js|css))"', page.text)
+        assert scripts
+        assert all(httpx.get(f"{address}{script}").status_code == 200 for script in scripts)
+        assert httpx.get(f"{address}/api/v1/sessions").json()["items"] == []
+    finally:
+        server.terminate()
+        assert server.wait(30) == 0
