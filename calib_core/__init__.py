@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         make_session,
         merge_scans,
         read_scan,
+        scan_points,
         verify,
     )
     from calib_core.library.opened import OpenSession, load, simulate
@@ -63,6 +64,7 @@ __all__ = [
     "parse_pose",
     "read_scan",
     "replay",
+    "scan_points",
     "simulate",
     "to_pose",
     "unpack",

@@ -268,6 +268,20 @@ def read_scan(path: PathLike[str] | str) -> Any:
     return read_file(read_bytes(Path(path), "Name the scanner's file."), str(path))
 
 
+def scan_points(session: OpenSession, capture: Capture) -> FloatArray:
+    """Return the points of a capture of kind `profile` or `cloud`, N×2 or N×3 in mm, blanks left out.
+
+    Raises
+    ------
+    CalibrationError
+        If its file is damaged or has no points.
+    """
+    from calib_core.formats.points import known_points, read_file
+
+    (name,) = capture.files
+    return known_points(read_file(session.read(name), name), name)
+
+
 def make_session(cell: CellLike, steps: Mapping[Step, Captures], name: str = "") -> OpenSession:
     """Return a session in memory.
 

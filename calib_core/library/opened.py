@@ -149,4 +149,4 @@ def _loaded(place: Path) -> OpenSession:
     from calib_core.archive.stored_results import stored_results
 
     record, read = load_session(place)
-    return OpenSession(record, read, as_records(stored_results(folder_of(place))))
+    return OpenSession(record, read, as_records(record, stored_results(folder_of(place))))

@@ -6,7 +6,7 @@ from typing import Any
 
 from calib_core.archive.stored_results import RESULT_RECORDS
 from calib_core.frames import FloatArray
-from calib_core.records import Result
+from calib_core.records import Result, Session
 
 
 class Results(dict[str, Any]):
@@ -33,10 +33,13 @@ class Results(dict[str, Any]):
         return np.concatenate(list(stored.tables()))[:, :3].astype(float)
 
 
-def as_records(stored: Mapping[str, Mapping[str, Any]]) -> dict[str, Result]:
-    """Return results given as JSON data as records; raises ValidationError where one is none."""
-    return {
-        stage: RESULT_RECORDS[stage].model_validate(data)
-        for stage, data in stored.items()
-        if stage in RESULT_RECORDS
-    }
+def as_records(session: Session, stored: Mapping[str, Mapping[str, Any]]) -> dict[str, Result]:
+    """Return results given as JSON data as records; evidence that an older version did not write is made."""
+    from calib_core.stages.evidence import stored_evidence
+
+    found: dict[str, Result] = {}
+    for stage, data in stored.items():
+        if stage in RESULT_RECORDS:
+            record = RESULT_RECORDS[stage].model_validate(data)
+            found[stage] = record.model_copy(update={"evidence": stored_evidence(session, data)})
+    return found

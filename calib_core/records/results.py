@@ -1,11 +1,14 @@
 """What every result has, and the result of the TCP."""
 
-from typing import Literal
+from importlib import import_module
+from typing import Final, Literal
 
 from pydantic import Field
 
 from calib_core.records.base import Matrix4, Record, Rows, Vector3, Verdict
 from calib_core.records.evidence import AnyBlock
+
+_SHOWN: Final = "calib_core.stages.evidence"  # by name: the records know nothing of what shows them
 
 
 class CaptureResidual(Record):
@@ -49,6 +52,16 @@ class Result(Record):
     warnings: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
     evidence: list[AnyBlock] = Field(default_factory=list[AnyBlock])
+
+    def __str__(self) -> str:
+        return import_module(_SHOWN).text_of(self)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.verdict}; print it, or show it in a notebook>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        return import_module(_SHOWN).html_of(self)
 
 
 class VarianceComponents(Record):

@@ -33,6 +33,29 @@ def title_of(stage: str) -> str:
     return module.TITLE if module else stage
 
 
+def text_of(result: Result) -> str:
+    """Return a result as text, as `print` and the terminal show it."""
+    from calib_core.evidence.text import result_text
+
+    data = _told(result)
+    return result_text(title_of(data["stage"]), data, result.evidence)
+
+
+def html_of(result: Result) -> str:
+    """Return a result as HTML, as a notebook shows it."""
+    from calib_core.evidence.html import result_html
+    from calib_core.evidence.style import STYLE
+
+    data = _told(result)
+    body = f"<h2>{title_of(data['stage'])}</h2>{result_html(data, result.evidence)}"
+    return f'<div class="scancell"><style>{STYLE}</style>{body}</div>'
+
+
+def _told(result: Result) -> dict[str, Any]:
+    shown = result.model_dump(include={"verdict", "warnings", "notes"})
+    return {"stage": getattr(result, "stage", ""), **shown}
+
+
 def _module(stage: str) -> Any:
     """Return the module in which a stage tells its result, None where it has none."""
     package = f"calib_core.stages.{stage.replace('-', '_')}"

@@ -40,7 +40,7 @@ def _run(options: argparse.Namespace) -> int:
         session, read = load_session(folder)
         with progress_bar(options) as progress:
             results = run(session, read, options.stage, progress, store)
-    text = "\n\n".join(_text(result) for result in results.values())
+    text = "\n\n".join(str(result) for result in results.values())
     data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
     print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is not None:
@@ -48,15 +48,6 @@ def _run(options: argparse.Namespace) -> int:
     else:
         remark(options, f"{path} stays as it is: --out DIR writes the results to a folder.")
     return NOT_ACCEPTED if any(result.verdict == "fail" for result in results.values()) else OK
-
-
-def _text(result: "Result") -> str:
-    from calib_core.evidence.text import result_text
-    from calib_core.stages.evidence import title_of
-
-    stage: str = getattr(result, "stage", "")
-    data = {"stage": stage, **result.model_dump(include={"verdict", "warnings", "notes"})}
-    return result_text(title_of(stage), data, result.evidence)
 
 
 def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path) -> None:

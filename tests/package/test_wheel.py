@@ -48,10 +48,10 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         "--no-compile",
     ]
     subprocess.run([*pip, str(wheel)], check=True)
-    for file in (ROOT / "calib_core" / "kernels" / "__pycache__").glob(
-        "*.nb[ic]"
-    ):  # compiled from the same sources
-        shutil.copy(file, packages / "calib_core" / "kernels" / "__pycache__" / file.name)
+    compiled = packages / "calib_core" / "kernels" / "__pycache__"
+    compiled.mkdir()
+    for file in (ROOT / "calib_core" / "kernels" / "__pycache__").glob("*.nb[ic]"):  # of the same sources
+        shutil.copy(file, compiled / file.name)
     return programs
 
 
@@ -60,10 +60,8 @@ def outside() -> dict[str, str]:
 
 
 def ran(program: Path, *arguments: str, cwd: Path) -> str:
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run(
-        [program, *arguments], cwd=cwd, env=environment, capture_output=True, text=True, check=False
-    )
+    command = [program, *arguments]
+    done = subprocess.run(command, cwd=cwd, env=outside(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -97,27 +95,24 @@ def test_a_session_is_simulated_solved_and_reported(installed: Path, tmp_path: P
 
 
 def test_the_benchmarks_say_that_they_need_a_checkout(installed: Path, tmp_path: Path) -> None:
-    done = subprocess.run(
-        [installed / "scancell", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    command = [installed / "scancell", "bench"]
+    done = subprocess.run(command, cwd=tmp_path, env=outside(), capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "in a checkout of the project" in done.stderr
 
 
 def test_the_workbench_is_served_with_its_page(installed: Path, tmp_path: Path) -> None:
     command = [installed / "scancell", "serve", "--port", "0", "--data", "data", "--json"]
-    server = subprocess.Popen(
-        command, cwd=tmp_path, env=outside() | {"SCANCELL_WARM_UP": "false"}, stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert server.stdout is not None
-        address = json.loads(server.stdout.readline())["address"]
-        page = httpx.get(address)
-        assert page.status_code == 200
-        scripts = re.findall(r'(?:src|href)="(/[^"]+\.(?:js|css))"', page.text)
-        assert scripts
-        assert all(httpx.get(f"{address}{script}").status_code == 200 for script in scripts)
-        assert httpx.get(f"{address}/api/v1/sessions").json()["items"] == []
-    finally:
-        server.terminate()
-        assert server.wait(30) == 0
+    settings = outside() | {"SCANCELL_WARM_UP": "false"}
+    with subprocess.Popen(command, cwd=tmp_path, env=settings, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = json.loads(server.stdout.readline())["address"]
+            page = httpx.get(address)
+            assert page.status_code == 200
+            (script,) = re.findall(r'src="(/[^"]+\.js)"', page.text)
+            assert httpx.get(f"{address}{script}").status_code == 200
+            assert httpx.get(f"{address}/api/v1/sessions").json()["items"] == []
+        finally:
+            server.terminate()
+        assert server.wait(60) == 0
