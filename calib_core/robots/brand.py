@@ -21,7 +21,9 @@ class Brand:
     title : str
         As a person reads it.
     conventions : tuple of Convention
-        How its controllers write a pose; the first is that of its files.
+        How its controllers write a pose; none where it is another brand's.
+    writes_like : str
+        The convention of its files: its own, or the other brand's that has the same formula.
     endings : tuple of str
         File endings that it may be asked about, with the dot, in lower case.
     rank : int
@@ -35,6 +37,7 @@ class Brand:
     name: str
     title: str
     conventions: tuple[Convention, ...]
+    writes_like: str = ""
     endings: tuple[str, ...] = ()
     rank: int = 1000
     flange: frozenset[str] = frozenset({"0"})
@@ -87,7 +90,7 @@ class Brand:
         return {
             "name": self.name,
             "title": self.title,
-            "conventions": [convention.name for convention in self.conventions],
+            "conventions": [convention.name for convention in self.conventions] or [self.writes_like],
             "endings": list(self.endings),
             "reads": self.reads,
             "exports": [export.name for export in self.exports()],

@@ -22,6 +22,7 @@ COVARIANCE = (np.diag([1e-5, 1e-5, 2e-5, 0.02, 0.02, 0.03]) ** 2).tolist()
 DIGITS = {  # of the format: position in mm, rotation in rad
     "fanuc": (6e-4, 2e-5), "yaskawa": (6e-4, 2e-6), "kuka": (1e-9, 1e-12), "abb": (1e-9, 1e-12),
     "ur": (1e-9, 1e-12), "kawasaki": (1e-9, 1e-12), "staubli": (1e-9, 1e-12),
+    "mitsubishi": (1e-6, 1e-9), "denso": (1e-6, 1e-9), "epson": (1e-6, 1e-9), "comau": (1e-6, 1e-9),
 }  # fmt: skip
 BACKUPS = {
     "kuka": (CONFIG, {"tool": 1}), "abb": (RAPID, {"tool": "tGrip"}), "fanuc": (VA, {"tool": 1}),
@@ -65,7 +66,7 @@ def test_a_brands_export_is_read_back(brand: str, tool: RigidTransform) -> None:
     assert [row.reason for row in found.skipped if "calculat" not in row.reason] == []
     assert len(found.tools) == 1
     near(parse_pose(found.tools[0].convention, found.tools[0].pose), tool, brand)
-    if brand != "ur":
+    if brand not in ("ur", "mitsubishi"):
         assert len(found.frames) == 1
         near(parse_pose(found.frames[0].convention, found.frames[0].pose), TABLE, brand)
     assert content.isascii()
@@ -155,3 +156,61 @@ def test_every_export_describes_itself() -> None:
         described = entry.describe()
         assert described["settings"]["type"] == "object"
         assert entry.brand == "" or entry.brand in BRANDS.names()
+
+
+def test_public_parsers_read_the_exports_of_no_brand(tmp_path: Any) -> None:
+    import cv2
+    import yaml
+    from scipy.spatial.transform import Rotation
+
+    expected = {"laser": TOOL, "turntable": TABLE}
+
+    def near_ros(child: str, position_m: list[float], quaternion: list[float]) -> None:
+        np.testing.assert_allclose(np.array(position_m) * 1000, expected[child].translation_mm, atol=1e-9)
+        rotation = Rotation.from_quat(quaternion).as_matrix()
+        np.testing.assert_allclose(rotation, expected[child].rotation, atol=1e-12)
+
+    for row in yaml.safe_load(export(SESSION, results(), "ros2-yaml")[0])["transforms"]:
+        t, q = row["transform"]["translation"], row["transform"]["rotation"]
+        near_ros(row["child_frame_id"], [t[a] for a in "xyz"], [q[a] for a in "xyzw"])
+    for document in yaml.safe_load_all(export(SESSION, results(), "moveit")[0]):
+        t = document["transform"]
+        near_ros(
+            document["parameters"]["tracking_base_frame"], [t[a] for a in "xyz"], [t["q" + a] for a in "xyzw"]
+        )
+    launch = export(SESSION, results(), "ros2-launch")[0].decode()
+    compile(launch, "x.launch.py", "exec")
+    for part in launch.split("arguments=")[1:]:
+        words = part[part.index("[") + 1 : part.index("]")].replace("'", "").replace('"', "").split(",")
+        a = dict(zip((w.strip() for w in words[::2]), (w.strip() for w in words[1::2]), strict=False))
+        values = [float(a[f"--{n}"]) for n in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+        near_ros(a["--child-frame-id"], values[:3], values[3:])
+    file = tmp_path / "x.yaml"
+    file.write_bytes(export(SESSION, results(), "opencv")[0])
+    storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ)
+    np.testing.assert_allclose(storage.getNode("tool0_from_laser").mat(), TOOL.matrix, atol=1e-12)
+    np.testing.assert_allclose(storage.getNode("base_from_turntable").mat(), TABLE.matrix, atol=1e-12)
+    storage.release()
+    lines = [line for line in export(SESSION, results(), "csv")[0].decode().splitlines() if line[0] != "#"]
+    table = np.genfromtxt(lines, delimiter=",", names=True)
+    np.testing.assert_allclose([table["x_mm"][0], table["qw"][1]], [TOOL.translation_mm[0], _w(TABLE)], atol=1e-12)
+
+
+def _w(frame: RigidTransform) -> float:
+    from scipy.spatial.transform import Rotation
+
+    return float(abs(Rotation.from_matrix(frame.rotation).as_quat()[3]))
+
+
+def test_urdf_joints_are_the_frames() -> None:
+    from xml.etree import ElementTree
+
+    from scipy.spatial.transform import Rotation
+
+    root = ElementTree.fromstring(export(SESSION, results(), "urdf", settings={"scanner": 'l"&<a'})[0])
+    joints = {joint.find("child").attrib["link"]: joint.find("origin").attrib for joint in root.iter("joint")}  # type: ignore[union-attr]
+    for child, expected in (('l"&<a', TOOL), ("turntable", TABLE)):
+        place = np.array(joints[child]["xyz"].split(), dtype=float) * 1000
+        angles = np.array(joints[child]["rpy"].split(), dtype=float)
+        np.testing.assert_allclose(place, expected.translation_mm, atol=1e-9)
+        np.testing.assert_allclose(Rotation.from_euler("xyz", angles).as_matrix(), expected.rotation, atol=1e-12)

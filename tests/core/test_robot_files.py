@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import InputError
-from calib_core.robots import BRANDS, parse_pose
+from calib_core.robots import BRANDS, CONVENTIONS, parse_pose
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.controller_file import ControllerFile
 from server.cli import main
@@ -239,5 +239,42 @@ def test_the_command_prints_the_contracts_json(tmp_path: Any, capsys: Any) -> No
 def test_every_brand_with_a_reader_says_what_it_reads() -> None:
     for brand in BRANDS:
         described = brand.describe()
-        assert described["conventions"]
+        assert set(described["conventions"]) <= set(CONVENTIONS)
         assert bool(described["endings"]) == described["reads"]
+
+
+LINES = {
+    "mitsubishi": ("a.prg", "1 Tool (+0.00,+0.00,+100.00,+0.00,+0.00,+0.00)\n2 Mov P1\n"
+                   "P1=(+10.00,+20.00,+300.00,+0.00,+0.00,+90.00,+5.00,+0.00)(7,0)\nJ1=(0,0,0,0,0,0)\nP2=P1*P3\n"),
+    "denso": ("a.pcs", "Tool 1, P(0, 0, 100, 0, 0, 0)\nWork 2, P(1, 0, 0, 0, 0, 0)\nChangeTool 1\nChangeWork 0\n"
+              "P[1] = P(10, 20, 300, 0, 0, 90, 5)\nJ[1] = J(0,0,0,0,0,0)\nP[2] = P[1] + DEV\n"),
+    "epson": ("a.prg", "TLSet 1, XY(0, 0, 100, 0, 0, 0)\nTool 1\nP1 = XY(10, 20, 300, 90, 0, 0) /0\n"
+              "P2 = P1 +X(10)\nP3 = XY(1, 2, 3, 0, 0, 0) /7\n"),
+    "comau": ("a.pdl", "PROGRAM a\nBEGIN\n  $TOOL := POS(0, 0, 100, 0, 0, 0, '')\n"
+              "  $UFRAME := POS(0,0,0,0,0,0,'')\n"
+              "  p1 := POS(10, 20, 300, 0, 0, 90, '') -- taught\n  MOVE LINEAR TO POS(1,2\nEND a\n"),
+    "nachi": ("a.txt", "MOVEX A=1,AC=0,SM=0,M1X,L,(10,20,300,90,0,0),S=100,H=1,MS\n"
+              "MOVEX A=1,AC=0,SM=0,M1J,P,(0,0,0,0,0,0),R=5,H=1,MS\nMOVEX A=1,M1X,L,(1,2\n"),
+    "doosan": ("a.drl", "p1 = posx(10, 20, 300, 0, 0, 90)\nj = posj(0,0,0,0,0,0)\n"
+               "movel(posx(x, y, 0, 0, 0, 0))\n"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("brand", LINES)
+def test_brands_of_programs_that_say_one_thing_a_line(brand: str) -> None:
+    name, text = LINES[brand]
+    found = read_controller_files({name: text.encode()}, None if brand != "nachi" else brand)
+    assert found.brand == brand
+    first = next((p for p in found.poses if p.pose is not None), None)
+    if brand == "nachi":  # its tools stand in the controller alone
+        assert first is None
+        assert "tool 1" in reasons(found, 1)
+        first = read_controller_files({name: text.encode()}, brand, True).poses[0]
+    assert first is not None
+    z = {"nachi": 300, "doosan": 300}.get(brand, 200)
+    np.testing.assert_allclose(parse_pose(first.convention, first.pose).translation_mm, [10, 20, z], atol=1e-9)
+    turned = parse_pose(first.convention, first.pose).rotation
+    np.testing.assert_allclose(turned, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-9)
+    assert any("cannot be read" in row.reason for row in found.skipped)
+    if brand == "epson":
+        assert "frame 7" in reasons(found, 5)

@@ -1,0 +1,21 @@
+"""Denso: what each line of a program says."""
+
+from calib_core.robots.controller_file import Found
+from calib_core.robots.statements import Rule, find_by_rules
+
+_VALUES = r"(?P<values>[-+.\d eE,]+)"
+_RULES = (
+    Rule("tool", rf"""^\s*Tool\s+(?P<number>\d+)\s*,\s*P?\s*\({_VALUES}\)"""),
+    Rule("frame", rf"""^\s*Work\s+(?P<number>\d+)\s*,\s*P?\s*\({_VALUES}\)"""),
+    Rule("use-tool", r"""^\s*ChangeTool\s+(?P<tool>\d+)\s*$"""),
+    Rule("use-frame", r"""^\s*ChangeWork\s+(?P<frame>\d+)\s*$"""),
+    Rule("joints", rf"""^\s*(?P<name>J\[\s*\d+\s*\])\s*=\s*J?\s*\({_VALUES}\)\s*$"""),
+    Rule("pose", rf"""^\s*(?P<name>P\[\s*\d+\s*\])\s*=\s*P?\s*\({_VALUES}\)\s*$"""),
+    Rule("pose", rf"""^\s*(?:Move|Approach)\b.*?(?<![\w\]])P\s*\({_VALUES}\)"""),
+)
+_HEADS = r"""^\s*(?:Tool\s+\d|Work\s+\d|ChangeTool|ChangeWork|[PJ]\[\s*\d+\s*\]\s*=)"""
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a program."""
+    return find_by_rules(data, name, "yaskawa", _RULES, "'", _HEADS)

@@ -1,0 +1,16 @@
+"""Doosan: what each line of a program says."""
+
+from calib_core.robots.controller_file import Found
+from calib_core.robots.statements import Rule, find_by_rules
+
+_VALUES = r"(?P<values>[-+.\d eE,]+)"
+_RULES = (
+    Rule("pose", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposx\s*\(\s*{_VALUES}\)"""),
+    Rule("joints", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposj\s*\(\s*{_VALUES}\)"""),
+)
+_HEADS = r"""\bpos[xj]\s*\("""
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a program."""
+    return find_by_rules(data, name, "kawasaki", _RULES, "#", _HEADS)

@@ -1,0 +1,23 @@
+"""Epson: what each line of a program says."""
+
+from calib_core.robots.controller_file import Found
+from calib_core.robots.statements import Rule, find_by_rules
+
+_VALUES = r"(?P<values>[-+.\d eE,]+)"
+_ARM = r"(?:/[RLABFNJ]\w*\s*)*"  # how the arm stands
+_RULES = (
+    Rule("tool", rf"""^\s*TLSet\s+(?P<number>\d+)\s*,\s*XY\s*\({_VALUES}\)"""),
+    Rule("frame", rf"""^\s*Local\s+(?P<number>\d+)\s*,\s*XY\s*\({_VALUES}\)"""),
+    Rule("use-tool", r"""^\s*Tool\s+(?P<tool>\d+)\s*$"""),
+    Rule(
+        "pose",
+        rf"""^\s*(?P<name>P\d+|P\(\d+\))\s*=\s*XY\s*\({_VALUES}\)\s*{_ARM}(?:/(?P<frame>\d+)\s*)?{_ARM}$""",
+    ),
+    Rule("pose", rf"""^\s*(?:Go|Move|Jump3?|TGo|TMove|BGo)\s+XY\s*\({_VALUES}\)"""),
+)
+_HEADS = r"""^\s*(?:TLSet\b|Local\s+\d|P\d+\s*=|P\(\d+\)\s*=)"""
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a program."""
+    return find_by_rules(data, name, "nachi", _RULES, "'", _HEADS)

@@ -1,0 +1,18 @@
+"""Mitsubishi: what each line of a program says."""
+
+from calib_core.robots.controller_file import Found
+from calib_core.robots.statements import Rule, find_by_rules
+
+_VALUES = r"(?P<values>[-+.\d eE,]+)"
+_RULES = (
+    Rule("tool", rf"""^\s*(?:\d+\s+)?Tool\s*\({_VALUES}\)"""),
+    Rule("use-frame", r"""^\s*(?:\d+\s+)?(?P<frame>Base\b.*)$"""),  # which way round it is, is not settled
+    Rule("joints", rf"""^\s*(?:\d+\s+)?(?P<name>J\w*(?:\(\d+\))?)\s*=\s*\({_VALUES}\)"""),
+    Rule("pose", rf"""^\s*(?:\d+\s+)?(?P<name>P\w*(?:\(\d+\))?)\s*=\s*\({_VALUES}\)\s*(?:\([^()]*\))?\s*$"""),
+)
+_HEADS = r"""^\s*(?:\d+\s+)?(?:Tool\b|Base\b|[PJ]\w*(?:\(\d+\))?\s*=)"""
+
+
+def find(data: bytes, name: str) -> Found:
+    """Return what stands in a program."""
+    return find_by_rules(data, name, "mitsubishi", _RULES, "'", _HEADS)
