@@ -40,12 +40,22 @@ class Registry(Generic[Entry]):
         What the constant must be.
     group : str, optional
         The group of entry points by which other packages bring entries.
+    folders : bool
+        Whether an entry is a folder: the package's plain modules are then passed over.
     """
 
     def __init__(
-        self, what: str, package: str, constant: str, kind: type[Entry], group: str | None = None
+        self,
+        what: str,
+        package: str,
+        constant: str,
+        kind: type[Entry],
+        group: str | None = None,
+        *,
+        folders: bool = False,
     ) -> None:
         self._what, self._package, self._constant, self._kind, self._group = what, package, constant, kind, group
+        self._folders = folders
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(self._entries.values())
@@ -75,6 +85,8 @@ class Registry(Generic[Entry]):
     def _own(self) -> Iterator[Entry]:
         package = importlib.import_module(self._package)
         for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda found: found.name):
+            if self._folders and not module.ispkg:
+                continue
             entry = getattr(importlib.import_module(f"{self._package}.{module.name}"), self._constant, None)
             if isinstance(entry, self._kind):
                 yield entry

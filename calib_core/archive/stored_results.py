@@ -2,32 +2,20 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from pydantic import ValidationError
 
 from calib_core.archive.folder import load_results
 from calib_core.archive.plain_json import require_plain
 from calib_core.errors import InputError
-from calib_core.records import (
-    CameraResult,
-    ChainResult,
-    LaserPlaneResult,
-    MergeResult,
-    Result,
-    TcpResult,
-    TurntableResult,
-    input_error,
-)
+from calib_core.records import Result, input_error
+from calib_core.stages.registry import STAGES
 
-RESULT_RECORDS: Final[dict[str, type[Result]]] = {
-    "camera": CameraResult,
-    "laser-plane": LaserPlaneResult,
-    "tcp": TcpResult,
-    "turntable": TurntableResult,
-    "chain": ChainResult,
-    "merge": MergeResult,
-}
+
+def result_record(stage: str) -> type[Result]:
+    """Return the record of a stage's result; of a stage that is unknown here what all results share."""
+    return STAGES.get(stage).result if stage in STAGES.names() else Result
 
 
 def output_names(result: Mapping[str, Any]) -> list[str]:
@@ -48,7 +36,7 @@ def require_result(stage: str, data: Mapping[str, Any], where: str) -> None:
         got = repr(data.get("stage"))[:80]
         raise InputError(f"the result of the stage '{stage}'", got, "Solve the session again.", where)
     try:
-        RESULT_RECORDS.get(stage, Result).model_validate(data)
+        result_record(stage).model_validate(data)
     except ValidationError as error:
         raise input_error(error, data, where) from None
 

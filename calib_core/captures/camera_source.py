@@ -3,7 +3,8 @@
 from calib_core.captures.solved_optics import solve_once
 from calib_core.errors import InputError
 from calib_core.optics.camera_model import CameraModel
-from calib_core.records import CameraResult, Session, Stage
+from calib_core.records import Session, StageName
+from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.graph import stage_captures
 from calib_core.stages.stage import ReadFile
 
@@ -20,7 +21,7 @@ def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResu
     return camera_from_result(result), result
 
 
-def require_captures_of(session: Session, stage: Stage, what: str, known: str) -> None:
+def require_captures_of(session: Session, stage: StageName, what: str, known: str) -> None:
     """Raise InputError where a session has no captures that a stage takes, of which frames need the result."""
     if not any(not capture.excluded for capture in stage_captures(session, stage)):
         raise InputError(

@@ -11,13 +11,20 @@ from calib_core.formats.points import parse_cloud, parse_profile
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell
 from calib_core.robots import parse_pose
+from calib_core.stages.registry import steps_that_show
 from calib_core.stages.stage import ReadFile
 
-SPHERE_STEPS = ("tcp", "turntable", "verify")
-
-BOARD_STEPS = ("camera", "laser-plane")
-
 _PREVIEW_POINTS = 400
+
+
+def shows_sphere(capture: Capture) -> bool:
+    """Return whether a capture is to show the sphere."""
+    return capture.step in steps_that_show("sphere", "sphere-on-table")
+
+
+def shows_board(capture: Capture) -> bool:
+    """Return whether a capture is to show the calibration board."""
+    return capture.step in steps_that_show("board")
 
 
 def read_points(capture: Capture, read: ReadFile) -> FloatArray:

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, read_frame, shows_stripe_alone, stripe_of
-from calib_core.captures.content import BOARD_STEPS
+from calib_core.captures.content import shows_board
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView, points_in_board_mm
@@ -75,12 +75,7 @@ class PlaneViews:
         """The captures with a robot pose whose frame shows the board."""
         found: dict[str, tuple[Capture, BoardView]] = {}
         for capture in self._session.captures:
-            if (
-                capture.step not in BOARD_STEPS
-                or capture.kind != "frame"
-                or capture.excluded
-                or capture.pose is None
-            ):
+            if not shows_board(capture) or capture.kind != "frame" or capture.excluded or capture.pose is None:
                 continue
             try:
                 found[capture.id] = capture, board_in(capture, self._board, self._read)
@@ -118,7 +113,7 @@ class PlaneViews:
 
     def _named(self, capture: Capture) -> Capture:
         for other in self._session.captures:
-            if other.id == capture.board_of and other.step in BOARD_STEPS and other.kind == "frame":
+            if other.id == capture.board_of and shows_board(other) and other.kind == "frame":
                 return other
         raise InputError(
             "in `board_of` the id of a camera or laser-plane capture that shows the board",

@@ -10,13 +10,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import calibration_of, plane_of
-from calib_core.captures.sweep import of_frames
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import TcpSolution
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
-from calib_core.records import LaserPlaneResult, Session
+from calib_core.records import Session
+from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.stage import ReadFile
 
 FloatArray = NDArray[np.float64]

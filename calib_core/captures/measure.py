@@ -4,9 +4,9 @@ import numpy as np
 
 from calib_core.captures.advice import advise
 from calib_core.captures.content import (
-    BOARD_STEPS,
-    SPHERE_STEPS,
     pose_of,
+    shows_board,
+    shows_sphere,
     thinned,
     thinning,
 )
@@ -35,7 +35,7 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     TooLargeError
         If a file is larger than the limits.
     """
-    if capture.kind == "frame" and capture.step in BOARD_STEPS:
+    if capture.kind == "frame" and shows_board(capture):
         from calib_core.captures.measure_frame import measure_frame
 
         return measure_frame(session, capture, read)
@@ -47,7 +47,7 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
         from calib_core.captures.sweep_sphere import measure_sweep
 
         return measure_sweep(session, capture, read)
-    if capture.pose is not None or capture.step in SPHERE_STEPS:
+    if capture.pose is not None or shows_sphere(capture):
         pose_of(session.cell, capture)
     if capture.kind == "center":
         assert capture.center_mm is not None
@@ -57,7 +57,7 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     except MeasurementError as error:  # a frame without a stripe
         reason = f"Need {error.need}, got {error.got}."
         return Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do)
-    if capture.step not in SPHERE_STEPS:
+    if not shows_sphere(capture):
         return Measured(
             capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)
         )
@@ -79,8 +79,8 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
 
 def _waits_for_calibration(session: Session, capture: Capture) -> bool:
     """Return whether a capture is raw frames that nothing tells yet how to make points of."""
+    from calib_core.captures.raw_frames import of_frames
     from calib_core.captures.stripe_frames import can_be_calibrated
-    from calib_core.captures.sweep import of_frames
 
     return of_frames(capture) and not can_be_calibrated(session)
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.boards import Image, board_in, board_of, read_frame, shows_stripe_alone, stripe_of
-from calib_core.captures.content import SPHERE_STEPS, pose_of
+from calib_core.captures.content import pose_of, shows_sphere
 from calib_core.captures.sweep import sweep_poses
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
@@ -85,7 +85,7 @@ def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measur
     """
     if capture.kind == "sweep":
         sweep_poses(session.cell, capture)
-    elif capture.pose is not None or capture.step in SPHERE_STEPS:
+    elif capture.pose is not None or shows_sphere(capture):
         pose_of(session.cell, capture)
     shown = len(capture.files) // 2
     for place in range(len(capture.files)):

@@ -7,9 +7,12 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from calib_core.records import CameraResult, LaserPlaneResult, Session, Stage
+from calib_core.records import Session, StageName
+from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.given import StageInput
 from calib_core.stages.graph import inputs_sha256, stage_captures
-from calib_core.stages.stage import ReadFile, StageInput
+from calib_core.stages.laser_plane.record import LaserPlaneResult
+from calib_core.stages.stage import ReadFile
 
 _Solved = TypeVar("_Solved", CameraResult, LaserPlaneResult)
 
@@ -17,7 +20,7 @@ _REMEMBERED = 8
 
 _lock = threading.Lock()
 
-_solved: dict[tuple[Stage, str], CameraResult | LaserPlaneResult] = {}
+_solved: dict[tuple[StageName, str], CameraResult | LaserPlaneResult] = {}
 
 
 def recall(results: Mapping[str, Mapping[str, Any]]) -> None:
@@ -34,7 +37,7 @@ def recall(results: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def solve_once(
-    session: Session, read: ReadFile, stage: Stage, kind: type[_Solved], solve: Callable[..., _Solved]
+    session: Session, read: ReadFile, stage: StageName, kind: type[_Solved], solve: Callable[..., _Solved]
 ) -> _Solved:
     """Return a stage's result, from memory where cell, captures and files are the same."""
     inputs = inputs_sha256(session, stage, read)
@@ -45,7 +48,7 @@ def solve_once(
     return solve(StageInput(session, stage_captures(session, stage), read, inputs, lambda _fraction, _what: None))
 
 
-def remembered(stage: Stage, inputs_sha256: str, result: _Solved) -> _Solved:
+def remembered(stage: StageName, inputs_sha256: str, result: _Solved) -> _Solved:
     """Return a stage's result, kept in memory for the later stages that rest on it."""
     with _lock:
         while len(_solved) >= _REMEMBERED:

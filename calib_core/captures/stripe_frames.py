@@ -14,15 +14,9 @@ from calib_core.captures.camera_source import camera_of, require_captures_of
 from calib_core.captures.solved_optics import solve_once
 from calib_core.errors import InputError
 from calib_core.optics.triangulate import ProfileCalibration, profile_from_frame
-from calib_core.records import (
-    CameraResult,
-    Capture,
-    KnownCamera,
-    KnownPlane,
-    LaserPlaneResult,
-    RefinedCamera,
-    Session,
-)
+from calib_core.records import Capture, KnownCamera, KnownPlane, Session
+from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.laser_plane.record import LaserPlaneResult, RefinedCamera
 from calib_core.stages.stage import ReadFile
 
 FloatArray = NDArray[np.float64]

@@ -5,6 +5,7 @@ from pathlib import PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.stripe_frames import calibration_of
 from calib_core.errors import InputError
 from calib_core.formats.points import parse_profile
@@ -15,8 +16,6 @@ from calib_core.pose_track import interpolate_poses
 from calib_core.records import Capture, Cell, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.stage import ReadFile
-
-IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
 
 
 def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:
@@ -48,12 +47,6 @@ def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:
     ]
     times = [sample.t_s for sample in capture.pose_track]
     return interpolate_poses(times, track, capture.timestamps_s, capture.id)
-
-
-def of_frames(capture: Capture) -> bool:
-    """Return whether a capture is raw frames, which camera and plane of light turn into points."""
-    suffixes = {PurePosixPath(name).suffix.lower() for name in capture.files}
-    return capture.kind == "frame" or (capture.kind == "sweep" and not suffixes.isdisjoint(IMAGES))
 
 
 def read_sweep(

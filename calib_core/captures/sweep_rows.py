@@ -5,7 +5,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from calib_core.records import Capture, TcpResidual, TurntableResidual
+from calib_core.records import Capture
+from calib_core.stages.tcp.record import TcpResidual
+from calib_core.stages.turntable.record import TurntableResidual
 
 _Row = TypeVar("_Row", bound=TcpResidual | TurntableResidual)
 

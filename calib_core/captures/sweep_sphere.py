@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.captures.content import SPHERE_STEPS, sphere_of, thinned, thinning
+from calib_core.captures.content import shows_sphere, sphere_of, thinned, thinning
 from calib_core.captures.observe import arc_observation
 from calib_core.captures.standstill import doubt_of, still_of
 from calib_core.captures.sweep import sweep_poses, sweep_profile
@@ -72,7 +72,7 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
     InputError
         As `observe_sweep` does.
     """
-    if capture.step not in SPHERE_STEPS:
+    if not shows_sphere(capture):
         return _measured_object(session, capture, read)
     profiles = list(_profiles(session, capture, read))
     arcs = _arcs(profiles)

@@ -13,9 +13,9 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.records import Record, Session
 from calib_core.robots import parse_pose
+from calib_core.stages.registry import steps_that_show
 
 Of = Literal["tool", "table", "both"]
-_STILL: Final = ("tcp", "verify")
 _LARGEST: Final = 1e9
 _ROUNDING: Final = 1e-6
 
@@ -80,7 +80,9 @@ def turned_deg(session: Session, result: Mapping[str, Any]) -> dict[str, float]:
     """
     if result.get("stage") not in ("tcp", "chain"):
         return {}
-    poses = _poses(session, {row["capture"] for row in result["residuals"]}, (*_STILL, "turntable"))
+    poses = _poses(
+        session, {row["capture"] for row in result["residuals"]}, steps_that_show("sphere", "sphere-on-table")
+    )
     first = next(iter(poses.values()), None)
     if first is None:
         return {}
@@ -116,7 +118,7 @@ def seen_in_laser_mm(session: Session, result: Mapping[str, Any]) -> FloatArray 
     tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
     center = np.array(result["sphere_center_in_base_mm"], dtype=float)
     used = {row["capture"] for row in result["residuals"] if row["used"]}
-    poses = _poses(session, used, _STILL)
+    poses = _poses(session, used, steps_that_show("sphere"))
     seen = [(pose @ tool).inverse().apply(center) for pose in poses.values()]
     return np.mean(seen, axis=0) if seen else None
 

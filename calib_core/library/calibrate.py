@@ -20,21 +20,14 @@ from calib_core.archive.folder import read_bytes
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
-from calib_core.records import (
-    CameraResult,
-    Capture,
-    Cell,
-    ChainResult,
-    Kind,
-    LaserPlaneResult,
-    MergeResult,
-    Session,
-    Step,
-    TcpResult,
-    TurntableResult,
-    parse_cell,
-)
+from calib_core.records import Capture, Cell, Kind, Session, Step, parse_cell
+from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.laser_plane.record import LaserPlaneResult
+from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.stage import Progress
+from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.turntable.record import TurntableResult
 
 Scan: TypeAlias = ArrayLike | PathLike[str] | str
 Scans: TypeAlias = Sequence[Any]

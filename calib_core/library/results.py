@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from io import BytesIO
 from typing import Any
 
-from calib_core.archive.stored_results import RESULT_RECORDS
 from calib_core.frames import FloatArray
 from calib_core.records import Result, Session
 
@@ -35,11 +34,13 @@ class Results(dict[str, Any]):
 
 def as_records(session: Session, stored: Mapping[str, Mapping[str, Any]]) -> dict[str, Result]:
     """Return results given as JSON data as records; evidence that an older version did not write is made."""
+    from calib_core.archive.stored_results import result_record
     from calib_core.stages.evidence import stored_evidence
+    from calib_core.stages.registry import stage_names
 
     found: dict[str, Result] = {}
     for stage, data in stored.items():
-        if stage in RESULT_RECORDS:
-            record = RESULT_RECORDS[stage].model_validate(data)
+        if stage in stage_names():
+            record = result_record(stage).model_validate(data)
             found[stage] = record.model_copy(update={"evidence": stored_evidence(session, data)})
     return found

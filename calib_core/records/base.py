@@ -2,14 +2,13 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StringConstraints
+from pydantic_core import CoreSchema, core_schema
 
 from calib_core.robots.conventions import CONVENTIONS
 
 FORMAT = "scancell-session/1"
-Step = Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan"]
 Kind = Literal["frame", "profile", "cloud", "sweep", "center"]
-Stage = Literal["camera", "laser-plane", "tcp", "turntable", "chain", "verify", "merge"]
 Verdict = Literal["pass", "warn", "fail"]
 if TYPE_CHECKING:
     PoseConvention = str
@@ -29,6 +28,42 @@ Rows = list[list[float]]
 def mismatch(need: str, got: str, to_do: str) -> ValueError:
     """Return what a validator raises: `input_error_from_details` takes the three parts out again."""
     return ValueError(f"need {need}, got {got}. {to_do}", need, got, to_do)
+
+
+class _Registered:
+    """Marks a name that the registry of stages must know; the JSON Schema lists the names there are."""
+
+    def __init__(self, function: str) -> None:
+        self._function = function
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(schema), "enum": list(self._names())}
+
+    def _check(self, name: str) -> str:
+        names = self._names()
+        if name not in names:
+            raise mismatch(
+                "one of " + ", ".join(f"'{known}'" for known in names), repr(name), "Correct this field."
+            )
+        return name
+
+    def _names(self) -> tuple[str, ...]:
+        from calib_core.stages import registry  # which needs no records
+
+        return getattr(registry, self._function)()
+
+
+StepName = Annotated[str, _Registered("step_names")]
+"""The name of a step that captures are taken for."""
+
+StageName = Annotated[str, _Registered("stage_names")]
+"""The name of a stage."""
+
+GuidedStep = Annotated[str, _Registered("guided_steps")]
+"""The name of a step of the guide."""
 
 
 class Record(BaseModel):

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from calib_core.records.base import Kind, Matrix4, Record, Rows, Stage, Verdict
+from calib_core.records.base import GuidedStep, Kind, Matrix4, Record, Rows, StageName, Verdict
 
 
 class Still(Record):
@@ -73,7 +73,7 @@ GuideStatus = Literal["done", "working", "todo", "later", "stale", "failing", "k
 class GuideStep(Record):
     """One step of the way and how far it is; computed, never stored."""
 
-    step: Literal["camera", "laser-plane", "tcp", "turntable", "verify", "scan", "merge"]
+    step: GuidedStep
     status: GuideStatus
     note: str | None = None
 
@@ -86,7 +86,7 @@ class GuideNow(Record):
     """
 
     step: str
-    stage: Stage | None = None
+    stage: StageName | None = None
     action: Literal["capture", "solve", "review"]
     instruction: str
     why: str

@@ -1,11 +1,11 @@
-"""What every result has, and the result of the TCP."""
+"""What the results of all stages share."""
 
 from importlib import import_module
-from typing import Final, Literal
+from typing import Final
 
 from pydantic import Field
 
-from calib_core.records.base import Matrix4, Record, Rows, Vector3, Verdict
+from calib_core.records.base import Record, Verdict
 from calib_core.records.evidence import AnyBlock
 
 _SHOWN: Final = "calib_core.stages.evidence"  # by name: the records know nothing of what shows them
@@ -17,25 +17,6 @@ class CaptureResidual(Record):
     capture: str
     used: bool
     reason: str | None = None
-
-
-class TcpResidual(CaptureResidual):
-    """Figures of one capture of the sphere, in millimetres unless the name says otherwise.
-
-    A sweep is one row: the root mean squares over those of its `profiles` that are used, and their mean offset.
-    """
-
-    points: int = 0
-    surface_rms_mm: float | None = None
-    center_distance_mm: float | None = None
-    center_offset_in_base_mm: list[float] | None = None
-    leave_one_out_rms_mm: float | None = None
-    two_step_surface_rms_mm: float | None = None
-    mahalanobis: float | None = None
-    side: int | None = None
-    zone: float | None = None
-    profiles: int | None = None
-    profiles_used: int | None = None
 
 
 class Result(Record):
@@ -79,34 +60,3 @@ class Undetermined(Record):
 
     direction: list[float]
     description: str
-
-
-class TwoStep(Record):
-    """The paper's two-step answer, beside the joint one."""
-
-    tool0_from_laser: Matrix4 | None = None
-    sphere_center_in_base_mm: Vector3 | None = None
-    surface_rms_mm: float | None = None
-    leave_one_out_surface_rms_mm: float | None = None
-    center_scatter_rms_mm: float | None = None
-    covariance: Rows | None = None
-    translations: list[list[str]] = Field(default_factory=list)
-    reason: str | None = None
-
-
-class TcpResult(Result):
-    """The scanner's pose on the flange, with its evidence."""
-
-    stage: Literal["tcp"] = "tcp"
-    tool0_from_laser: Matrix4
-    covariance: Rows
-    sphere_center_in_base_mm: Vector3
-    sphere_center_covariance: Rows
-    surface_rms_mm: float
-    leave_one_out_surface_rms_mm: float | None
-    center_scatter_rms_mm: float
-    undetermined: list[Undetermined] = Field(default_factory=list)
-    two_step: TwoStep
-    variance_components: VarianceComponents
-    confidence_95: dict[str, float] = Field(default_factory=dict)
-    residuals: list[TcpResidual]

@@ -15,7 +15,7 @@ from calib_core.records.base import (
     PoseConvention,
     Positive,
     Record,
-    Step,
+    StepName,
     Vector3,
     mismatch,
 )
@@ -29,12 +29,41 @@ class Scanner(Record):
     z_axis: Literal["away", "toward"] | None = None
 
 
+class ArmJoint(Record):
+    """One row of a Denavit–Hartenberg table; `theta_deg` (or `d_mm` of a prismatic joint) is added to the reading.
+
+    `sign` is −1 where the controller counts the joint the other way.
+    """
+
+    a_mm: Finite = 0.0
+    alpha_deg: Finite = 0.0
+    d_mm: Finite = 0.0
+    theta_deg: Finite = 0.0
+    kind: Literal["revolute", "prismatic"] = "revolute"
+    sign: Literal[1, -1] = 1
+
+
+class ArmTable(Record):
+    """An arm's joints from the base to the flange, in the standard or the modified (Craig) convention.
+
+    `couples` has, for a joint that moves along with another (Fanuc's third with its second), the other's place,
+    both from 0.
+    """
+
+    joints: Annotated[list[ArmJoint], Field(min_length=1, max_length=12)]
+    convention: Literal["standard", "modified"] = "standard"
+    couples: dict[int, int] = Field(default_factory=dict)
+    base_from_first: Matrix4 | None = None
+    last_from_tool0: Matrix4 | None = None
+
+
 class Robot(Record):
-    """The repeatability of the robot, standard deviations per axis."""
+    """The robot's repeatability, standard deviations per axis, and its arm: by name, or by its table of joints."""
 
     position_sigma_mm: NotNegative | None = None
     orientation_sigma_deg: NotNegative | None = None
     brand: str | None = None
+    arm: str | ArmTable | None = None
 
 
 class Turntable(Record):
@@ -116,12 +145,19 @@ class MergeSettings(Record):
 
 
 class Cell(Record):
-    """The scanning cell: sphere, robot, scanner, table, board."""
+    """The scanning cell: sphere, robot, scanner, table, board.
 
+    `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `id` is
+    what sessions of one cell share; left out, it is made from the session's name.
+    """
+
+    id: Identifier | None = None
+    arrangement: Literal["scanner-on-robot", "sphere-on-robot"] | None = None
     pose_convention: PoseConvention
     sphere_diameter_mm: Positive | None = None
     sphere_diameter_sigma_mm: NotNegative | None = None
     scanner: Scanner = Field(default_factory=Scanner)
+    scanners: dict[Identifier, Scanner] | None = None
     robot: Robot = Field(default_factory=Robot)
     turntable: Turntable = Field(default_factory=Turntable)
     board: Board | None = None
@@ -140,10 +176,13 @@ class Capture(Record):
     """One measurement: its files and where robot and table stood, the numbers as they came.
 
     `board_of` is the capture whose frame shows the board as it stands in this one, which shows the stripe alone.
+    `scanner` is a name in the cell's `scanners`; `joints_deg` are the robot's joints at `pose`, in order, those of
+    prismatic ones in `joints_mm`; `active_tool` and `active_frame` are those that the controller gave `pose` in;
+    `moving` says that the robot was; `source` is the file and line, or the device, that it came from.
     """
 
     id: Identifier
-    step: Step
+    step: StepName
     kind: Kind
     files: list[str] = Field(default_factory=list)
     pose: list[Finite] | None = None
@@ -156,6 +195,14 @@ class Capture(Record):
     excluded: bool = False
     side: Literal[1, -1] | None = None
     board_of: Identifier | None = None
+    scanner: Identifier | None = None
+    joints_deg: list[Finite | None] | None = None
+    joints_mm: list[Finite | None] | None = None
+    device_time_s: Finite | None = None
+    active_tool: int | str | None = None
+    active_frame: int | str | None = None
+    moving: bool | None = None
+    source: str | None = None
 
     @field_validator("files")
     @classmethod

@@ -14,7 +14,7 @@ from calib_core.captures.sweep import sweep_poses
 from calib_core.errors import CalibrationError
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Finding, Measured, Session
-from calib_core.stages.graph import STAGES, stage_captures
+from calib_core.stages.graph import stage_captures
 from calib_core.stages.stage import ReadFile
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 
@@ -35,7 +35,7 @@ def check_session(
         What was measured in each capture, by id; what is left out is measured now.
     """
     captures = [capture for capture in stage_captures(session, "tcp") if not capture.excluded]
-    findings = [*_names(session), *_unsolved_steps(session)]
+    findings = [*_names(session)]
     if session.cell.known.tool0_from_laser is not None:
         findings.append(_note("cell.known", "tool0_from_laser is given: the stage tcp is not solved."))
     elif not captures:
@@ -57,12 +57,6 @@ def _names(session: Session) -> Iterator[Finding]:
     for where, record in [*records.items(), *((capture.id, capture) for capture in session.captures)]:
         for name in record.unknown_fields():
             yield _warning(where, f"The field '{name}' is unknown and has no effect: is it a typing error?")
-
-
-def _unsolved_steps(session: Session) -> Iterator[Finding]:
-    solved = {step for entry in STAGES.values() for step in entry.steps}
-    for step in dict.fromkeys(capture.step for capture in session.captures if capture.step not in solved):
-        yield _note(step, f"Captures with step '{step}' are kept; this version does not solve them.")
 
 
 def _cell(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from pydantic import Field
 from calib_core.archive.folder import result_data
 from calib_core.errors import CalibrationError, InputError
 from calib_core.records import Record, Session
-from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.stage import SOFTWARE, Progress, ReadFile
 
@@ -160,11 +160,7 @@ def _why(
         reasons.append(f"It was computed by {software}; this is {SOFTWARE}.")
     if fresh and method != fresh.get("method"):
         reasons.append(f"The method was {method!r}; it is {fresh.get('method')!r} now.")
-    try:
-        inputs = inputs_sha256(session, stage, read)
-    except CalibrationError:
-        inputs = None  # why that is so was the reason that nothing could be solved
-    if inputs is not None and stored.get("inputs_sha256") != inputs:
+    if fresh and not Graph.of_files(session, read).is_fresh(stage, stored.get("inputs_sha256")):
         reasons.append(
             "Cell, captures or files were changed after it was computed: the hashes of the inputs differ."
         )

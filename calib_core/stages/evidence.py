@@ -1,17 +1,16 @@
 """The evidence of a result: made when its stage is solved, and where a stored one has none yet."""
 
 from collections.abc import Mapping
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from calib_core.archive.stored_results import RESULT_RECORDS
+from calib_core.archive.stored_results import result_record
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.evidence.parts import label_of, left_out
 from calib_core.records import CaptureResidual, Result, Session
 from calib_core.records.evidence import AnyBlock, Figure
+from calib_core.stages.registry import STAGES
 
 _BLOCKS = TypeAdapter(list[AnyBlock])
 
@@ -23,14 +22,14 @@ def with_evidence(session: Session, result: Result) -> Result:
 
 def made_evidence(session: Session, result: Result) -> list[AnyBlock]:
     """Return the blocks that a result's stage makes of it; raises InputError where its numbers are none."""
-    module = _module(getattr(result, "stage", ""))
-    return module.evidence(session, result) if module else plain_evidence(result.model_dump(mode="json"))
+    stage = getattr(result, "stage", "")
+    blocks = STAGES.get(stage).evidence(session, result) if stage in STAGES.names() else None
+    return plain_evidence(result.model_dump(mode="json")) if blocks is None else blocks
 
 
 def title_of(stage: str) -> str:
     """Return what a stage's result is called."""
-    module = _module(stage)
-    return module.TITLE if module else stage
+    return STAGES.get(stage).title if stage in STAGES.names() else stage
 
 
 def text_of(result: Result) -> str:
@@ -56,13 +55,6 @@ def _told(result: Result) -> dict[str, Any]:
     return {"stage": getattr(result, "stage", ""), **shown}
 
 
-def _module(stage: str) -> Any:
-    """Return the module in which a stage tells its result, None where it has none."""
-    package = f"calib_core.stages.{stage.replace('-', '_')}"
-    known = package.rpartition(".")[2].isidentifier() and find_spec(package) and find_spec(f"{package}.evidence")
-    return import_module(f"{package}.evidence") if known else None
-
-
 def stored_evidence(session: Session, data: Mapping[str, Any]) -> list[AnyBlock]:
     """Return the evidence of a result given as JSON data; one without, as 0.1.0 wrote it, is told anew.
 
@@ -74,7 +66,7 @@ def stored_evidence(session: Session, data: Mapping[str, Any]) -> list[AnyBlock]
     try:
         if data.get("evidence"):
             return _BLOCKS.validate_python(data["evidence"])
-        record = RESULT_RECORDS.get(str(data.get("stage")), Result)
+        record = result_record(str(data.get("stage")))
         return made_evidence(session, record.model_validate(data))
     except ValidationError:
         return plain_evidence(data)  # of another version: its single numbers are told as they are

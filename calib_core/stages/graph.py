@@ -1,91 +1,199 @@
-"""The paper's calibrations in their order: which captures each stage takes, and what a result rests on."""
+"""The graph of results: what each stage reads, its key, and what is stale.
+
+A stage's node is known by its key: the hash of exactly what it reads, which are the fields of the cell and of its
+captures that it declares, those captures' files, and the keys of the stages it rests on.  A result carries as
+`inputs_sha256` the key that it was solved for, and is stale where the key is another one now.  What nobody reads
+changes no key; and since a solver gets a session that holds nothing else, nothing else can change its result.
+"""
 
 import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import get_args
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
-from calib_core.errors import InputError
-from calib_core.records import Capture, Known, Session, Stage, Step
-from calib_core.stages.stage import ReadFile
+from calib_core.errors import CalibrationError
+from calib_core.records import Capture, Cell, Result, Session
+from calib_core.stages.first_keys import inputs_sha256_of_0_1_0
+from calib_core.stages.registry import STAGES, stages
+from calib_core.stages.stage import ReadFile, Stage
 
-_OF_FRAMES: tuple[Step, ...] = ("camera", "laser-plane")  # what raw frames of later stages rest on
+Digest = Callable[[str], str]
+
+_ALWAYS_KEPT = ("id", "step", "kind", "files")  # without which a capture is none
 
 
-@dataclass(frozen=True)
-class StageEntry:
-    """One stage: the steps whose captures it takes, and what it gives that a user may bring.
+class Graph:
+    """The stages of one session, with their keys.
 
-    `tool_from` and `table_from` are the steps that its tool and its table come from, where the user brings none;
-    with `every_step` it is solved only where there are captures of all its steps.
+    Parameters
+    ----------
+    session : Session
+    digest : callable
+        Returns the SHA-256 of a file by its name in a capture.
     """
 
-    steps: tuple[Step, ...]
-    known: Callable[[Known], object | None]
-    tool_from: tuple[Step, ...] = ()
-    table_from: tuple[Step, ...] = ()
-    every_step: bool = False
+    def __init__(self, session: Session, digest: Digest) -> None:
+        self.session = session
+        self._digest = digest
+        self._keys: dict[str, str] = {}
+        self._first_keys: dict[str, str] = {}
 
+    @classmethod
+    def of_files(cls, session: Session, read: ReadFile) -> "Graph":
+        """Return the graph of a session whose files are read to be hashed, each once."""
+        digests: dict[str, str] = {}
 
-STAGES: dict[Stage, StageEntry] = {
-    "camera": StageEntry(("camera", "laser-plane"), lambda known: known.camera),
-    "laser-plane": StageEntry(("laser-plane",), lambda known: known.laser_plane),
-    "tcp": StageEntry(("tcp",), lambda known: known.tool0_from_laser),
-    "turntable": StageEntry(("turntable",), lambda known: known.base_from_turntable, tool_from=("tcp",)),
-    "chain": StageEntry(
-        ("tcp", "turntable"),
-        lambda known: known.tool0_from_laser or known.base_from_turntable,
-        every_step=True,
-    ),
-    "merge": StageEntry(("scan",), lambda _known: None, tool_from=("tcp",), table_from=("turntable",)),
-}
+        def digest(name: str) -> str:
+            if name not in digests:
+                digests[name] = hashlib.sha256(read(name)).hexdigest()
+            return digests[name]
+
+        return cls(session, digest)
+
+    @classmethod
+    def stale_of(
+        cls, session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any] | Result]
+    ) -> frozenset[str]:
+        """Return which results of a session's stages are stale, its files being read to be hashed."""
+        return cls.of_files(session, read).stale(results)
+
+    def key(self, stage: str) -> str:
+        """Return a stage's key; raises what `digest` raises, and InputError where there is no such stage."""
+        if stage not in self._keys:
+            self._keys[stage] = _sha256(self._inputs(STAGES.get(stage, "stage")))
+        return self._keys[stage]
+
+    def is_fresh(self, stage: str, inputs_sha256: object) -> bool:
+        """Return whether a result with this hash was solved from what the session holds now.
+
+        A file that cannot be read any more, and a stage that is unknown, make it stale.
+        """
+        try:
+            return inputs_sha256 in (self.key(stage), self._first_key(stage))
+        except CalibrationError:
+            return False
+
+    def stale(self, results: Mapping[str, Mapping[str, Any] | Result]) -> frozenset[str]:
+        """Return the stages whose results, records or their JSON data, were solved from something else."""
+        hashes = {
+            stage: result.inputs_sha256 if isinstance(result, Result) else result.get("inputs_sha256")
+            for stage, result in results.items()
+        }
+        return frozenset(stage for stage, sha256 in hashes.items() if not self.is_fresh(stage, sha256))
+
+    def lineage(self, stage: str) -> tuple[Stage, ...]:
+        """Return a stage and all that it rests on in this session, brought ones too, in their order."""
+        found = {stage}
+        todo = [stage]
+        while todo:
+            here = STAGES.get(todo.pop(), "stage")
+            if here.name != stage and here.is_brought(self.session):
+                continue
+            before = [name for name in here.rests_on(self.session) if name not in found]
+            found.update(before)
+            todo += before
+        return tuple(other for other in stages() if other.name in found)
+
+    def session_for(self, stage: str) -> Session:
+        """Return the session with nothing but what a stage and those it rests on read: for its solver."""
+        lineage = self.lineage(stage)
+        solved = [other for other in lineage if other.name == stage or not other.is_brought(self.session)]
+        fields = {name for other in solved for name in other.reads_of_cell(self.session)} | {"pose_convention"}
+        brought = [other for other in lineage if other not in solved]
+        fields |= {f"known.{name}" for other in brought for name in other.known}
+        read: dict[str, set[str]] = {}
+        for other in solved:
+            for capture, names in other.reads_of_captures(self.session):
+                read.setdefault(capture.id, set()).update(names)
+        captures = [_only(c, {*read[c.id], *_ALWAYS_KEPT}) for c in self.session.captures if c.id in read]
+        return Session.model_construct(
+            _fields_set={"cell", "captures"},
+            cell=_cell_with(self.session.cell, fields),
+            captures=captures,
+        )
+
+    def _first_key(self, stage: str) -> str:
+        """Return the hash that version 0.1.0 gave the same inputs."""
+        if stage not in self._first_keys:
+            self._first_keys[stage] = inputs_sha256_of_0_1_0(
+                self.session, STAGES.get(stage, "stage"), self._digest
+            )
+        return self._first_keys[stage]
+
+    def _inputs(self, stage: Stage) -> dict[str, Any]:
+        """Return all that a stage reads, as JSON data."""
+        session = self.session
+        if stage.is_brought(session):
+            known = session.cell.known
+            return {"brought": {name: _plain(getattr(known, name)) for name in stage.known}}
+        read = [pair for pair in stage.reads_of_captures(session) if not pair[0].excluded]
+        names = {name for capture, fields in read if "files" in fields for name in capture.files}
+        return {
+            "stage": stage.name,
+            "cell": {path: _value(session.cell, path) for path in sorted(stage.reads_of_cell(session))},
+            "captures": [
+                {"id": capture.id, "step": capture.step}
+                | {name: value for name in fields if (value := _plain(getattr(capture, name))) is not None}
+                for capture, fields in read
+            ],
+            "files": {name: self._digest(name) for name in sorted(names)},
+            "after": {name: self.key(name) for name in stage.rests_on(session)},
+        }
 
 
 def stage_captures(session: Session, stage: str) -> list[Capture]:
     """Return the captures that a stage takes, the excluded ones too."""
-    steps = stage_entry(stage).steps
+    steps = STAGES.get(stage, "stage").steps
     return [capture for capture in session.captures if capture.step in steps]
 
 
-def inputs_sha256(session: Session, stage: str, read: ReadFile, digest: Callable[[str], str] | None = None) -> str:
-    """Return the hash of all that a stage's result depends on: cell, captures, and their files' contents.
+def inputs_sha256(session: Session, stage: str, read: ReadFile, digest: Digest | None = None) -> str:
+    """Return a stage's key, the hash of all that its result depends on; `digest` spares reading the files."""
+    return (Graph(session, digest) if digest else Graph.of_files(session, read)).key(stage)
 
-    A stored result is stale where this differs from the one it carries.  Where a store knows the SHA-256 of its
-    files, `digest` gives it by a file's name, and nothing is read.
-    """
-    digest = digest or (lambda name: hashlib.sha256(read(name)).hexdigest())
-    captures = _captures_it_rests_on(session, stage)
-    names = [name for capture in captures if not capture.excluded for name in capture.files]
-    inputs = {
-        "stage": stage,
-        "cell": session.cell.model_dump(mode="json", exclude_defaults=True),
-        "captures": [capture.model_dump(mode="json", exclude_defaults=True) for capture in captures],
-        "files": {name: digest(name) for name in names},
-    }
-    text = json.dumps(inputs, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+def _sha256(data: Any) -> str:
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _captures_it_rests_on(session: Session, stage: str) -> list[Capture]:
-    """Return a stage's captures, and those that tell how its raw frames become points."""
-    entry = stage_entry(stage)
-    steps: set[Step] = {*entry.steps}
-    if entry.tool_from and session.cell.known.tool0_from_laser is None:
-        steps |= {*entry.tool_from}
-    if entry.table_from and session.cell.known.base_from_turntable is None:
-        steps |= {*entry.table_from}
-    captures = [capture for capture in session.captures if capture.step in steps]
-    if stage != "camera" and any(capture.kind in ("frame", "sweep") for capture in captures):
-        steps |= {*_OF_FRAMES}
-        return [capture for capture in session.captures if capture.step in steps]
-    return captures
+def _value(record: Any, path: str) -> Any:
+    """Return what stands at a dotted name in a record, as JSON data."""
+    for name in path.split("."):
+        record = getattr(record, name)
+    return _plain(record)
 
 
-def stage_entry(stage: str) -> StageEntry:
-    """Return the entry of a stage by its name; raises InputError where there is no such stage."""
-    for name, entry in STAGES.items():
-        if name == stage:
-            return entry
-    got = f"'{stage}', which a later version will solve" if stage in get_args(Stage) else f"'{stage}'"
-    raise InputError("a stage among all, " + ", ".join(STAGES), got, "Name one of these.", "stage")
+def _plain(value: Any) -> Any:
+    """Return a field's value as JSON data, without what stands at its default."""
+    if hasattr(value, "model_dump"):
+        return value.model_dump(mode="json", exclude_defaults=True)
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, list):
+        return [_plain(item) for item in value]  # pyright: ignore[reportUnknownVariableType]
+    return value
+
+
+def _only(capture: Capture, fields: Iterable[str]) -> Capture:
+    """Return a capture with these of its fields alone."""
+    kept = {name: getattr(capture, name) for name in fields if name in capture.model_fields_set}
+    return Capture.model_construct(_fields_set=set(kept), **kept)
+
+
+def _cell_with(cell: Cell, paths: Iterable[str]) -> Cell:
+    """Return a cell with these of its fields alone, given by dotted names; all others stand at their defaults."""
+    kept: dict[str, Any] = {}
+    parts: dict[str, dict[str, Any]] = {}
+    for path in paths:
+        name, _, inner = path.partition(".")
+        if name not in cell.model_fields_set:
+            continue
+        value = getattr(cell, name)
+        if not inner:
+            kept[name] = value
+        elif inner in value.model_fields_set:
+            parts.setdefault(name, {})[inner] = getattr(value, inner)
+    for name, fields in parts.items():
+        kept[name] = type(getattr(cell, name)).model_construct(_fields_set=set(fields), **fields)
+    return Cell.model_construct(_fields_set=set(kept), **kept)

@@ -1,17 +1,23 @@
-"""What a stage's solver gets, and what stages hand on to each other."""
+"""What a stage is: the captures and fields it reads, what it rests on, and what it can do.
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+Each folder beside this file holds one: its `__init__.py` has the constant `STAGE`, and is light to import.
+"""
+
+import importlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from calib_core import __version__
-from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
-from calib_core.errors import MeasurementError
-from calib_core.records import Capture, Result, Session
 
 if TYPE_CHECKING:
-    from calib_core.chain.tcp import TcpSolution
-    from calib_core.chain.turntable import TurntableSolution
+    from pydantic import BaseModel
+
+    from calib_core.records import Capture, GuideNow, Result, Session
+    from calib_core.records.evidence import AnyBlock
+    from calib_core.stages.given import StageInput
+    from calib_core.stages.guide import GuideView
 
 ReadFile = Callable[[str], bytes]
 
@@ -21,64 +27,205 @@ StoreFile = Callable[[str, Iterable[bytes | memoryview]], object]
 
 SOFTWARE = f"scancell {__version__}"
 
+FRAME_FIELDS = ("kind", "files", "excluded")
+"""What is read of a capture that shows the board."""
 
-@dataclass(frozen=True, eq=False)
-class Observed:
-    """A stage's captures as the solvers take them, and by id why others are of no use."""
+SCAN_FIELDS = (
+    *FRAME_FIELDS, "scanner", "pose", "poses", "timestamps_s", "pose_track",
+    "joints_deg", "joints_mm", "active_tool", "active_frame", "moving",
+)  # fmt: skip
+"""What is read of a capture that the robot's pose gives its place."""
 
-    observations: list[SphereObservation]
-    failed: dict[str, MeasurementError]
-    unused: dict[str, str]
+SPHERE_FIELDS = (*SCAN_FIELDS, "center_mm", "side")
+"""What is read of a capture of the sphere."""
 
+SPHERE_READS = (
+    "pose_convention", "sphere_diameter_mm", "sphere_diameter_sigma_mm",
+    "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "arrangement",
+    "robot.position_sigma_mm", "robot.orientation_sigma_deg", "robot.arm",
+)  # fmt: skip
+"""What is read of the cell by a stage that finds the sphere."""
 
-@dataclass(frozen=True, eq=False)
-class SolvedTcp:
-    """The tcp captures' solution and what it was solved from."""
+_NO_SETTINGS = {"type": "object", "properties": {}, "additionalProperties": False}
+_OF_EXCLUDED = ("kind", "excluded")
+_OF_JOINTS = ("joints_deg", "joints_mm")
 
-    solution: "TcpSolution"
-    observations: list[SphereObservation]
-    sphere: SphereSize
-    unused: dict[str, str]
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedTable:
-    """The table captures' solution and what it was solved from."""
-
-    solution: "TurntableSolution"
-    observations: list[TableObservation]
-    unused: dict[str, str]
+Shows = Literal["board", "sphere", "sphere-on-table", "object"]
+"""What a step's captures show."""
 
 
-@dataclass(eq=False)
-class Kept:
-    """What the stages of one run have solved already of the same captures, so that nothing is solved twice."""
+@dataclass(frozen=True)
+class CaptureStep:
+    """A step that captures are taken for.
 
-    tcp: "SolvedTcp | None" = None
-    table: "SolvedTable | None" = None
-    results: dict[str, Result] = field(default_factory=dict[str, Result])
-
-
-SolveOther = Callable[[str, Progress], Result]
-
-
-def _alone(stage: str, _progress: Progress) -> Result:
-    raise ValueError(f"a stage that rests on '{stage}' was started without it")
-
-
-@dataclass(frozen=True, eq=False)
-class StageInput:
-    """What a stage's solver gets: the session, the stage's captures, their files, and whom to tell progress.
-
-    `store` takes files that a stage makes beside its result, by name and in pieces; without one they are not made.
-    `solve_other` gives the result of another stage that this one rests on.
+    Attributes
+    ----------
+    name : str
+        As the captures' field `step` has it.
+    title : str
+        As people read it.
+    shows : str
+        What the captures show.
+    to_capture : str
+        What to do where there is none, as a sentence.
     """
 
-    session: Session
-    captures: list[Capture]
-    read: ReadFile
-    inputs_sha256: str
-    progress: Progress
-    store: StoreFile | None = None
-    kept: Kept = field(default_factory=Kept)
-    solve_other: SolveOther = _alone
+    name: str
+    title: str
+    shows: Shows
+    to_capture: str
+
+
+class Stage(ABC):
+    """One calibration, or what is made with it.
+
+    Attributes
+    ----------
+    name, title : str
+        As records and as people call it.
+    place : int
+        Where it stands among the stages; what it rests on stands before it.
+    step : CaptureStep or None
+        The step whose captures are its own.
+    takes : mapping
+        The steps whose captures it takes, its own first, each with the capture's fields that it reads.
+    reads : tuple of str
+        The cell's fields that it reads itself, by dotted names.
+    known : tuple of str
+        The fields of `cell.known` that make it needless: the user brings what it would give.
+    after : tuple of str
+        The stages whose results it may rest on; `rests_on` says on which of them in a session.
+    guided : tuple of str
+        The steps of the guide that it answers for, in their order.
+    answers : tuple of str
+        Other stages whose question its result answers too, and better.
+    is_answer : bool
+        Whether its result can be the session's answer: tool, and table where there is one.
+    optional : bool
+        Whether later stages can do without it.
+    needs_every_step : bool
+        Whether it is solved only where each of its steps has captures.
+    settings_field : str or None
+        The field of the cell that holds its settings.
+    layers : tuple of str
+        The names of the scene's layers that show it.
+    """
+
+    name: str
+    title: str
+    place: int
+    step: CaptureStep | None = None
+    takes: ClassVar[Mapping[str, tuple[str, ...]]]
+    reads: tuple[str, ...] = ()
+    known: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+    guided: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
+    is_answer: bool = False
+    optional: bool = False
+    needs_every_step: bool = False
+    settings_field: str | None = None
+    layers: tuple[str, ...] = ()
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """The steps whose captures it takes, its own first."""
+        return tuple(self.takes)
+
+    @property
+    def settings(self) -> "type[BaseModel] | None":
+        """The record of its settings in the cell, None where it has none."""
+        from pydantic import BaseModel
+
+        from calib_core.records import Cell
+
+        if self.settings_field is None:
+            return None
+        kind: Any = Cell.model_fields[self.settings_field].annotation
+        for record in getattr(kind, "__args__", (kind,)):  # a field that may be left out is a union with None
+            if isinstance(record, type) and issubclass(record, BaseModel):
+                return record
+        raise TypeError(f"cell.{self.settings_field} is no record")
+
+    def describe(self) -> dict[str, Any]:
+        """Return what a page or a program needs to know of it, as JSON data."""
+        settings = self.settings
+        return {
+            "name": self.name,
+            "title": self.title,
+            "steps": list(self.steps),
+            "after": list(self.after),
+            "guided": list(self.guided),
+            "step": None if self.step is None else asdict(self.step),
+            "settings_field": self.settings_field,
+            "settings": _NO_SETTINGS if settings is None else settings.model_json_schema(),
+            "layers": list(self.layers),
+        }
+
+    @property
+    @abstractmethod
+    def result(self) -> "type[Result]":
+        """The record of its result."""
+
+    @abstractmethod
+    def solve(self, given: "StageInput") -> "Result":
+        """Return its result; raises CalibrationError."""
+
+    def is_brought(self, session: "Session") -> bool:
+        """Return whether the user brings what it would give, so that it is not solved."""
+        return any(getattr(session.cell.known, field) is not None for field in self.known)
+
+    def is_wanted(self, session: "Session") -> bool:
+        """Return whether a session has a use for it."""
+        del session
+        return True
+
+    def rests_on(self, session: "Session") -> tuple[str, ...]:
+        """Return the stages whose results, solved or brought, it rests on in a session."""
+        del session
+        return self.after
+
+    def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
+        """Return the cell's fields that it reads in a session."""
+        del session
+        return self.reads
+
+    def reads_of_captures(self, session: "Session") -> "Iterator[tuple[Capture, tuple[str, ...]]]":
+        """Give the captures that it reads in a session, each with the fields that it reads of it."""
+        for capture in session.captures:
+            if capture.step in self.takes:  # of an excluded one that it is, for its row in the result
+                yield capture, read_fields(session, capture, self.takes[capture.step])
+
+    def guide(self, view: "GuideView") -> "GuideNow | None":
+        """Return what to do now for it, None where it asks for nothing."""
+        del view
+        return None
+
+    def evidence(self, session: "Session", result: "Result") -> "list[AnyBlock] | None":
+        """Return a result's evidence as blocks, None where its folder has no evidence.py."""
+        name = f"{type(self).__module__}.evidence"
+        try:
+            module = importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != name:
+                raise
+            return None
+        return module.evidence(session, result)
+
+
+def read_fields(session: "Session", capture: "Capture", fields: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what is read of a capture: of an excluded one almost nothing, and no joints where no arm is named."""
+    if capture.excluded:
+        return tuple(name for name in fields if name in _OF_EXCLUDED)
+    if session.cell.robot.arm is None:
+        return tuple(name for name in fields if name not in _OF_JOINTS)
+    return fields
+
+
+def rests_on_optics(session: "Session", captures: "Iterable[Capture]") -> tuple[str, ...]:
+    """Return the stages that turn the raw frames among captures into points; none where there are none."""
+    from calib_core.captures.raw_frames import of_frames
+
+    if not any(of_frames(capture) and not capture.excluded for capture in captures):
+        return ()
+    return ("laser-plane",) if session.cell.known.laser_plane is None else ("camera", "laser-plane")

@@ -18,9 +18,9 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.errors import InputError
+    from calib_core.stages.graph import Graph
     from server.console.solving import solved_if_possible
     from server.render.report.report import report_html
-    from server.render.report.stale import stale_stages
 
     if options.out.suffix.lower() == ".pdf":
         to_do = "Write HTML; a browser prints it as PDF."
@@ -28,7 +28,7 @@ def _run(options: argparse.Namespace) -> int:
     with opened(options.session) as folder:
         session, read = load_session(folder)
         results = stored_results(folder) or solved_if_possible(options, session, read)
-        stale = stale_stages(session, read, results)
+        stale = Graph.stale_of(session, read, results)
     write_out(options, options.out, [report_html(session, results, stale).encode()])
     return OK
 

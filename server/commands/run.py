@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    from calib_core.stages.graph import STAGES
+    from calib_core.stages.registry import stage_names
 
     session_argument(parser)
-    stages = f"all (default), or one of {', '.join(STAGES)}"
+    stages = f"all (default), or one of {', '.join(stage_names())}"
     parser.add_argument("--stage", default="all", metavar="STAGE", help=stages)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write results/ here instead of into the session")
 

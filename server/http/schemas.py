@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.records import Capture, Cell, Finding, Finite, Measured, Record, Session, Stage, Verdict
+from calib_core.records import Capture, Cell, Finding, Finite, Measured, Record, Session, StageName, Verdict
 
 
 class SimulatedCell(Record):
@@ -88,7 +88,7 @@ class SessionSummary(BaseModel):
     updated: str
     cell: Cell
     capture_count: int
-    verdicts: dict[Stage, Verdict]
+    verdicts: dict[StageName, Verdict]
 
 
 class SessionPage(BaseModel):

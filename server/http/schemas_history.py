@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from calib_core.records import Guide, Session, Step, Verdict
+from calib_core.records import Guide, Session, StepName, Verdict
 from calib_core.review.compare import Comparison
 from calib_core.review.replay import Replay
 from server.http.schemas import StoredCapture
@@ -22,7 +22,7 @@ class TimelineItem(BaseModel):
     kind: Literal["capture", "result", "failed", "cancelled", "now"]
     at: str
     capture: str | None = None
-    step: Step | None = None
+    step: StepName | None = None
     removed: bool = False
     stage: str | None = None
     number: int | None = None

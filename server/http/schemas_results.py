@@ -1,18 +1,15 @@
 """What the routes of results give: the record of each stage, and what is known beside it."""
 
-from typing import Annotated
+import operator
+from collections.abc import Sequence
+from functools import reduce
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, create_model
 
 from calib_core.exports.workpiece import AtWorkpiece
-from calib_core.records import (
-    CameraResult,
-    ChainResult,
-    LaserPlaneResult,
-    MergeResult,
-    TcpResult,
-    TurntableResult,
-)
+from calib_core.records import Result
+from calib_core.stages.registry import stages
 
 
 class Stored(BaseModel):
@@ -27,40 +24,22 @@ class Stored(BaseModel):
     turned_deg: dict[str, float] = Field(default_factory=dict)
 
 
-class StoredCameraResult(CameraResult, Stored):
-    """The camera's result as the server keeps it."""
+def _one_of(records: Sequence[type[BaseModel]]) -> Any:
+    return Annotated[reduce(operator.or_, records), Field(discriminator="stage")]
 
 
-class StoredLaserPlaneResult(LaserPlaneResult, Stored):
-    """The result of the plane of light as the server keeps it."""
-
-
-class StoredTcpResult(TcpResult, Stored):
-    """The tool's result as the server keeps it."""
-
-
-class StoredTurntableResult(TurntableResult, Stored):
-    """The turntable's result as the server keeps it."""
-
-
-class StoredChainResult(ChainResult, Stored):
-    """The result of tool and table together as the server keeps it."""
-
-
-class StoredMergeResult(MergeResult, Stored):
-    """The merge's result as the server keeps it."""
-
-
-StoredResult = Annotated[
-    StoredCameraResult
-    | StoredLaserPlaneResult
-    | StoredTcpResult
-    | StoredTurntableResult
-    | StoredChainResult
-    | StoredMergeResult,
-    Field(discriminator="stage"),
-]
-StageResult = Annotated[
-    CameraResult | LaserPlaneResult | TcpResult | TurntableResult | ChainResult | MergeResult,
-    Field(discriminator="stage"),
-]
+_RECORDS = [stage.result for stage in stages()]
+if TYPE_CHECKING:
+    StageResult = StoredResult = Result
+else:  # whatever the stages' registry has
+    StageResult = _one_of(_RECORDS)
+    StoredResult = _one_of(
+        [
+            create_model(
+                f"Stored{record.__name__}",
+                __base__=(record, Stored),
+                __doc__=f"{record.__doc__} As the server keeps it.",
+            )
+            for record in _RECORDS
+        ]
+    )

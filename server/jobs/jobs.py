@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from calib_core.captures.content import BOARD_STEPS
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
+from calib_core.stages.registry import optics_stages
 from server.http.errors import problem, problem_of_status
 from server.jobs import worker
 from server.jobs.pool import Pool
@@ -98,8 +98,7 @@ class Jobs:
             work = partial(worker.replay, job_id, session, dict(stored.results), digests)
         else:
             solved_from = {"session": session, "files": digests}
-            solved = {name: stored.results[name] for name in BOARD_STEPS if name in stored.results}
-            work = partial(worker.solve, job_id, session, stage, digests, solved)
+            work = partial(worker.solve, job_id, session, stage, digests, dict(stored.results))
         with self._lock:
             if self._pool is None:  # the server stops, and says so of its jobs
                 return
@@ -226,7 +225,7 @@ class Jobs:
                 add_answer(db, job_id, solved.result)
                 return
             former = add_result(db, job_id, solved.result, running.solved_from, solved.outputs)
-            row = job_row(db, job_id) if solved.result["stage"] in BOARD_STEPS else None
+            row = job_row(db, job_id) if solved.result["stage"] in optics_stages() else None
             wait = row is not None and measure_frames_anew(db, row.session_id, row.stage)
         if wait:
             self._captures_wait()

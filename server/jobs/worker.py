@@ -101,7 +101,7 @@ def solve(
 ) -> Solved:
     """Solve a stage of a session, files given by the SHA-256 of their blobs.
 
-    `solved` are results of camera and plane of light, on which raw frames rest while they are fresh.
+    `solved` are stored results: those that are fresh are not solved again where the stage rests on them.
 
     Raises
     ------
@@ -109,14 +109,16 @@ def solve(
         What the stage's solver says; also where there is no room for the files that it makes.
     """
     progress = started(job_id)
-    from calib_core.captures.solved_optics import recall
     from calib_core.records import parse_session
+    from calib_core.stages.given import Kept
+    from calib_core.stages.graph import Graph
     from calib_core.stages.pipeline import solve_stage
     from server.http.strict_json import plain_json
 
-    recall(solved)
+    record = parse_session(session)
+    kept = Kept.of_stored(Graph(record, digests.__getitem__), solved, without=stage)
     outputs = _Outputs(_blobs(), stage)
-    result = solve_stage(parse_session(session), stage, _reader(digests), progress, outputs.store)
+    result = solve_stage(record, stage, _reader(digests), progress, outputs.store, kept)
     return Solved(plain_json(result), outputs.stored)
 
 

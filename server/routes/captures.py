@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import InputError, TooLargeError
-from calib_core.records import Step, parse_capture
+from calib_core.records import StepName, parse_capture
 from server.captures.changes import corrected_capture
 from server.http.dependencies import (
     Again,
@@ -93,7 +93,7 @@ async def take_simulated(
     idempotency: IdempotencyDep,
     store: StoreDep,
     intake: IntakeDep,
-    step: Step | None = None,
+    step: StepName | None = None,
     again: Again = None,
 ) -> Response:
     """Let the simulated cell take its next capture, one of `step` where some are left; or one of its own `again`.

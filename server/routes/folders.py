@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request
 from pydantic import ConfigDict
 
-from calib_core.records import Record, Step
+from calib_core.records import Record, StepName
 from server.http.dependencies import SessionId, StoreDep
 from server.http.strict_json import StrictRoute
 from server.sources.folder_watcher import Watcher
@@ -20,7 +20,7 @@ class WatchedFolder(Record):
     model_config = ConfigDict(json_schema_extra={"examples": [{"folder": "cell 4/today", "step": "tcp"}]})
 
     folder: str
-    step: Step = "tcp"
+    step: StepName = "tcp"
 
 
 class RefusedFile(Record):
@@ -34,7 +34,7 @@ class Watch(Record):
     """What a watched folder gave: how many captures, which files are still being written, which are refused."""
 
     folder: str
-    step: Step
+    step: StepName
     taken: int
     waiting: list[str]
     refused: list[RefusedFile]

@@ -8,7 +8,7 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError
-from calib_core.records import Stage
+from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
 from server.http.dependencies import IdempotencyDep, JobId, JobsDep, SessionId, StageName, StoreDep
 from server.http.schemas import Job
@@ -63,7 +63,7 @@ def get_past_result(session_id: SessionId, stage: StageName, number: ResultNumbe
 
 @router.get("/compare/{stage}", response_model=Comparison)
 def compare(
-    stage: Annotated[Stage, Path(examples=["tcp"])], left: SideName, right: SideName, store: StoreDep
+    stage: Annotated[KnownStage, Path(examples=["tcp"])], left: SideName, right: SideName, store: StoreDep
 ) -> Response:
     """Return two results of a stage side by side, of one session or two: what differs, in units of its sigma."""
     from calib_core.review.compare import Compared, compare_results

@@ -7,7 +7,7 @@ from fastapi import APIRouter, File, Query, Response, UploadFile
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
-from calib_core.records import MergeResult
+from calib_core.stages.merge.record import MergeResult
 from server.http.dependencies import SessionId, StoreDep
 from server.http.schemas import CloudDeviations, CloudSection, ReferenceMesh
 from server.http.strict_json import StrictRoute

@@ -58,10 +58,27 @@ class CaptureSource(_Entry):
     triggered: bool
 
 
+class StepOfCaptures(BaseModel):
+    """A step that captures are taken for, and what they show."""
+
+    name: str
+    title: str
+    shows: str
+    to_capture: str
+
+
 class StageOfCell(_Entry):
-    """A stage: the steps whose captures it takes."""
+    """A stage: the steps whose captures it takes, the stages that it may rest on, and the guide's steps for it.
+
+    `step` are the captures that are its own; its settings stand in the cell's field `settings_field`.
+    """
 
     steps: list[str]
+    after: list[str]
+    guided: list[str]
+    step: StepOfCaptures | None
+    settings_field: str | None
+    layers: list[str]
 
 
 class FileFormats(BaseModel):
@@ -143,11 +160,6 @@ def sources() -> CaptureSources:
 @router.get("/stages", response_model=StagesOfCell)
 def stages() -> StagesOfCell:
     """List the stages: the names that `POST …/solve/{stage}` takes; `all` solves them in their order."""
-    from calib_core.stages.graph import STAGES
+    from calib_core.stages.registry import stages as all_stages
 
-    return StagesOfCell(
-        items=[
-            StageOfCell(name=name, title=name, settings=_NO_SETTINGS, steps=list(entry.steps))
-            for name, entry in STAGES.items()
-        ]
-    )
+    return StagesOfCell(items=[StageOfCell.model_validate(stage.describe()) for stage in all_stages()])

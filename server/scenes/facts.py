@@ -8,8 +8,11 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, CaptureResidual, ChainResult, Measured, Result, Session, TcpResult
+from calib_core.records import Capture, CaptureResidual, Measured, Result, Session
 from calib_core.robots import parse_pose
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.registry import stages, steps_that_show
+from calib_core.stages.tcp.record import TcpResult
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import MergedScans, scanner_on_flange
 from server.scenes.optics import OpticsFacts, optics_facts
@@ -19,7 +22,6 @@ LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]
 
 MAX_POINTS = 200_000
-_STILL_SPHERE = ("tcp", "verify")  # in these steps the sphere stands still in the base
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +169,8 @@ def _shown_captures(session: Session) -> list[Capture]:
 def _rows(results: Mapping[str, Result]) -> dict[str, CaptureResidual]:
     """Return what the results say of each capture, the whole chain before the stages."""
     rows: dict[str, CaptureResidual] = {}
-    for stage in ("camera", "laser-plane", "tcp", "turntable", "merge", "chain"):
-        rows |= {row.capture: row for row in getattr(results.get(stage), "residuals", [])}
+    for stage in sorted(stages(), key=lambda stage: stage.is_answer):  # the answer has the last word
+        rows |= {row.capture: row for row in getattr(results.get(stage.name), "residuals", [])}
     return rows
 
 
@@ -192,7 +194,7 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
         state=state,
         reason=reason,
         points_in_laser_mm=points[:: max(stride, 1)],
-        sphere_center_in_base_mm=placing.still_center_mm if capture.step in _STILL_SPHERE else center,
+        sphere_center_in_base_mm=placing.still_center_mm if capture.step in steps_that_show("sphere") else center,
         table_deg=capture.table_deg,
         mount=capture.mount or "",
     )

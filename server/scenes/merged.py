@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import MergeResult, Result, Session
+from calib_core.records import Result, Session
+from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.stage import ReadFile
 
 MAX_SCAN_POINTS = 500_000

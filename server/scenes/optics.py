@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import CameraResult, LaserPlaneResult, Result, Session
+from calib_core.records import Result, Session
+from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.laser_plane.record import LaserPlaneResult
 
 BASE_FROM_CAMERA = RigidTransform.of(
     np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]]), [0.0, -600.0, 300.0], "base", "camera"

@@ -3,26 +3,17 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calib_core.captures.content import shows_sphere
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
-from calib_core.records import (
-    CameraResult,
-    Capture,
-    ChainResult,
-    LaserPlaneResult,
-    Measured,
-    MergeResult,
-    Result,
-    Session,
-    TcpResult,
-    TurntableResult,
-)
+from calib_core.records import Capture, Measured, Session
+from calib_core.stages.registry import stages
 from calib_core.stages.stage import ReadFile
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.facts import SceneInput
@@ -33,16 +24,6 @@ if TYPE_CHECKING:
     from server.store.database import Store
     from server.store.models import EventRow
     from server.store.sessions import StoredSession
-
-_DRAWN: Final[dict[str, type[Result]]] = {
-    "camera": CameraResult,
-    "laser-plane": LaserPlaneResult,
-    "tcp": TcpResult,
-    "turntable": TurntableResult,
-    "chain": ChainResult,
-    "merge": MergeResult,
-}
-_OF_THE_SPHERE = ("tcp", "turntable", "verify")
 
 
 def scene_input(
@@ -69,14 +50,16 @@ def scene_input(
     calibrated = with_solved_calibration(session.model_copy(update={"captures": []}), results)
 
     def points_on_sphere(capture: Capture) -> FloatArray:
-        if capture.step not in _OF_THE_SPHERE or capture.kind not in ("profile", "cloud", "frame"):
+        if not shows_sphere(capture) or capture.kind not in ("profile", "cloud", "frame"):
             return np.zeros((0, 3))
         try:
             return observe_capture(calibrated, capture, read).points_in_laser_mm
         except CalibrationError:
             return np.zeros((0, 3))  # its measurement has said why, and the scene shows that
 
-    solved = {stage: _DRAWN[stage].model_validate(data) for stage, data in results.items() if stage in _DRAWN}
+    solved = {
+        stage.name: stage.result.model_validate(results[stage.name]) for stage in stages() if stage.name in results
+    }
     return SceneInput(
         session,
         points_on_sphere,

@@ -6,15 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import (
-    Capture,
-    ChainResult,
-    Result,
-    Session,
-    TableCircle,
-    TurntableResidual,
-    TurntableResult,
-)
+from calib_core.records import Capture, Result, Session
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.turntable.record import TableCircle, TurntableResidual, TurntableResult
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from calib_core.errors import InputError
-from calib_core.records import Capture, Session, Step, parse_capture
+from calib_core.records import Capture, Session, StepName, parse_capture
+from calib_core.stages.registry import steps_that_show
 
 POSE_FILES = ("poses.txt", "poses.csv")
 _POSE_ENDINGS = (".txt", ".pose")
-_OF_BOARD = ("camera", "laser-plane")  # their captures need no robot
 _MAX_NOTE_BYTES = 1_000_000
 
 Signature = tuple[int, int]
@@ -66,7 +66,7 @@ def notes_of(name: str, names: Collection[str]) -> list[str]:
 
 
 def capture_of(
-    folder: Path, name: str, notes: list[str], session: Session, step: Step, taken: set[str]
+    folder: Path, name: str, notes: list[str], session: Session, step: StepName, taken: set[str]
 ) -> Capture:
     """Return the capture that a file makes.
 
@@ -94,7 +94,7 @@ def capture_of(
         record |= _said(folder, note, name, session)
         if "pose" in record or note.endswith(".json"):
             break
-    if "pose" not in record and record["step"] not in _OF_BOARD and record["kind"] != "center":
+    if "pose" not in record and record["step"] not in steps_that_show("board") and record["kind"] != "center":
         raise InputError(
             "the pose of this file",
             "none beside it",

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError, TooLargeError
-from calib_core.records import Capture, Session, Step
+from calib_core.records import Capture, Session, StepName
 from server.sources.folder import Resting, Signature, capture_of, files_in, measurements, notes_of
 
 log = logging.getLogger("scancell")
@@ -38,7 +38,7 @@ class WatchedFolder:
     """
 
     folder: str
-    step: Step
+    step: StepName
     taken: dict[str, Signature] = field(default_factory=dict[str, Signature])
     refused: dict[str, tuple[list[Signature], str]] = field(default_factory=dict[str, tuple[list[Signature], str]])
     waiting: list[str] = field(default_factory=list[str])
@@ -102,7 +102,7 @@ class Watcher:
         watch = self._watches.get(session_id)
         return {"available": self._root is not None, "folders": self._folders(), "watch": watch and watch.told()}
 
-    def watch(self, session_id: str, folder: str, step: Step) -> None:
+    def watch(self, session_id: str, folder: str, step: StepName) -> None:
         """Watch a folder for a session, in place of the one that was.
 
         Raises

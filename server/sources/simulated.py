@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from calib_core.errors import ConflictError
-from calib_core.records import Capture, Step
+from calib_core.records import Capture, StepName
 from server.sources.source import Occasion, Settings, Source, Taken
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class SimulatedSettings(Settings):
     """Which capture is taken: the next, of `step` where some are left; or one of the cell's own `again`."""
 
-    step: Step | None = None
+    step: StepName | None = None
     again: str | None = Field(default=None, max_length=64, description="The `id` of a capture to be taken again.")
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from pydantic import Field
 
-from calib_core.records import Capture, Session, Step
+from calib_core.records import Capture, Session, StepName
 from server.captures.intake import Intake
 from server.settings import Settings
 from server.sources.folder_watcher import Watcher
@@ -21,7 +21,7 @@ class FolderSettings(SourceSettings):
     """The folder to watch, below the server's watched root, and what its captures are taken for."""
 
     folder: str = Field(description="Below the folder that SCANCELL_WATCH_ROOT names.")
-    step: Step = "tcp"
+    step: StepName = "tcp"
 
 
 SOURCE = Source(

@@ -13,7 +13,7 @@ from calib_core.archive.stored_results import require_result
 from calib_core.errors import InputError
 from calib_core.formats.points import require_file_size
 from calib_core.records import Record, input_error, parse_session
-from calib_core.stages.graph import STAGES
+from calib_core.stages.registry import stage_names
 from server.store.history import PastResult, past_results
 from server.store.models import CaptureRow, Data, ResultRow
 
@@ -84,9 +84,9 @@ def read_history(bag: Bag) -> ArchivedHistory:
         raise input_error(error, data, where) from None
     for number, result in enumerate(history.results):
         place = f"{where}: results[{number}]"
-        if result.stage not in STAGES:
+        if result.stage not in stage_names():
             raise InputError(
-                "a stage among " + ", ".join(STAGES), repr(result.stage[:60]), "Pack it again.", place
+                "a stage among " + ", ".join(stage_names()), repr(result.stage[:60]), "Pack it again.", place
             )
         if result.record is not None:
             require_result(result.stage, result.record, place)

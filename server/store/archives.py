@@ -24,7 +24,7 @@ from calib_core.archive.stored_results import output_names
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import FORMAT, Capture, Measured, Session
 from calib_core.review.answer import ANSWER_FILE
-from calib_core.stages.graph import STAGES
+from calib_core.stages.registry import stage_names
 from server.jobs.measuring import Measure, check_poses, measure
 from server.store.archived_files import add_archived_files
 from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
@@ -180,9 +180,9 @@ def _require_storable(archived: ArchivedSession) -> None:
         got = f"{len(archived.session.name)}"
         raise InputError(f"a name of at most {_MAX_NAME} characters", got, "Shorten it.", where)
     for stage in archived.results:
-        if stage not in STAGES:
+        if stage not in stage_names():
             raise InputError(
-                "results of the stages " + ", ".join(STAGES),
+                "results of the stages " + ", ".join(stage_names()),
                 f"one of '{stage[:60]}'",
                 "Import it with a version of scancell that solves this stage.",
                 f"{_WHERE}: results",

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.captures.content import BOARD_STEPS
+from calib_core.captures.content import shows_board
+from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import with_solved_calibration
-from calib_core.captures.sweep import of_frames
 from calib_core.records import Capture, Measured, Session, parse_capture
-from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.graph import Graph
+from calib_core.stages.registry import optics_stages, steps_that_show
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, ResultRow
 from server.store.sessions import StoredSession, load_session
@@ -47,7 +48,7 @@ class Calibrated:
 
 def needs_calibration(capture: Capture) -> bool:
     """Return whether a capture is raw frames that camera and plane of light turn into points."""
-    return of_frames(capture) and capture.step not in BOARD_STEPS
+    return of_frames(capture) and not shows_board(capture)
 
 
 def calibrated_session(db: Transaction, blobs: Blobs, session_id: str) -> Calibrated:
@@ -58,8 +59,9 @@ def calibrated_session(db: Transaction, blobs: Blobs, session_id: str) -> Calibr
 def calibrated(stored: StoredSession, results: tuple[int, ...] = ()) -> Calibrated:
     """Return a session that was loaded as its frames are measured in it."""
     known = stored.session.cell.known
-    stages = [stage for stage in _stages(stored.session) if stage in stored.results]
-    outdated = any(_is_outdated(stored, stage) for stage in stages)
+    stage = optics_stages()[0 if known.laser_plane is not None else -1]
+    graph = Graph(stored.session, stored.digests.__getitem__)
+    outdated = stage in stored.results and not graph.is_fresh(stage, stored.results[stage]["inputs_sha256"])
     brought = known.camera is not None and known.laser_plane is not None
     return Calibrated(without_captures(stored.session, stored.results), results, outdated and not brought)
 
@@ -72,18 +74,19 @@ def without_captures(session: Session, results: Mapping[str, Data]) -> Session:
 def board_results(db: Transaction, session_id: str) -> tuple[int, ...]:
     """Return the numbers of the latest results of camera and plane of light."""
     query = select(func.max(ResultRow.number)).where(
-        ResultRow.session_id == session_id, ResultRow.stage.in_(BOARD_STEPS)
+        ResultRow.session_id == session_id, ResultRow.stage.in_(optics_stages())
     )
     return tuple(sorted(db.scalars(query.group_by(ResultRow.stage))))
 
 
 def measure_frames_anew(db: Transaction, session_id: str, stage: str) -> bool:
     """Let raw frames wait to be measured with what was just solved; returns whether there are any."""
-    if stage not in BOARD_STEPS:
+    if stage not in optics_stages():
         return False
     rows = db.execute(
         select(CaptureRow.record, CaptureRow.measured).where(
-            CaptureRow.session_id == session_id, CaptureRow.record["step"].as_string().not_in(BOARD_STEPS)
+            CaptureRow.session_id == session_id,
+            CaptureRow.record["step"].as_string().not_in(steps_that_show("board")),
         )
     )
     until_then: dict[str, Measured] = {}
@@ -93,13 +96,3 @@ def measure_frames_anew(db: Transaction, session_id: str, stage: str) -> bool:
             until_then[capture.id] = Measured.model_validate(measured)
     measure_anew(db, session_id, until_then)
     return bool(until_then)
-
-
-def _stages(session: Session) -> tuple[str, ...]:
-    """Return the stages whose results its frames rest on."""
-    return ("camera",) if session.cell.known.laser_plane is not None else ("laser-plane",)
-
-
-def _is_outdated(stored: StoredSession, stage: str) -> bool:
-    now_sha256 = inputs_sha256(stored.session, stage, stored.read, stored.digests.__getitem__)
-    return stored.results[stage]["inputs_sha256"] != now_sha256

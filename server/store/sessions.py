@@ -56,17 +56,13 @@ class StoredSession:
 
     def results_with_stale(self) -> dict[str, Data]:
         """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""
-        from calib_core.stages.graph import inputs_sha256
+        from calib_core.stages.graph import Graph
 
-        results: dict[str, Data] = {}
-        for stage, result in self.results.items():
-            now_sha256 = inputs_sha256(self.session, stage, self.read, self.digests.__getitem__)
-            results[stage] = {
-                **result,
-                "stale": result["inputs_sha256"] != now_sha256,
-                **self._seen_from_poses(result),
-            }
-        return results
+        stale = Graph(self.session, self.digests.__getitem__).stale(self.results)
+        return {
+            stage: {**result, "stale": stage in stale, **self._seen_from_poses(result)}
+            for stage, result in self.results.items()
+        }
 
     def _seen_from_poses(self, result: Data) -> Data:
         from calib_core.exports.workpiece import at_workpiece, turned_deg

@@ -6,8 +6,8 @@ import numpy as np
 from harness import Row, interleaved_medians_s
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import ChainResult
 from calib_core.simulation import SimulatedSession, chain_bound, simulate
+from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 
 MOST = 1.1

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import CameraResult, LaserPlaneResult, TcpResult
 from calib_core.simulation import simulate
+from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import run
+from calib_core.stages.tcp.record import TcpResult
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from calib_core.evidence.parts import BAND, residual_plot
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import blocks_text, plain, result_text
 from calib_core.evidence.words import captures_text, not_used
-from calib_core.records import TcpResidual
 from calib_core.records.evidence import (
     AnyBlock,
     Axis,
@@ -36,6 +35,7 @@ from calib_core.records.evidence import (
 )
 from calib_core.review.replay import compare
 from calib_core.stages.evidence import stored_evidence, title_of
+from calib_core.stages.tcp.record import TcpResidual
 
 BLOCKS = TypeAdapter(list[AnyBlock])
 IDENTITY = [[float(i == k) for k in range(4)] for i in range(4)]

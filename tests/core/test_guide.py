@@ -10,6 +10,7 @@ from calib_core.frames import RigidTransform, rotation_from_vector, vector_from_
 from calib_core.records import Guide, Measured, Session
 from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import simulate
+from calib_core.stages.graph import Graph
 from calib_core.stages.guide import guide
 from calib_core.stages.tcp.motion import nearest_turn_rad
 
@@ -38,7 +39,7 @@ def good(session: Session) -> list[Measured]:
 
 
 def guided(session: Session, results: dict[str, Any] | None = None) -> Guide:
-    return guide(session, good(session), results or {})
+    return guide(session, good(session), results or {}, Graph(session, str).stale(results or {}))
 
 
 def shifted(*offset_mm: float) -> RigidTransform:
@@ -51,7 +52,15 @@ def turned(*degrees: float) -> RigidTransform:
 
 def result_of(session: Session, **more: Any) -> dict[str, Any]:
     rows = [{"capture": c.id, "used": True, "reason": None} for c in session.captures if c.step == "tcp"]
-    base = {"stage": "tcp", "verdict": "pass", "warnings": [], "undetermined": [], "residuals": rows}
+    key = Graph(session, str).key("tcp")
+    base = {
+        "stage": "tcp",
+        "inputs_sha256": key,
+        "verdict": "pass",
+        "warnings": [],
+        "undetermined": [],
+        "residuals": rows,
+    }
     return base | {"sphere_center_in_base_mm": [900.0, 120.0, 400.0]} | more
 
 

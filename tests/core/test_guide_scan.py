@@ -8,7 +8,7 @@ import pytest
 
 from calib_core.records import Capture, Guide, Measured, Session, parse_cell
 from calib_core.simulation import SimulatedSession, simulate
-from calib_core.stages.graph import stage_captures
+from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.guide import guide
 
 
@@ -22,7 +22,15 @@ def solved(simulated: SimulatedSession, session: Session, *stages: str, **more: 
     results: dict[str, dict[str, Any]] = {}
     for stage in stages:
         rows = [{"capture": c.id, "used": True} for c in stage_captures(session, stage) if not c.excluded]
-        results[stage] = {"stage": stage, "verdict": "pass", "warnings": [], "undetermined": [], "residuals": rows}
+        key = Graph(session, str).key(stage)
+        results[stage] = {
+            "stage": stage,
+            "inputs_sha256": key,
+            "verdict": "pass",
+            "warnings": [],
+            "undetermined": [],
+            "residuals": rows,
+        }
         results[stage] |= {"tool0_from_laser": simulated.truth["tool0_from_laser"]}
         if stage != "tcp":
             results[stage] |= {"base_from_turntable": simulated.truth["base_from_turntable"], "direction": 1}
@@ -41,7 +49,7 @@ def guided(session: Session, results: dict[str, Any], refused: tuple[str, ...] =
         Measured(capture=c.id, kind=c.kind, verdict="fail" if c.id in refused else "pass")
         for c in session.captures
     ]
-    return guide(session, measured, results)
+    return guide(session, measured, results, Graph(session, str).stale(results))
 
 
 def scans_of(simulated: SimulatedSession) -> list[Capture]:

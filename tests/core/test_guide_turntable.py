@@ -6,7 +6,7 @@ import pytest
 
 from calib_core.records import Guide, Measured, Session
 from calib_core.simulation import simulate
-from calib_core.stages.graph import stage_captures
+from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.guide import guide
 
 
@@ -20,12 +20,20 @@ def guided(session: Session, results: dict[str, Any] | None = None, refused: tup
         Measured(capture=c.id, kind=c.kind, verdict="fail" if c.id in refused else "pass")
         for c in session.captures
     ]
-    return guide(session, measured, results or {})
+    return guide(session, measured, results or {}, Graph(session, str).stale(results or {}))
 
 
 def result_of(session: Session, stage: str, **more: Any) -> dict[str, Any]:
     rows = [{"capture": c.id, "used": True} for c in stage_captures(session, stage) if not c.excluded]
-    base = {"stage": stage, "verdict": "pass", "warnings": [], "undetermined": [], "residuals": rows}
+    key = Graph(session, str).key(stage)
+    base = {
+        "stage": stage,
+        "inputs_sha256": key,
+        "verdict": "pass",
+        "warnings": [],
+        "undetermined": [],
+        "residuals": rows,
+    }
     return base | {"sphere_center_in_base_mm": [900.0, 120.0, 400.0]} | more
 
 

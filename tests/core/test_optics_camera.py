@@ -12,7 +12,8 @@ from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel, Model, Segment
-from calib_core.records import CameraResult, parse_session
+from calib_core.records import parse_session
+from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.pipeline import solve_stage
 
 SIZE = (1280, 1024)

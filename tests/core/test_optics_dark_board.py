@@ -8,9 +8,11 @@ from calib_core.captures.measure import measure_capture
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.hand_eye import solve_hand_eye
-from calib_core.records import CameraResult, LaserPlaneResult, Session
+from calib_core.records import Measured, Session
 from calib_core.simulation import SimulatedSession, simulate
-from calib_core.stages.camera.guide import laser_plane_now
+from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.guide import guide
+from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import run
 
 TOOL0_FROM_CAMERA = RigidTransform.of([0.3, -0.2, 1.1], [40.0, -75.0, 60.0], "tool0", "camera")
@@ -174,4 +176,6 @@ def test_the_guide_says_that_a_fixed_board_may_be_dark() -> None:
     whole = simulate("laser-plane-dark", 1).session
     lit = [capture for capture in whole.captures if capture.step == "camera"]
     session = whole.model_copy(update={"captures": lit})
-    assert "may be dark" in laser_plane_now(session, [], None).instruction
+    views = [Measured(capture=c.id, kind=c.kind, verdict="pass") for c in lit]
+    done = {"camera": {"verdict": "pass"}}
+    assert "may be dark" in guide(session, views, done).current.instruction

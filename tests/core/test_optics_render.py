@@ -7,13 +7,13 @@ from calib_core.captures.measure import measure_capture
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.stripe import find_stripe
 from calib_core.optics.triangulate import ProfileCalibration, triangulate_stripe
-from calib_core.records import TcpResult
 from calib_core.simulation import FRAME_SCENARIOS, simulate
 from calib_core.simulation.frame_camera import SimulatedCamera
 from calib_core.simulation.frame_surfaces import BoardSurface, PlaneSurface, SphereSurface
 from calib_core.simulation.frames import Exposure, LightSheet, light, render, sense
 from calib_core.simulation.motion import pose, turn
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
 
 NORMAL = np.array([0.0, np.cos(0.5), np.sin(0.5)])
 SHEET = LightSheet(NORMAL, 120.0, 120.0 * NORMAL)

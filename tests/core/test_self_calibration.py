@@ -11,9 +11,10 @@ from calib_core.frames import RigidTransform
 from calib_core.fusion.certainty import sphere_covariance
 from calib_core.fusion.overlap import PoseErrors
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
-from calib_core.records import MergeResult, MergeSettings
+from calib_core.records import MergeSettings
 from calib_core.simulation import simulate
 from calib_core.sphere.cloud import fit_sphere
+from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.pipeline import solve_stage
 from tests.core.test_session_merge import session, solve
 

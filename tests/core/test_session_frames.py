@@ -6,8 +6,9 @@ import pytest
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.solved_optics import recall
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
-from calib_core.records import LaserPlaneResult, Session
+from calib_core.records import Session
 from calib_core.simulation import SimulatedSession, simulate
+from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
 
 SHIFT_MM = 5.0

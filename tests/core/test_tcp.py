@@ -11,8 +11,8 @@ from cells import ESTIMATED, GIVEN, SPHERE, Cell
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp, surface_distances
-from calib_core.chain.tcp_verdict import tcp_verdict
 from calib_core.frames import FloatArray
+from calib_core.stages.tcp.verdict import tcp_verdict
 
 CHI2_6_RARE = 27.9  # one in ten thousand
 

@@ -8,10 +8,10 @@ from cells import ESTIMATED, GIVEN, SPHERE, Cell
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import TcpOptions, solve_tcp
-from calib_core.chain.tcp_verdict import tcp_verdict
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.robots import parse_pose, to_pose
+from calib_core.stages.tcp.verdict import tcp_verdict
 from tests.core.exact_sphere import exact_cell, turns
 
 OPTIONS = pytest.mark.parametrize("options", [GIVEN, ESTIMATED], ids=["given", "estimated"])

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib_core.records import CameraResult, parse_session
+from calib_core.records import parse_session
+from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.pipeline import solve_stage
 
 _REFERENCE_SIGMA_PX = 1.3

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib_core.records import LaserPlaneResult, parse_session
+from calib_core.records import parse_session
+from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from calib_core.frames import RigidTransform
-from calib_core.records import TcpResult, parse_session
+from calib_core.records import parse_session
 from calib_core.robots import to_pose
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
 
 # Scatter of the centres, and the independent solvers' tool as x y z W P R (mm, degrees).
 CELLS = {

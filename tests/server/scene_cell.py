@@ -11,7 +11,8 @@ import uvicorn
 from fastapi import FastAPI
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, Measured, TcpResult, TwoStep, VarianceComponents, parse_session
+from calib_core.records import Capture, Measured, VarianceComponents, parse_session
+from calib_core.stages.tcp.record import TcpResult, TwoStep
 from server.http import errors
 from server.scenes.facts import SceneInput
 from server.scenes.manager import SceneManager

@@ -6,6 +6,7 @@ from typing import Any
 import jsonschema_rs
 import pytest
 
+from calib_core.stages.registry import stage_names
 from server.app import create_app
 
 
@@ -97,7 +98,7 @@ def test_results_of_every_stage_are_described(document: dict[str, Any], path: st
     schema = resolved(operation["responses"]["200"]["content"]["application/json"]["schema"], document)
     schema = schema["properties"]["results"] if path.startswith("timeline") else schema
     schema = resolved(schema.get("additionalProperties", schema), document)
-    stages = {"camera", "laser-plane", "tcp", "turntable", "chain", "merge"}
+    stages = set(stage_names())
     assert set(schema["discriminator"]["mapping"]) == stages
     for name in schema["discriminator"]["mapping"].values():
         assert {"stale", "at_workpiece", "verdict"} <= set(resolved({"$ref": name}, document)["properties"])

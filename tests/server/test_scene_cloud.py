@@ -8,7 +8,7 @@ import pytest
 
 from calib_core.archive.stored_clouds import CLOUD_FILE, REFERENCE_FILE
 from calib_core.formats.ply import ply_pieces
-from calib_core.records import MergeResult
+from calib_core.stages.merge.record import MergeResult
 from server.scenes.cloud_layers import cloud_place, height_range_mm
 from server.scenes.cloud_view import Against, CloudView, Section
 from server.scenes.colors import DIVERGING, SCANS, VIRIDIS, WAITING

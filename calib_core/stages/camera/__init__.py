@@ -1,1 +1,57 @@
-"""The camera."""
+"""The camera, from frames of the calibration board."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+from calib_core.stages.stage import FRAME_FIELDS, CaptureStep, Stage
+
+if TYPE_CHECKING:
+    from calib_core.records import GuideNow, Session
+    from calib_core.stages.camera.record import CameraResult
+    from calib_core.stages.given import StageInput
+    from calib_core.stages.guide import GuideView
+
+
+class Camera(Stage):
+    """The camera, from frames of the calibration board."""
+
+    name, title, place = "camera", "Camera", 10
+    step = CaptureStep(
+        "camera",
+        "Camera",
+        "board",
+        "Capture the board, tilted differently in each frame, and add the frames to the session.",
+    )
+    takes: ClassVar = {"camera": FRAME_FIELDS, "laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
+    reads = ("board",)
+    known = ("camera",)
+    guided = ("camera",)
+    settings_field = "board"
+    layers = ("camera",)
+
+    @property
+    def result(self) -> "type[CameraResult]":
+        """The record of its result."""
+        from calib_core.stages.camera.record import CameraResult
+
+        return CameraResult
+
+    def solve(self, given: "StageInput") -> "CameraResult":
+        """Return its result; raises CalibrationError."""
+        from calib_core.stages.camera.solve import solve_camera_stage
+
+        return solve_camera_stage(given)
+
+    def is_wanted(self, session: "Session") -> bool:
+        """Return whether the scanner delivers raw frames."""
+        from calib_core.captures.raw_frames import uses_frames
+
+        return uses_frames(session)
+
+    def guide(self, view: "GuideView") -> "GuideNow | None":
+        """Return what to do now for it, None where it asks for nothing."""
+        from calib_core.stages.camera.guide import camera_now
+
+        return camera_now(view)
+
+
+STAGE = Camera()

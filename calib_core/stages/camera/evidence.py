@@ -5,7 +5,7 @@ from typing import Final
 
 from calib_core.evidence.numbers import number_text, quantity
 from calib_core.evidence.parts import capture_series, captures_used, left_out, provenance, residual_table
-from calib_core.records import CameraResult, Session
+from calib_core.records import Session
 from calib_core.records.evidence import (
     AnyBlock,
     Axis,
@@ -19,6 +19,7 @@ from calib_core.records.evidence import (
     Series,
     Table,
 )
+from calib_core.stages.camera.record import CameraResult
 
 MODELS: Final = {
     "plain": "plain: k1 k2 p1 p2 k3",
@@ -35,8 +36,6 @@ _LABELS: Final = {
     "tauX": "Sensor's tilt x",
     "tauY": "Sensor's tilt y",
 }
-
-TITLE: Final = "Camera"
 
 
 def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:

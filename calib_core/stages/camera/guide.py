@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 from calib_core.records import Board, GuideNow, Measured, Session
+from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review
 
 WANTED_VIEWS, WANTED_STRIPES = 10, 8
@@ -18,8 +19,15 @@ _PLACES = (
 _SIZES_APART = 1.25  # the largest board over the smallest: less is one distance
 
 
-def camera_now(session: Session, measured: Sequence[Measured], result: Mapping[str, Any] | None) -> GuideNow:
-    """Return the instruction of the camera's step; `result` is JSON data, `stale` where captures have changed."""
+def camera_now(view: GuideView) -> GuideNow | None:
+    """Return the instruction of the camera's step.
+
+    Stripes on boards count for the camera too: where it is stale while they are taken, it waits for all of them.
+    """
+    status, session, measured = view.statuses["camera"], view.session, view.measured
+    result = view.results.get("camera")
+    if status == "known" or (status == "stale" and _stripes_are_under_way(view)):
+        return None
     if session.cell.board is None:
         return _board_missing("camera")
     if result is not None and not result.get("stale"):
@@ -41,8 +49,11 @@ def camera_now(session: Session, measured: Sequence[Measured], result: Mapping[s
     )
 
 
-def laser_plane_now(session: Session, measured: Sequence[Measured], result: Mapping[str, Any] | None) -> GuideNow:
+def laser_plane_now(view: GuideView) -> GuideNow | None:
     """Return the instruction of the laser plane's step."""
+    session, measured, result = view.session, view.measured, view.results.get("laser-plane")
+    if view.statuses["laser-plane"] == "known":
+        return None
     if session.cell.board is None:
         return _board_missing("laser-plane")
     if result is not None and not result.get("stale"):
@@ -62,6 +73,12 @@ def laser_plane_now(session: Session, measured: Sequence[Measured], result: Mapp
         progress=f"{len(stripes)} of {WANTED_STRIPES} stripes",
         still_needed=needed,
     )
+
+
+def _stripes_are_under_way(view: GuideView) -> bool:
+    """Whether more stripes on boards are asked for, and some are there."""
+    now = laser_plane_now(view)
+    return now is not None and now.action == "capture" and bool(view.captures("laser-plane"))
 
 
 def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:

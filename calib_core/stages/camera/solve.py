@@ -14,21 +14,13 @@ from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
 from calib_core.optics.camera_solution import CameraSolution
-from calib_core.records import (
-    Board,
-    CameraCandidate,
-    CameraCoverage,
-    CameraResidual,
-    CameraResult,
-    CameraSegment,
-    Capture,
-    RefinedCamera,
-    Verdict,
-)
+from calib_core.records import Board, CameraSegment, Capture, Verdict
+from calib_core.stages.camera.record import CameraCandidate, CameraCoverage, CameraResidual, CameraResult
+from calib_core.stages.laser_plane.record import RefinedCamera
 from calib_core.stages.stage import SOFTWARE
 
 if TYPE_CHECKING:
-    from calib_core.stages.stage import StageInput
+    from calib_core.stages.given import StageInput
 
 _FAIL_RMS_PX = 3.0
 _FINDING_SHARE = 0.7

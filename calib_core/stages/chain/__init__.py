@@ -1,1 +1,47 @@
 """Tool and turntable from all captures together."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, Stage, rests_on_optics
+
+if TYPE_CHECKING:
+    from calib_core.records import Session
+    from calib_core.stages.chain.record import ChainResult
+    from calib_core.stages.given import StageInput
+
+
+class Chain(Stage):
+    """Tool and turntable from all captures together."""
+
+    name, title, place = "chain", "Tool and turntable together", 50
+    takes: ClassVar = {"tcp": SPHERE_FIELDS, "turntable": (*SPHERE_FIELDS, "table_deg", "mount")}
+    reads = (
+        *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
+    )  # fmt: skip
+    known = ("tool0_from_laser", "base_from_turntable")
+    after = ("camera", "laser-plane", "tcp", "turntable")
+    answers = ("tcp", "turntable")
+    is_answer = True
+    optional = True
+    needs_every_step = True
+
+    @property
+    def result(self) -> "type[ChainResult]":
+        """The record of its result."""
+        from calib_core.stages.chain.record import ChainResult
+
+        return ChainResult
+
+    def solve(self, given: "StageInput") -> "ChainResult":
+        """Return its result; raises CalibrationError."""
+        from calib_core.stages.chain.solve import solve_chain_stage
+
+        return solve_chain_stage(given)
+
+    def rests_on(self, session: "Session") -> tuple[str, ...]:
+        """Return the stages that it begins at, and what turns raw frames into points."""
+        own = [capture for capture in session.captures if capture.step in self.takes]
+        return (*rests_on_optics(session, own), "tcp", "turntable")
+
+
+STAGE = Chain()

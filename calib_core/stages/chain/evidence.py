@@ -1,7 +1,5 @@
 """What the whole chain's result says of itself: tool and table from all captures together."""
 
-from typing import Final
-
 from calib_core.evidence.parts import (
     captures_used,
     left_out,
@@ -14,10 +12,12 @@ from calib_core.evidence.parts import (
     workpiece_places,
     workpiece_table,
 )
-from calib_core.records import ChainResult, Session, TcpResidual
+from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock
+from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
 from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frame, tool_sigmas
+from calib_core.stages.tcp.record import TcpResidual
 from calib_core.stages.turntable.evidence import COLUMNS as TABLE_COLUMNS
 from calib_core.stages.turntable.evidence import (
     axis_figures,
@@ -29,8 +29,6 @@ from calib_core.stages.turntable.evidence import (
     table_rows,
     wobble,
 )
-
-TITLE: Final = "Tool and turntable together"
 
 
 def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:

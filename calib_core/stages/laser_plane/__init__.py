@@ -1,1 +1,80 @@
-"""The plane of laser light."""
+"""The plane of laser light, from frames of the board with the stripe on it."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+from calib_core.stages.stage import FRAME_FIELDS, CaptureStep, Stage
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from calib_core.records import Capture, GuideNow, Session
+    from calib_core.stages.given import StageInput
+    from calib_core.stages.guide import GuideView
+    from calib_core.stages.laser_plane.record import LaserPlaneResult
+
+
+class LaserPlane(Stage):
+    """The plane of laser light, from frames of the board with the stripe on it."""
+
+    name, title, place = "laser-plane", "Laser plane", 20
+    step = CaptureStep(
+        "laser-plane",
+        "Laser plane",
+        "board",
+        "Capture the board with the stripe on it, near and far, and add the frames to the session.",
+    )
+    takes: ClassVar = {"laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
+    reads = ("board",)
+    known = ("laser_plane",)
+    after = ("camera",)
+    guided = ("laser-plane",)
+    layers = ("laser_plane",)
+
+    @property
+    def result(self) -> "type[LaserPlaneResult]":
+        """The record of its result."""
+        from calib_core.stages.laser_plane.record import LaserPlaneResult
+
+        return LaserPlaneResult
+
+    def solve(self, given: "StageInput") -> "LaserPlaneResult":
+        """Return its result; raises CalibrationError."""
+        from calib_core.stages.laser_plane.solve import solve_laser_plane_stage
+
+        return solve_laser_plane_stage(given)
+
+    def is_wanted(self, session: "Session") -> bool:
+        """Return whether the scanner delivers raw frames."""
+        from calib_core.captures.raw_frames import uses_frames
+
+        return uses_frames(session)
+
+    def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
+        """Return the cell's fields that it reads: the robot's too where poses tell where a dark board stands."""
+        if not self._has_dark_boards(session):
+            return self.reads
+        return (*self.reads, "pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
+
+    def reads_of_captures(self, session: "Session") -> "Iterator[tuple[Capture, tuple[str, ...]]]":
+        """Give its captures; lit boards of the camera's too where one of its own may be dark."""
+        yield from super().reads_of_captures(session)
+        if self._has_dark_boards(session):
+            for capture in session.captures:
+                if capture.step == "camera" and not capture.excluded:
+                    yield capture, (*FRAME_FIELDS, "pose")
+
+    def _has_dark_boards(self, session: "Session") -> bool:
+        return any(
+            capture.step in self.takes and len(capture.files) == 1 and (capture.pose or capture.board_of)
+            for capture in session.captures
+            if not capture.excluded
+        )
+
+    def guide(self, view: "GuideView") -> "GuideNow | None":
+        """Return what to do now for it, None where it asks for nothing."""
+        from calib_core.stages.camera.guide import laser_plane_now
+
+        return laser_plane_now(view)
+
+
+STAGE = LaserPlane()

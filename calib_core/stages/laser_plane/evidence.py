@@ -14,8 +14,9 @@ from calib_core.evidence.parts import (
     residual_table,
 )
 from calib_core.frames import RigidTransform
-from calib_core.records import LaserPlaneResidual, LaserPlaneResult, Session
+from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
+from calib_core.stages.laser_plane.record import LaserPlaneResidual, LaserPlaneResult
 
 _COLUMNS: Final = (
     ("board_distance_mm", "Distance", "mm"),
@@ -25,8 +26,6 @@ _COLUMNS: Final = (
     ("stripe_sigma_px", "Stripe noise", "px"),
     ("board_sigma_px", "Corner noise", "px"),
 )
-
-TITLE: Final = "Laser plane"
 
 
 def evidence(session: Session, result: LaserPlaneResult) -> list[AnyBlock]:

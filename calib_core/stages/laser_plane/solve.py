@@ -21,15 +21,11 @@ from calib_core.optics.laser_plane_solve import (
     ViewFigures,
     solve_plane,
 )
-from calib_core.records import (
-    CameraResult,
-    LaserPlaneResidual,
-    LaserPlaneResult,
-    PlaneInCamera,
-    RefinedCamera,
-    Verdict,
-)
-from calib_core.stages.stage import SOFTWARE, StageInput
+from calib_core.records import Verdict
+from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.given import StageInput
+from calib_core.stages.laser_plane.record import LaserPlaneResidual, LaserPlaneResult, PlaneInCamera, RefinedCamera
+from calib_core.stages.stage import SOFTWARE
 
 _FINDING_SHARE = 0.6
 _FAIL_NORMAL_SIGMA_DEG = 2.0

@@ -1,1 +1,77 @@
-"""Scans merged into one cloud."""
+"""All scans in one frame."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+from calib_core.stages.stage import SCAN_FIELDS, CaptureStep, Stage, rests_on_optics
+
+if TYPE_CHECKING:
+    from calib_core.records import GuideNow, Session
+    from calib_core.stages.given import StageInput
+    from calib_core.stages.guide import GuideView
+    from calib_core.stages.merge.record import MergeResult
+
+
+class Merge(Stage):
+    """All scans in one frame."""
+
+    name, title, place = "merge", "Merged cloud", 70
+    step = CaptureStep(
+        "scan",
+        "Scan",
+        "object",
+        "Scan the object from around, with the robot's pose and the table's angle of each scan.",
+    )
+    takes: ClassVar = {"scan": (*SCAN_FIELDS, "table_deg")}
+    reads = (
+        "pose_convention", "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "robot.arm", "arrangement",
+        "merge.voxel_mm", "merge.mesh", "merge.registration", "merge.self_calibration", "merge.memory_mb",
+    )  # fmt: skip
+    after = ("camera", "laser-plane", "tcp", "turntable", "chain")
+    guided = ("scan", "merge")
+    settings_field = "merge"
+    layers = ("merged", "scans")
+
+    @property
+    def result(self) -> "type[MergeResult]":
+        """The record of its result."""
+        from calib_core.stages.merge.record import MergeResult
+
+        return MergeResult
+
+    def solve(self, given: "StageInput") -> "MergeResult":
+        """Return its result; raises CalibrationError."""
+        from calib_core.stages.merge.solve import solve_merge_stage
+
+        return solve_merge_stage(given)
+
+    def rests_on(self, session: "Session") -> tuple[str, ...]:
+        """Return where tool and table come from, and what turns raw frames into points."""
+        own = [capture for capture in session.captures if capture.step in self.takes]
+        known = session.cell.known
+        optics = rests_on_optics(session, own)
+        if known.base_from_turntable is None and self._turns(session):
+            return (*optics, "chain") if known.tool0_from_laser is None else (*optics, "tcp", "turntable")
+        return (*optics, "tcp") if known.base_from_turntable is None else (*optics, "tcp", "turntable")
+
+    def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
+        """Return the cell's fields that it reads: what no solved stage gives, it takes from the cell."""
+        known, reads = session.cell.known, self.reads
+        if known.base_from_turntable is not None:
+            reads = (*reads, "turntable.direction", "turntable.angle_sigma_deg")
+        if known.tool0_from_laser is not None and (known.base_from_turntable or not self._turns(session)):
+            reads = (*reads, "robot.position_sigma_mm", "robot.orientation_sigma_deg")
+        return reads
+
+    @staticmethod
+    def _turns(session: "Session") -> bool:
+        """Return whether the table is to be solved."""
+        return any(capture.step == "turntable" and not capture.excluded for capture in session.captures)
+
+    def guide(self, view: "GuideView") -> "GuideNow | None":
+        """Return what to do now for it, None where it asks for nothing."""
+        from calib_core.stages.merge.guide import merge_now
+
+        return merge_now(view)
+
+
+STAGE = Merge()

@@ -6,12 +6,11 @@ from typing import Final
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
 from calib_core.evidence.parts import capture_series, captures_used, left_out, provenance
 from calib_core.evidence.words import counted
-from calib_core.records import MergeResidual, MergeResult, Session
+from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Table
+from calib_core.stages.merge.record import MergeResidual, MergeResult
 
 _DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))
-
-TITLE: Final = "Merged cloud"
 
 
 def evidence(_session: Session, result: MergeResult) -> list[AnyBlock]:

@@ -9,8 +9,10 @@ import numpy as np
 from calib_core.captures.scans import Placement, ScanGroup, poses_of, scan_groups
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, GuideNow, Measured, Session
+from calib_core.records import GuideNow, Session
+from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review
+from calib_core.stages.turntable.guide import wants_turntable
 
 WANTED_AROUND, LEAST_AROUND = 12, 6
 WANTED_SIDES, LEAST_SIDES = 6, 2
@@ -38,26 +40,19 @@ class _Views:
     direction: int
 
 
-def scan_captures(session: Session) -> list[Capture]:
-    """Return the scans that count."""
-    return [c for c in session.captures if c.step == "scan" and not c.excluded]
-
-
-def scan_now(session: Session, measured: Sequence[Measured], data: Mapping[str, Mapping[str, Any]]) -> GuideNow:
+def merge_now(view: GuideView) -> GuideNow | None:
     """Return the instruction of scanning and merging; tool and table are known by then.
 
-    Parameters
-    ----------
-    session : Session
-    measured : sequence of Measured
-    data : mapping of stage to JSON data of its result
-        `stale` where the captures have changed since.
+    It is None without a table as long as nothing was scanned: the calibration may be all that is wanted.
     """
+    session, measured, data = view.session, view.measured, view.results
+    if not wants_turntable(session) and not view.captures("scan"):
+        return None
     merge = data.get("merge")
     if merge is not None and not merge.get("stale"):
         return _review(merge)
     refused = {m.capture for m in measured if m.verdict == "fail"}
-    groups = scan_groups([capture for capture in scan_captures(session) if capture.id not in refused])
+    groups = scan_groups([capture for capture in view.captures("scan") if capture.id not in refused])
     placement = _placement(session, data)
     turns = placement is not None and placement.base_from_turntable is not None
     if not groups:

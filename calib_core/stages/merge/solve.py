@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -17,19 +16,14 @@ from calib_core.fusion.majority import NO_SCAN, HeaviestScans
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.self_calibration import SelfCalibration
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
-from calib_core.records import (
-    Cell,
-    ChainResult,
-    MergeResidual,
-    MergeResult,
-    SharedShift,
-    TcpResult,
-    TurntableResult,
-    VarianceComponents,
-    Verdict,
-)
+from calib_core.records import Cell, VarianceComponents, Verdict
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.given import StageInput
 from calib_core.stages.merge.doubts import merge_doubts
-from calib_core.stages.stage import SOFTWARE, StageInput
+from calib_core.stages.merge.record import MergeResidual, MergeResult, SharedShift
+from calib_core.stages.stage import SOFTWARE
+from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.turntable.record import TurntableResult
 
 _CALIBRATION_SHARE = 0.2
 
@@ -43,7 +37,7 @@ class _Calibration:
     position_sigma_mm: float
     orientation_sigma_rad: float
     angle_sigma_rad: float
-    by: Literal["known", "tcp", "turntable", "chain"] = "known"
+    by: str = "known"
     warnings: tuple[str, ...] = ()
 
 
@@ -149,7 +143,7 @@ def _calibration(given: StageInput, with_table: bool) -> _Calibration:
             "Capture the still sphere from several robot poses, or give tool0_from_laser with the cell.",
             "captures",
         )
-    result = given.kept.results.get(stage) or given.solve_other(stage, tell)
+    result = given.solve_other(stage, tell)
     assert isinstance(result, TcpResult | TurntableResult | ChainResult)
     return _calibration_of(given.session.cell, result)
 
@@ -183,7 +177,7 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
     placement = Placement(
         RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction, scale
     )
-    by = "known" if result is None else result.stage
+    by: str = "known" if result is None else result.stage
     return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(warnings))
 
 

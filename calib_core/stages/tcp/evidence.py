@@ -22,8 +22,10 @@ from calib_core.evidence.parts import (
 )
 from calib_core.exports.workpiece import turned_deg
 from calib_core.frames import RigidTransform
-from calib_core.records import ChainResult, Session, TcpResult
+from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.tcp.record import TcpResult
 
 _SCANNER_LABELS: Final = {
     "radius_mm": ("Sphere's radius", "mm"),
@@ -41,8 +43,6 @@ COLUMNS: Final = (
     ("weight", "Weight", ""),
     ("zone", "r/R", ""),
 )
-
-TITLE: Final = "Scanner on the flange (TCP)"
 
 
 def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:

@@ -8,8 +8,9 @@ import numpy as np
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, Cell, GuideNow, Measured, Session
+from calib_core.records import Capture, Cell, GuideNow, Measured
 from calib_core.robots import parse_pose, to_pose
+from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.motion import (
     GOOD_TURNS,
     LEAST_SHIFTS,
@@ -28,17 +29,13 @@ _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in vi
 _MANY = 12  # so many captures of different orientations do without pure translations
 
 
-def tcp_now(session: Session, measured: Sequence[Measured], result: Mapping[str, Any] | None) -> GuideNow:
-    """Return the instruction of the TCP step.
-
-    Parameters
-    ----------
-    session : Session
-    measured : sequence of Measured
-    result : JSON data of the TCP result, or None
-        `stale` where the captures have changed since.
-    """
-    captures = [c for c in session.captures if c.step == "tcp" and not c.excluded]
+def tcp_now(view: GuideView) -> GuideNow | None:
+    """Return the instruction of the TCP step, None where the tool is given with the cell."""
+    if view.statuses["tcp"] == "known":
+        return None
+    session, measured = view.session, view.measured
+    result = view.results.get("tcp") or view.results.get("chain")
+    captures = view.captures("tcp")
     if not captures:
         return _first(session.cell)
     poses, unread = _poses(session.cell, captures)

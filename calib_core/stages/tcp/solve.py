@@ -11,15 +11,12 @@ from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, sa
 from calib_core.captures.sweep_rows import mark_sweeps, one_row_each
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
-from calib_core.records import (
-    Capture,
-    ChainResult,
-    TcpResidual,
-    TcpResult,
-    TurntableResidual,
-    TurntableResult,
-)
-from calib_core.stages.stage import SOFTWARE, Observed, Progress, ReadFile, SolvedTcp, StageInput
+from calib_core.records import Capture
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.given import Observed, SolvedTcp, StageInput
+from calib_core.stages.stage import SOFTWARE, Progress, ReadFile
+from calib_core.stages.tcp.record import TcpResidual, TcpResult
+from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
 if TYPE_CHECKING:
     pass
@@ -41,7 +38,7 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
     MotionError
         If the motions do not determine the answer.
     """
-    from calib_core.chain.tcp_result import tcp_result
+    from calib_core.stages.tcp.result import tcp_result
 
     try:
         solved = solve_tcp_captures(given)

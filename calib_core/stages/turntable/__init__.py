@@ -1,1 +1,60 @@
-"""The turntable in the robot base."""
+"""The turntable's axis, from the sphere on it."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
+
+if TYPE_CHECKING:
+    from calib_core.records import GuideNow, Session
+    from calib_core.stages.given import StageInput
+    from calib_core.stages.guide import GuideView
+    from calib_core.stages.turntable.record import TurntableResult
+
+
+class Turntable(Stage):
+    """The turntable's axis, from the sphere on it."""
+
+    name, title, place = "turntable", "Turntable", 40
+    step = CaptureStep(
+        "turntable",
+        "Turntable",
+        "sphere-on-table",
+        "Fix the sphere on the table, capture it at 8 angles, and again at a second height.",
+    )
+    takes: ClassVar = {"turntable": (*SPHERE_FIELDS, "table_deg", "mount")}
+    reads = (
+        *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
+    )  # fmt: skip
+    known = ("base_from_turntable",)
+    after = ("camera", "laser-plane", "tcp")
+    guided = ("turntable",)
+    optional = True
+    settings_field = "turntable"
+    layers = ("turntable",)
+
+    @property
+    def result(self) -> "type[TurntableResult]":
+        """The record of its result."""
+        from calib_core.stages.turntable.record import TurntableResult
+
+        return TurntableResult
+
+    def solve(self, given: "StageInput") -> "TurntableResult":
+        """Return its result; raises CalibrationError."""
+        from calib_core.stages.turntable.solve import solve_turntable_stage
+
+        return solve_turntable_stage(given)
+
+    def rests_on(self, session: "Session") -> tuple[str, ...]:
+        """Return the stages that it rests on: the tool, and what turns raw frames into points."""
+        own = [capture for capture in session.captures if capture.step in self.takes]
+        return (*rests_on_optics(session, own), "tcp")
+
+    def guide(self, view: "GuideView") -> "GuideNow | None":
+        """Return what to do now for it, None where it asks for nothing."""
+        from calib_core.stages.turntable.guide import turntable_now
+
+        return turntable_now(view)
+
+
+STAGE = Turntable()

@@ -1,7 +1,6 @@
 """What the turntable's result says of itself; the whole chain's tells its table alike."""
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
@@ -22,8 +21,10 @@ from calib_core.evidence.parts import (
     workpiece_table,
 )
 from calib_core.frames import RigidTransform
-from calib_core.records import ChainResult, Session, TurntableResidual, TurntableResult
+from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
 TableLike = TurntableResult | ChainResult
 COLUMNS = (
@@ -34,8 +35,6 @@ COLUMNS = (
     ("axial_mm", "Along", "mm"),
     ("mahalanobis", "Distance", "σ"),
 )
-
-TITLE: Final = "Turntable"
 
 
 def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.records import Capture, GuideNow, Measured, Session
+from calib_core.records import Capture, GuideNow, Session
 from calib_core.robots import parse_pose
+from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review
 
 WANTED_ANGLES, LEAST_ANGLES = 8, 3
@@ -28,18 +29,11 @@ def wants_turntable(session: Session) -> bool:
     return "turntable" in session.cell.model_fields_set or bool(_captures(session))
 
 
-def turntable_now(
-    session: Session, measured: Sequence[Measured], data: Mapping[str, Mapping[str, Any]]
-) -> GuideNow:
-    """Return the instruction of the turntable's step; the TCP is known by then.
-
-    Parameters
-    ----------
-    session : Session
-    measured : sequence of Measured
-    data : mapping of stage to JSON data of its result
-        `stale` where the captures have changed since.
-    """
+def turntable_now(view: GuideView) -> GuideNow | None:
+    """Return the instruction of the turntable's step, None where there is no table; the TCP is known by then."""
+    session, measured, data = view.session, view.measured, view.results
+    if not wants_turntable(session):
+        return None
     captures = _captures(session)
     fault = _fault(session, captures)
     if fault is not None:

@@ -1,4 +1,4 @@
-"""The turntable stage and the whole chain: the tool first, then the captures of the sphere on the table."""
+"""The turntable stage: the tool first, then the captures of the sphere on the table."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,14 +10,16 @@ from calib_core.captures.content import sphere_of
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import RigidTransform
-from calib_core.records import Capture, Cell, ChainResult, TurntableResult
-from calib_core.stages.stage import SOFTWARE, Progress, SolvedTable, SolvedTcp, StageInput
+from calib_core.records import Capture, Cell
+from calib_core.stages.given import SolvedTable, SolvedTcp, StageInput
+from calib_core.stages.stage import SOFTWARE, Progress
 from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_failures, with_unused
+from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
     from calib_core.chain.turntable import KnownTool, TurntableOptions
 
-_TCP_SHARE, _TABLE_SHARE = 0.4, 0.7
+_TCP_SHARE = 0.4
 
 
 def solve_turntable_stage(given: StageInput) -> TurntableResult:
@@ -33,7 +35,7 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
         If the motions or the angles do not determine the answer.
     """
     from calib_core.chain.turntable import KnownTool
-    from calib_core.chain.turntable_result import turntable_result
+    from calib_core.stages.turntable.result import turntable_result
 
     cell = given.session.cell
     known = cell.known.tool0_from_laser
@@ -44,47 +46,18 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
             sphere_of(cell, given.captures),
         )
     else:
-        solved = _tcp(given)
-        tool, sphere = _tool_of(solved), solved.sphere
+        solved = tcp_of(given)
+        tool, sphere = tool_of(solved), solved.sphere
         doubts = _doubts_about_tool(solved)
-    table = _table(given, sphere, tool, _part(given.progress, _TCP_SHARE, 1.0))
+    table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256)
     verdict = "warn" if doubts and result.verdict == "pass" else result.verdict
     result = result.model_copy(update={"warnings": [*result.warnings, *doubts], "verdict": verdict})
     return with_unused(result, given.captures, table.unused)
 
 
-def solve_chain_stage(given: StageInput) -> ChainResult:
-    """Return tool and turntable from all captures of both; raises as the two stages do."""
-    from calib_core.chain.whole import solve_chain
-    from calib_core.chain.whole_result import chain_result
-
-    turning = [capture for capture in given.captures if capture.step == "turntable"]
-    for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
-        if not some:
-            raise InputError(
-                "captures with step 'tcp' and with step 'turntable'",
-                f"none with step '{step}'",
-                "Capture the sphere beside the table and on it; or solve the other stage alone.",
-                "captures",
-            )
-    solved = _tcp(given)
-    tool = _tool_of(solved)
-    table = _table(replace(given, captures=turning), solved.sphere, tool, _part(given.progress, 0.4, _TABLE_SHARE))
-    solution = solve_chain(
-        solved.observations,
-        table.observations,
-        solved.sphere,
-        solved.solution,
-        table.solution,
-        _options(given.session.cell),
-        _part(given.progress, _TABLE_SHARE, 1.0),
-    )
-    result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
-    return with_unused(result, given.captures, solved.unused | table.unused)
-
-
-def _tcp(given: StageInput) -> SolvedTcp:
+def tcp_of(given: StageInput) -> SolvedTcp:
+    """Return the tcp captures' solution; raises as the tcp stage does."""
     captures = [capture for capture in given.session.captures if capture.step == "tcp"]
     if not captures:
         raise InputError(
@@ -93,10 +66,11 @@ def _tcp(given: StageInput) -> SolvedTcp:
             "Capture the still sphere from several robot poses first, or give tool0_from_laser with the cell.",
             "captures",
         )
-    return solve_tcp_captures(replace(given, captures=captures, progress=_part(given.progress, 0.0, _TCP_SHARE)))
+    return solve_tcp_captures(replace(given, captures=captures, progress=part_of(given.progress, 0.0, _TCP_SHARE)))
 
 
-def _tool_of(solved: SolvedTcp) -> "KnownTool":
+def tool_of(solved: SolvedTcp) -> "KnownTool":
+    """Return the tool as the table's solver takes it."""
     from calib_core.chain.turntable import KnownTool
 
     solution = solved.solution
@@ -105,13 +79,14 @@ def _tool_of(solved: SolvedTcp) -> "KnownTool":
 
 
 def _doubts_about_tool(solved: SolvedTcp) -> list[str]:
-    from calib_core.chain.tcp_verdict import tcp_verdict
+    from calib_core.stages.tcp.verdict import tcp_verdict
 
     verdict, _ = tcp_verdict(solved.solution)
     return ["The tcp stage's own verdict is fail: mend it first."] if verdict == "fail" else []
 
 
-def _table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+    """Return the table captures' solution, which the stages of one run share."""
     if given.kept.table is None:
         given.kept.table = _solve_table(given, sphere, tool, progress)
     return given.kept.table
@@ -125,7 +100,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     turning = given.session.cell.turntable
     if turning.angles != "unknown":
         _require_angles(captures)
-    observed = observe_stage(replace(given, progress=_part(progress, 0.0, 0.3)))
+    observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
     by_id = {capture.id: capture for capture in captures}
     observations = [
         TableObservation(o, float(np.deg2rad(by_id[o.capture].table_deg or 0.0)), by_id[o.capture].mount or "")
@@ -136,7 +111,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
             frame = tool.tool0_from_laser
             observations = with_found_angles(observations, sphere, frame, turning.direction or 1)
         solution = solve_turntable(
-            observations, sphere, tool, _options(given.session.cell), _part(progress, 0.3, 1.0)
+            observations, sphere, tool, table_options(given.session.cell), part_of(progress, 0.3, 1.0)
         )
     except MotionError as error:
         raise with_failures(error, observed.failed) from None
@@ -155,7 +130,8 @@ def _require_angles(captures: Sequence[Capture]) -> None:
         )
 
 
-def _options(cell: Cell) -> "TurntableOptions":
+def table_options(cell: Cell) -> "TurntableOptions":
+    """Return what the cell says of the table, as its solver takes it."""
     from calib_core.chain.table_angles import UNKNOWN_ANGLE_SIGMA_RAD
     from calib_core.chain.turntable import TurntableOptions
 
@@ -176,6 +152,6 @@ def _radians(degrees: float | None) -> float | None:
     return None if degrees is None else float(np.deg2rad(degrees))
 
 
-def _part(progress: Progress, low: float, high: float) -> Progress:
+def part_of(progress: Progress, low: float, high: float) -> Progress:
     """Return a progress that counts from 0 to 1 while the whole goes from `low` to `high`."""
     return lambda fraction, message: progress(low + (high - low) * fraction, message)

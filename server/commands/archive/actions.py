@@ -67,10 +67,10 @@ def replay(options: argparse.Namespace) -> int:
 def _report(
     options: argparse.Namespace, session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Content]:
+    from calib_core.stages.graph import Graph
     from server.render.report.report import report_html
-    from server.render.report.stale import stale_stages
 
-    stale = stale_stages(session, read, results)
+    stale = Graph.stale_of(session, read, results)
     for stage in stale:
         remark(
             options,

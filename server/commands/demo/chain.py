@@ -11,9 +11,13 @@ from calib_core.archive.folder import result_data
 from calib_core.evidence.numbers import quantity, quantity_text
 from calib_core.evidence.text import plain
 from calib_core.frames import RigidTransform
-from calib_core.records import ChainResult, MergeResult, Result, TcpResult, TurntableResult
+from calib_core.records import Result
 from calib_core.simulation import simulate
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.pipeline import run
+from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.turntable.record import TurntableResult
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import print_result, remark
 from server.console.progress import progress_bar

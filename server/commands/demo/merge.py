@@ -8,8 +8,9 @@ import numpy as np
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, read_stored_ply
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.deviation import mesh_deviations, sphere_deviations
-from calib_core.records import ChainResult, MergeResult
 from calib_core.simulation.part import build_part
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.merge.record import MergeResult
 
 _ABOUT_THE_BALL_MM = 1.0
 

@@ -12,7 +12,7 @@ from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, 
 from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.records import Session
-from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.stage import ReadFile
 from server.console.command import OK
@@ -41,7 +41,7 @@ def export_cloud(options: argparse.Namespace) -> int:
 
 def _is_stale(folder: Path, session: Session, read: ReadFile) -> bool:
     stored = load_results(folder).get("merge")
-    return stored is None or stored.get("inputs_sha256") != inputs_sha256(session, "merge", read)
+    return stored is None or not Graph.of_files(session, read).is_fresh("merge", stored.get("inputs_sha256"))
 
 
 def _merged_anew(options: argparse.Namespace, session: Session, read: ReadFile, folder: Path) -> Path:

@@ -15,12 +15,11 @@ from calib_core.exports.answer import NotUsableError
 from calib_core.exports.export import export as export_results
 from calib_core.exports.registry import export_named
 from calib_core.records import Record, Session
-from calib_core.stages.graph import stage_captures
+from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.pipeline import run as run_stages
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import write_out
 from server.console.progress import progress_bar
-from server.render.report.stale import stale_stages
 
 _FAULTS = ("stale", "fail")
 
@@ -37,7 +36,7 @@ def export(options: argparse.Namespace) -> int:
     with opened(options.session) as folder:
         session, read = load_session(folder)
         stored = load_results(folder)
-        stale = stale_stages(session, read, stored)
+        stale = Graph.stale_of(session, read, stored)
         results: dict[str, Record | Mapping[str, Any]] = {**stored}
         if not {"chain", "tcp"} & stored.keys():
             with progress_bar(options) as progress:

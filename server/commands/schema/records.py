@@ -3,16 +3,13 @@
 import json
 from typing import Any
 
-from calib_core.archive.stored_results import RESULT_RECORDS
 from calib_core.errors import InputError
 from calib_core.records import Record, Session
+from calib_core.stages.registry import stages
 
 _RECORDS: dict[str, tuple[type[Record], str]] = {
     "session": (Session, "scancell session record, format scancell-session/1"),
-    **{
-        f"result-{stage}": (record, f"scancell result of the stage {stage}")
-        for stage, record in RESULT_RECORDS.items()
-    },
+    **{f"result-{stage.name}": (stage.result, f"scancell result of the stage {stage.name}") for stage in stages()},
 }
 PYTHON_CLIENT = "python-client"
 SCHEMAS = (*_RECORDS, PYTHON_CLIENT)

@@ -18,7 +18,7 @@ from calib_core.records import Cell, Session
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.robots import CONVENTIONS
 from calib_core.stages.evidence import stored_evidence, title_of
-from calib_core.stages.graph import STAGES
+from calib_core.stages.registry import stages
 
 _SIGNED_BY: Final = ("Calibrated by", "Checked by", "Released by")
 _COVARIANCES: Final = ("covariance", "turntable_covariance")
@@ -42,7 +42,7 @@ def report_html(session: Session, results: Mapping[str, Data], stale: Collection
     InputError
         If a result's frame or covariance is none.
     """
-    order = ["chain", *STAGES]  # the answer first, then what led to it
+    order = [s.name for s in sorted(stages(), key=lambda s: not s.is_answer or not s.answers)]  # the answer first
     names = sorted(results, key=lambda name: order.index(name) if name in order else len(order))
     told = {name: {**results[name], "stale": name in stale} for name in names}
     blocks = {name: _evidence(session, data) for name, data in told.items()}

@@ -3,9 +3,10 @@
 import numpy as np
 
 from calib_core.chain.tcp import Answer, TcpSolution
-from calib_core.chain.tcp_verdict import tcp_verdict
 from calib_core.frames import FloatArray
-from calib_core.records import TcpResidual, TcpResult, TwoStep, Undetermined, VarianceComponents
+from calib_core.records import Undetermined, VarianceComponents
+from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
+from calib_core.stages.tcp.verdict import tcp_verdict
 
 METHOD = "joint maximum likelihood over points, pose errors integrated out"
 _NAMES = ("rx_deg", "ry_deg", "rz_deg", "tx_mm", "ty_mm", "tz_mm")

@@ -13,16 +13,16 @@ from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.table_reasons import remounted, table_reasons
 from calib_core.chain.table_residuals import TableResiduals
 from calib_core.chain.turntable import TurntableOptions, TurntableSolution
-from calib_core.chain.turntable_verdict import TableJudgement, turntable_verdict, undetermined_of_table
 from calib_core.frames import FloatArray
-from calib_core.records import (
+from calib_core.records import VarianceComponents
+from calib_core.stages.turntable.record import (
     EncoderScaleError,
     TableCircle,
     TableMount,
     TurntableResidual,
     TurntableResult,
-    VarianceComponents,
 )
+from calib_core.stages.turntable.verdict import TableJudgement, turntable_verdict, undetermined_of_table
 
 METHOD = "joint maximum likelihood over points, errors of poses and angles integrated out, tool held"
 

@@ -6,12 +6,13 @@ import numpy as np
 
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_reasons import remounted
-from calib_core.chain.tcp_result import tcp_result
-from calib_core.chain.turntable_result import table_fields, table_rows, variance_components
-from calib_core.chain.turntable_verdict import TableJudgement, turntable_verdict
 from calib_core.chain.whole import ChainSolution
 from calib_core.frames import FloatArray
-from calib_core.records import ChainResult, Verdict
+from calib_core.records import Verdict
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.tcp.result import tcp_result
+from calib_core.stages.turntable.result import table_fields, table_rows, variance_components
+from calib_core.stages.turntable.verdict import TableJudgement, turntable_verdict
 
 METHOD = (
     "joint maximum likelihood over all points of both kinds of captures, errors of poses and angles integrated out"

@@ -1,0 +1,23 @@
+"""Which captures are raw frames of the camera, that a calibrated camera and plane of light turn into points."""
+
+from pathlib import PurePosixPath
+
+from calib_core.records import Capture, Session
+from calib_core.stages.registry import steps_that_show
+
+IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
+
+
+def of_frames(capture: Capture) -> bool:
+    """Return whether a capture is raw frames, which camera and plane of light turn into points."""
+    suffixes = {PurePosixPath(name).suffix.lower() for name in capture.files}
+    return capture.kind == "frame" or (capture.kind == "sweep" and not suffixes.isdisjoint(IMAGES))
+
+
+def uses_frames(session: Session) -> bool:
+    """Return whether the scanner delivers camera frames, which camera and laser plane turn into points."""
+    kind = session.cell.scanner.kind
+    if kind is not None:
+        return kind == "frame"
+    boards = steps_that_show("board")
+    return any(capture.kind == "frame" or capture.step in boards for capture in session.captures)

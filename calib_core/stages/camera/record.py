@@ -1,0 +1,62 @@
+"""The result of the camera stage."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from calib_core.records.base import Matrix4, Record, Rows
+from calib_core.records.results import CaptureResidual, Result
+from calib_core.records.session import CameraSegment
+
+
+class CameraResidual(CaptureResidual):
+    """Figures of one view of the board; `points_px` and `residuals_px` (seen minus predicted) draw its arrows."""
+
+    corners: int = 0
+    rms_px: float | None = None
+    edge_width_px: float | None = None
+    camera_from_board: Matrix4 | None = None
+    points_px: Rows = Field(default_factory=list)
+    residuals_px: Rows = Field(default_factory=list)
+
+
+class CameraCandidate(Record):
+    """A camera model that was compared, and its error on held-out views."""
+
+    model: str
+    parameters: int
+    held_out_rms_px: float
+
+
+class CameraCoverage(Record):
+    """Where the boards were seen: corners per cell (rows from the top), their depths, the largest tilt."""
+
+    counts: list[list[int]]
+    covered: float
+    near_mm: float
+    far_mm: float
+    largest_tilt_rad: float
+
+
+class CameraResult(Result):
+    """The camera, with its evidence; `covariance` is of `parameters`, in their order and units (px, rad, 1).
+
+    `tilt_rad` are the sensor's two angles, also in `distortion` as tauX and tauY.
+    """
+
+    stage: Literal["camera"] = "camera"
+    model: Literal["plain", "rational", "tilted", "segmental"]
+    image_size: tuple[int, int]
+    camera_matrix: Rows
+    distortion: dict[str, float]
+    tilt_rad: list[float]
+    segments: list[CameraSegment] = Field(default_factory=list)
+    reprojection_rms_px: float
+    corner_sigma_px: float
+    parameters: list[str]
+    covariance: Rows
+    tilt_correlation: float | None = None
+    board_bend_mm: float | None = None
+    candidates: list[CameraCandidate] = Field(default_factory=list)
+    coverage: CameraCoverage
+    residuals: list[CameraResidual]

@@ -1,0 +1,44 @@
+"""The whole chain: tool and turntable from all captures of both together."""
+
+from dataclasses import replace
+
+from calib_core.errors import InputError
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.given import StageInput
+from calib_core.stages.stage import SOFTWARE
+from calib_core.stages.tcp.solve import with_unused
+from calib_core.stages.turntable.solve import part_of, table_of, table_options, tcp_of, tool_of
+
+_TABLE_SHARE = 0.7
+
+
+def solve_chain_stage(given: StageInput) -> ChainResult:
+    """Return tool and turntable from all captures of both; raises as the two stages do."""
+    from calib_core.chain.whole import solve_chain
+    from calib_core.stages.chain.result import chain_result
+
+    turning = [capture for capture in given.captures if capture.step == "turntable"]
+    for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
+        if not some:
+            raise InputError(
+                "captures with step 'tcp' and with step 'turntable'",
+                f"none with step '{step}'",
+                "Capture the sphere beside the table and on it; or solve the other stage alone.",
+                "captures",
+            )
+    solved = tcp_of(given)
+    tool = tool_of(solved)
+    table = table_of(
+        replace(given, captures=turning), solved.sphere, tool, part_of(given.progress, 0.4, _TABLE_SHARE)
+    )
+    solution = solve_chain(
+        solved.observations,
+        table.observations,
+        solved.sphere,
+        solved.solution,
+        table.solution,
+        table_options(given.session.cell),
+        part_of(given.progress, _TABLE_SHARE, 1.0),
+    )
+    result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
+    return with_unused(result, given.captures, solved.unused | table.unused)

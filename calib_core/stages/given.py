@@ -1,0 +1,92 @@
+"""What a stage's solver gets, and what the stages of one run hand on to each other."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.errors import MeasurementError
+from calib_core.records import Capture, Result, Session
+from calib_core.stages.registry import stages
+from calib_core.stages.stage import Progress, ReadFile, StoreFile
+
+if TYPE_CHECKING:
+    from calib_core.chain.tcp import TcpSolution
+    from calib_core.chain.turntable import TurntableSolution
+    from calib_core.stages.graph import Graph
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """A stage's captures as the solvers take them, and by id why others are of no use."""
+
+    observations: list[SphereObservation]
+    failed: dict[str, MeasurementError]
+    unused: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedTcp:
+    """The tcp captures' solution and what it was solved from."""
+
+    solution: "TcpSolution"
+    observations: list[SphereObservation]
+    sphere: SphereSize
+    unused: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedTable:
+    """The table captures' solution and what it was solved from."""
+
+    solution: "TurntableSolution"
+    observations: list[TableObservation]
+    unused: dict[str, str]
+
+
+@dataclass(eq=False)
+class Kept:
+    """What the stages of one run have solved already of the same captures, so that nothing is solved twice."""
+
+    tcp: "SolvedTcp | None" = None
+    table: "SolvedTable | None" = None
+    results: dict[str, Result] = field(default_factory=dict[str, Result])
+    graph: "Graph | None" = None
+
+    @classmethod
+    def of_stored(cls, graph: "Graph", stored: Mapping[str, Mapping[str, Any]], without: str) -> "Kept":
+        """Return what stored results, as JSON data, spare a solve: the fresh ones, but not `without` itself."""
+        stale = graph.stale(stored)
+        return cls(
+            results={
+                stage.name: stage.result.model_validate(stored[stage.name])
+                for stage in stages()
+                if stage.name in stored and stage.name not in (without, *stale)
+            },
+            graph=graph,
+        )
+
+
+SolveOther = Callable[[str, Progress], Result]
+
+
+def _alone(stage: str, _progress: Progress) -> Result:
+    raise ValueError(f"a stage that rests on '{stage}' was started without it")
+
+
+@dataclass(frozen=True, eq=False)
+class StageInput:
+    """What a stage's solver gets: the session, the stage's captures, their files, and whom to tell progress.
+
+    `store` takes files that a stage makes beside its result, by name and in pieces; without one they are not made.
+    `solve_other` gives the result of another stage that this one rests on.
+    """
+
+    session: Session
+    captures: list[Capture]
+    read: ReadFile
+    inputs_sha256: str
+    progress: Progress
+    store: StoreFile | None = None
+    kept: Kept = field(default_factory=Kept)
+    solve_other: SolveOther = _alone

@@ -1,0 +1,79 @@
+"""The result of the merge."""
+
+from typing import Literal
+
+from calib_core.records.base import Matrix4, Record, Vector3
+from calib_core.records.results import CaptureResidual, Result
+
+
+class MergeResidual(CaptureResidual):
+    """Figures of one scan: points kept and dropped by reason, and how it lies to the scans that overlap it.
+
+    `overlap_mean_mm` is how far the scan lies in front of the others, `shift_mm` and `turn_deg` what registration
+    did to it.
+    """
+
+    points: int = 0
+    kept: int = 0
+    stray: int = 0
+    mixed: int = 0
+    grazing: int = 0
+    overlap_pairs: int = 0
+    overlap_mean_mm: float | None = None
+    overlap_rms_mm: float | None = None
+    expected_overlap_rms_mm: float | None = None
+    shift_mm: float | None = None
+    turn_deg: float | None = None
+
+
+class SharedShift(Record):
+    """What the scans' overlap adds to the calibration that they share.
+
+    `shift` is that of tool0_from_laser, then of base_from_turntable: rx ry rz tx ty tz each, rotation perturbing
+    on the right, rad and mm; `covariance` (12, 12) is theirs after it.  `directions` counts those that the overlap
+    determines 4.5 times better than the captures did; no other is moved.
+    """
+
+    directions: int
+    shift: list[float]
+    covariance: list[list[float]]
+
+
+class MergeResult(Result):
+    """All scans in one frame, and how far they lie apart where they overlap, before any registration.
+
+    `cloud` and `mesh` name the files, where they were stored; `frame` says whether points are in the turntable's
+    frame or, without a turntable, in the robot's base.  `expected_overlap_rms_mm` follows from noise and from what
+    the calibration leaves uncertain; `registered_overlap_rms_mm` is that after a registration, and
+    `registration_shift_rms_mm` how far it moved the scans.  `surface_sigma_mm` is the standard deviation of the
+    merged surface's place along its normal.  `spills` counts how often memory was emptied to disk; `calibrated_by`
+    says where tool and table come from: the stage, or "known".
+    """
+
+    stage: Literal["merge"] = "merge"
+    frame: Literal["turntable", "base"]
+    cloud: str | None
+    points: int
+    scanned_points: int
+    voxel_mm: float
+    spills: int = 0
+    overlap_rms_mm: float | None
+    expected_overlap_rms_mm: float | None
+    overlap_pairs: int
+    registered_overlap_rms_mm: float | None = None
+    registration_shift_rms_mm: float | None = None
+    self_calibration: SharedShift | None = None
+    surface_sigma_mm: float | None = None
+    calibrated_by: str | None = None
+    tool0_from_laser: Matrix4 | None = None
+    base_from_turntable: Matrix4 | None = None
+    mesh: str | None
+    triangles: int = 0
+    low_mm: Vector3
+    high_mm: Vector3
+    residuals: list[MergeResidual]
+
+    @property
+    def scan_names(self) -> tuple[str, ...]:
+        """The scans that were merged, as the cloud's column `scan` counts them: by their first captures."""
+        return tuple(row.capture for row in self.residuals if row.used and row.points)

@@ -1,0 +1,64 @@
+"""The verification's step: captures of the sphere that were not used for the answer, then how far they scatter."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from calib_core.records import GuideNow
+from calib_core.stages.guide import GuideView
+from calib_core.stages.tcp.guide import review
+from calib_core.stages.turntable.guide import wants_turntable
+
+WANTED_CAPTURES = 10
+_EXIT = f"{WANTED_CAPTURES} captures of the sphere, standing still, from all sides."
+
+
+def verify_now(view: GuideView) -> GuideNow | None:
+    """Return the instruction of the verification.
+
+    It is None where nobody began it, but where the tool was given with the cell and nothing else is left to do:
+    then only captures of its own show how good the tool is here.
+    """
+    captures = view.captures("verify")
+    given = view.statuses["tcp"] == "known"
+    if not captures and not (given and not wants_turntable(view.session) and not view.captures("scan")):
+        return None
+    result = view.results.get("verify")
+    fresh = view.fresh("verify")
+    if fresh is not None:
+        return _review(fresh)
+    refused = {m.capture for m in view.measured if m.verdict == "fail"}
+    seen = sum(capture.id not in refused for capture in captures)
+    if seen >= WANTED_CAPTURES:
+        return _solve(again=result is not None)
+    return GuideNow(
+        step="verify",
+        stage="verify",
+        action="capture",
+        instruction="Take captures of the sphere from poses that were not used for the TCP.",
+        why="The TCP was given with the cell; only captures of its own show how good it is here."
+        if given
+        else "Captures that the answer has never seen show how good it is.",
+        exit=_EXIT,
+        drawing="tcp-first",
+        progress=f"{seen} of {WANTED_CAPTURES} captures",
+        still_needed=WANTED_CAPTURES - seen,
+    )
+
+
+def _solve(*, again: bool) -> GuideNow:
+    return GuideNow(
+        step="verify",
+        stage="verify",
+        action="solve",
+        instruction="Verify again: the captures have changed." if again else "Verify the answer.",
+        why="How far the sphere scatters over poses that were not used says what to expect of the next ones.",
+        exit="The scatter is what the uncertainties predict.",
+        drawing="tcp-solve",
+        progress="enough captures",
+    )
+
+
+def _review(result: Mapping[str, Any]) -> GuideNow:
+    now = review(result, "Look at the result: how far held-out captures scatter, and what was expected.")
+    exit_ = "You trust it: then export the answer."
+    return now.model_copy(update={"step": "verify", "stage": "verify", "exit": exit_, "drawing": "tcp-done"})

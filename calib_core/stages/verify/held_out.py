@@ -1,0 +1,243 @@
+"""Held-out captures of a still sphere, seen with a tool that they did not help to find."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.frames import FloatArray, RigidTransform, skew
+
+_STEPS = 20
+_CONVERGED_MM = 1e-6
+_CUTOFF = 25.0  # squared distance from which a capture counts no more against a first guess of the centre
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """The tool that is verified.
+
+    Parameters
+    ----------
+    tool0_from_laser : RigidTransform
+    covariance : (6, 6)
+        Rotation perturbing on the right, rad and mm; zeros where it is taken as exact.
+    position_sigma_mm, orientation_sigma_rad : float
+        Of the robot's poses.
+    """
+
+    tool0_from_laser: RigidTransform
+    covariance: FloatArray
+    position_sigma_mm: float = 0.0
+    orientation_sigma_rad: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """The sphere over K held-out captures.
+
+    Attributes
+    ----------
+    center_in_base_mm : (3,)
+    covariance : (3, 3)
+    offsets_in_base_mm : (K, 3)
+        Each capture's own centre minus the common one.
+    expected_offsets_mm : (K,)
+        Their root mean square length as the uncertainties predict it.
+    squared_distances : (K,)
+        Of each capture's figures, in units of their own and the tool's covariance; of 3 degrees of freedom.
+    sides : (K,)
+        The sign of the sphere's y in L.
+    surface_rms_mm : (K,)
+        Of its points' distances to the sphere at the common centre; NaN of a capture without points.
+    chi_squared : float
+        Over all captures together, of `degrees_of_freedom`.
+    """
+
+    center_in_base_mm: FloatArray
+    covariance: FloatArray
+    offsets_in_base_mm: FloatArray
+    expected_offsets_mm: FloatArray
+    squared_distances: FloatArray
+    sides: FloatArray
+    surface_rms_mm: FloatArray
+    chi_squared: float
+    degrees_of_freedom: int
+
+    @property
+    def scatter_rms_mm(self) -> float:
+        """Root mean square of the captures' distances to the common centre."""
+        return float(np.sqrt(np.mean(np.sum(self.offsets_in_base_mm**2, axis=1))))
+
+    @property
+    def expected_scatter_rms_mm(self) -> float:
+        """What the uncertainties predict of it."""
+        return float(np.sqrt(np.mean(self.expected_offsets_mm**2)))
+
+    @property
+    def chance(self) -> float:
+        """How often a right answer shows as large a chi-squared."""
+        return float(chi2.sf(self.chi_squared, self.degrees_of_freedom))
+
+
+def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool) -> HeldOut:
+    """Return where held-out captures (at least two) see one still sphere.
+
+    What is compared of a profile is its circle (x, z, radius), since its y, ± √(R² − r²), says nothing near a
+    great circle; of a cloud or a centre its x, y, z.  The tool's error is common to all of them and moves each in
+    its own way; it counts with its covariance, so that it is not taken for the captures' noise.
+    """
+    seen = [_Seen(observation, sphere, tool) for observation in observations]
+    center = min(
+        (guess for one in seen for guess in one.guesses()),
+        key=lambda guess: sum(min(one.squared_distance(guess), _CUTOFF) for one in seen),
+    )
+    for _ in range(_STEPS):
+        joint = _Joint(seen, center, tool)
+        center = center + joint.step
+        if np.linalg.norm(joint.step) < _CONVERGED_MM:
+            break
+    joint = _Joint(seen, center, tool)
+    residuals = joint.residuals.reshape(-1, 3)
+    return HeldOut(
+        center_in_base_mm=center,
+        covariance=joint.covariance_of_center,
+        offsets_in_base_mm=np.array([one.center_in_base_mm(center) for one in seen]) - center,
+        expected_offsets_mm=joint.expected_offsets_mm(),
+        squared_distances=np.array([e @ np.linalg.solve(joint.block(k), e) for k, e in enumerate(residuals)]),
+        sides=np.array([one.side(center) for one in seen]),
+        surface_rms_mm=np.array([one.surface_rms_mm(center) for one in seen]),
+        chi_squared=float(joint.residuals @ np.linalg.solve(joint.covariance, joint.residuals)),
+        degrees_of_freedom=3 * len(seen) - 3,
+    )
+
+
+class _Seen:
+    """One capture: what it measured (3,), and how that depends on the sphere's centre, the tool and the pose."""
+
+    def __init__(self, observation: SphereObservation, sphere: SphereSize, tool: Tool) -> None:
+        self._observation, self._sphere, self._tool = observation, sphere, tool
+        self._base_from_laser = observation.base_from_tool0 @ tool.tool0_from_laser
+        self._laser_from_base = self._base_from_laser.inverse()
+        center = observation.center_in_laser_mm
+        radius = observation.circle_radius_mm
+        self.measured = center if radius is None else np.array([center[0], center[2], radius])
+        self.noise = observation.center_covariance
+
+    def guesses(self) -> list[FloatArray]:
+        """Return where the sphere's centre may be in base: of a profile on either side."""
+        sides = (1, -1) if self._observation.circle_radius_mm is not None else (1,)
+        return [self._in_base(side) for side in sides]
+
+    def residual(self, center_in_base: FloatArray) -> FloatArray:
+        """Return measured minus predicted."""
+        center = self._laser_from_base.apply(center_in_base)
+        if self._observation.circle_radius_mm is None:
+            return self.measured - center
+        return self.measured - np.array([center[0], center[2], self._circle_radius_mm(center)])
+
+    def slope(self, center_in_base: FloatArray) -> FloatArray:
+        """Return how the prediction follows the sphere's centre in L (3, 3)."""
+        if self._observation.circle_radius_mm is None:
+            return np.eye(3)
+        center = self._laser_from_base.apply(center_in_base)
+        slope = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+        slope[2, 1] = -center[1] / self._circle_radius_mm(center)
+        return slope
+
+    def moved_by_base(self) -> FloatArray:
+        """Return how the centre in L follows that in base (3, 3)."""
+        return self._laser_from_base.rotation
+
+    def moved_by_tool(self, center_in_base: FloatArray) -> FloatArray:
+        """Return how the centre in L follows the tool (3, 6): q turns by −r × q, and shifts by −Rᵀδ."""
+        center = self._laser_from_base.apply(center_in_base)
+        return np.hstack([skew(center), -self._tool.tool0_from_laser.rotation.T])
+
+    def pose_covariance(self, center_in_base: FloatArray) -> FloatArray:
+        """Return the covariance (3, 3) of the centre in L by the error of the robot's pose."""
+        arm = skew(self._observation.base_from_tool0.inverse().apply(center_in_base))
+        turning, shifting = self._tool.orientation_sigma_rad**2, self._tool.position_sigma_mm**2
+        rotation = self._tool.tool0_from_laser.rotation
+        return rotation.T @ (turning * arm @ arm.T + shifting * np.eye(3)) @ rotation
+
+    def covariance(self, center_in_base: FloatArray) -> FloatArray:
+        """Return the covariance of what was measured, the pose's error with it."""
+        slope = self.slope(center_in_base)
+        return self.noise + slope @ self.pose_covariance(center_in_base) @ slope.T
+
+    def squared_distance(self, center_in_base: FloatArray) -> float:
+        """Return the squared distance of measured from predicted in standard deviations."""
+        residual = self.residual(center_in_base)
+        return float(residual @ np.linalg.solve(self.covariance(center_in_base), residual))
+
+    def center_covariance(self, center_in_base: FloatArray) -> FloatArray:
+        """Return the covariance (3, 3) of the capture's own centre in L; the radius bounds what is open."""
+        slope = self.slope(center_in_base)
+        known = slope.T @ np.linalg.solve(self.noise, slope) + np.eye(3) / self._sphere.radius_mm**2
+        return np.linalg.inv(known) + self.pose_covariance(center_in_base)
+
+    def center_in_base_mm(self, center_in_base: FloatArray) -> FloatArray:
+        """Return the capture's own centre in base, on the side where the common one is."""
+        return self._in_base(int(self.side(center_in_base)) or 1)
+
+    def side(self, center_in_base: FloatArray) -> float:
+        """Return the sign of the centre's y in L."""
+        return float(np.sign(self._laser_from_base.apply(center_in_base)[1]))
+
+    def surface_rms_mm(self, center_in_base: FloatArray) -> float:
+        """Return the root mean square distance of the points to the sphere; NaN without points."""
+        points = self._observation.points_in_laser_mm
+        if not len(points):
+            return float("nan")
+        off = points - self._laser_from_base.apply(center_in_base)
+        return float(np.sqrt(np.mean((np.linalg.norm(off, axis=1) - self._sphere.radius_mm) ** 2)))
+
+    def _in_base(self, side: int) -> FloatArray:
+        return self._base_from_laser.apply(self._observation.sphere_center_in_laser_mm(self._sphere, side))
+
+    def _circle_radius_mm(self, center: FloatArray) -> float:
+        least = 0.05 * self._sphere.radius_mm  # beyond the sphere's edge there is no circle; near it no slope
+        return float(np.sqrt(max(self._sphere.radius_mm**2 - center[1] ** 2, least**2)))
+
+
+class _Joint:
+    """All captures together, linearised at one centre of the sphere in base."""
+
+    def __init__(self, seen: Sequence[_Seen], center: FloatArray, tool: Tool) -> None:
+        self._seen, self._center, self._tool = seen, center, tool
+        self.residuals = np.concatenate([one.residual(center) for one in seen])
+        self._slope = _block_diagonal(one.slope(center) for one in seen)
+        self._by_tool = np.concatenate([one.moved_by_tool(center) for one in seen])
+        self._by_base = np.concatenate([one.moved_by_base() for one in seen])
+        moves = self._slope @ self._by_tool
+        own = _block_diagonal(one.covariance(center) for one in seen)
+        self.covariance: FloatArray = own + moves @ tool.covariance @ moves.T
+        design = self._slope @ self._by_base
+        self._weighted = np.linalg.solve(self.covariance, design)
+        self.covariance_of_center = np.asarray(np.linalg.inv(design.T @ self._weighted), dtype=np.float64)
+        self.step = self.covariance_of_center @ self._weighted.T @ self.residuals
+
+    def block(self, capture: int) -> FloatArray:
+        """Return the covariance (3, 3) of one capture's figures."""
+        place = slice(3 * capture, 3 * capture + 3)
+        return self.covariance[place, place]
+
+    def expected_offsets_mm(self) -> FloatArray:
+        """Return how far each capture's own centre is expected from the common one (K,), root mean square."""
+        into_base = _block_diagonal(one.moved_by_base().T for one in self._seen)
+        own = _block_diagonal(one.center_covariance(self._center) for one in self._seen)
+        spread = into_base @ (own + self._by_tool @ self._tool.covariance @ self._by_tool.T) @ into_base.T
+        # The common centre follows the captures' own ones by these weights (3, 3K).
+        follow = self.covariance_of_center @ self._weighted.T @ self._slope @ into_base.T
+        apart = np.eye(len(spread)) - np.tile(follow, (len(self._seen), 1))
+        return np.sqrt(np.diag(apart @ spread @ apart.T).reshape(-1, 3).sum(axis=1))
+
+
+def _block_diagonal(blocks: Iterable[FloatArray]) -> FloatArray:
+    """Return the matrix (3K, 3K) with these (3, 3) along its diagonal."""
+    stacked = list(blocks)
+    whole: FloatArray = np.zeros((len(stacked), 3, len(stacked), 3))
+    whole[np.arange(len(stacked)), :, np.arange(len(stacked)), :] = stacked
+    return whole.reshape(3 * len(stacked), 3 * len(stacked))

@@ -1,0 +1,47 @@
+"""The result of the verification."""
+
+from typing import Literal
+
+from calib_core.records.base import Matrix4, Rows, Vector3
+from calib_core.records.results import CaptureResidual, Result
+
+
+class VerifyResidual(CaptureResidual):
+    """Where one held-out capture saw the sphere: its own centre, off the one that all of them agree on.
+
+    `expected_center_distance_mm` is what the uncertainty of the capture and of the answer make of that distance,
+    `mahalanobis` how far its figures are from the expected ones in standard deviations.
+    """
+
+    points: int = 0
+    surface_rms_mm: float | None = None
+    center_offset_in_base_mm: list[float] | None = None
+    center_distance_mm: float | None = None
+    expected_center_distance_mm: float | None = None
+    mahalanobis: float | None = None
+    side: int | None = None
+    zone: float | None = None
+    profiles: int | None = None
+
+
+class VerifyResult(Result):
+    """How far the sphere's centre scatters over captures that the answer was not solved from.
+
+    `held_out_scatter_rms_mm` is the root mean square of the captures' distances to `sphere_center_in_base_mm`;
+    `expected_scatter_rms_mm` follows from their own uncertainty, the robot's and the answer's, and is null where
+    the tool was brought without any.  `chi_squared` has `degrees_of_freedom`; `chance` is how often a right answer
+    shows as large a one.  `verified` names the stage whose answer it is, or "known".
+    """
+
+    stage: Literal["verify"] = "verify"
+    verified: str
+    tool0_from_laser: Matrix4
+    sphere_center_in_base_mm: Vector3
+    sphere_center_covariance: Rows
+    surface_rms_mm: float | None
+    held_out_scatter_rms_mm: float
+    expected_scatter_rms_mm: float | None
+    chi_squared: float | None
+    degrees_of_freedom: int
+    chance: float | None
+    residuals: list[VerifyResidual]

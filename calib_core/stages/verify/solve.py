@@ -1,0 +1,152 @@
+"""The verify stage: the answer's tool taken as it is, the sphere seen with it by captures of their own."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.captures.content import sphere_of
+from calib_core.chain.observations import SphereObservation
+from calib_core.errors import MotionError
+from calib_core.frames import RigidTransform
+from calib_core.records import Verdict
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.given import StageInput
+from calib_core.stages.stage import SOFTWARE
+from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.tcp.solve import observe_stage
+from calib_core.stages.verify.held_out import HeldOut, Tool, held_out
+from calib_core.stages.verify.record import VerifyResidual, VerifyResult
+
+_ANSWER_SHARE = 0.6
+_LEAST_CAPTURES = 2
+_DOUBTFUL_CHANCE = 0.01
+_FAILING_FACTOR = 3.0  # of the scatter over the expected one
+
+
+def solve_verify_stage(given: StageInput) -> VerifyResult:
+    """Return how far the sphere's centre scatters over captures that the answer was not solved from.
+
+    Raises
+    ------
+    InputError
+        If a file or a pose is of no use, or there is no answer to verify.
+    MeasurementError
+        If most captures do not show the sphere.
+    MotionError
+        If fewer than two captures show it.
+    """
+    tool, verified, doubts = _tool(given)
+    sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
+    observed = observe_stage(given)
+    if len({o.capture for o in observed.observations}) < _LEAST_CAPTURES:
+        raise MotionError(
+            f"{_LEAST_CAPTURES} captures with step 'verify' that show the sphere, ten are good",
+            f"{len(observed.observations)}",
+            "Capture the sphere, standing still, from poses that were not used for the TCP.",
+            "captures",
+        )
+    found = held_out(observed.observations, sphere, tool)
+    knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
+    verdict, warnings = _judged(found, knows_uncertainty)
+    if doubts and verdict == "pass":
+        verdict = "warn"
+    surfaces = found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
+    return VerifyResult(
+        method="centre of a still sphere over held-out captures, by their and the answer's covariance",
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=verdict,
+        warnings=[*doubts, *warnings],
+        verified=verified,
+        tool0_from_laser=tool.tool0_from_laser.to_rows(),
+        sphere_center_in_base_mm=found.center_in_base_mm.tolist(),
+        sphere_center_covariance=found.covariance.tolist(),
+        surface_rms_mm=float(np.sqrt(np.mean(surfaces**2))) if len(surfaces) else None,
+        held_out_scatter_rms_mm=found.scatter_rms_mm,
+        expected_scatter_rms_mm=found.expected_scatter_rms_mm if knows_uncertainty else None,
+        chi_squared=found.chi_squared if knows_uncertainty else None,
+        degrees_of_freedom=found.degrees_of_freedom,
+        chance=found.chance if knows_uncertainty else None,
+        residuals=_rows(given, observed.observations, observed.unused, found, sphere.radius_mm),
+    )
+
+
+def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:
+    """Return the tool to verify, the stage whose answer it is or "known", and what is to be doubted about it."""
+    cell = given.session.cell
+    known = cell.known.tool0_from_laser
+    if known is not None:
+        tool = RigidTransform.from_rounded(known, "tool0", "laser")
+        turning = float(np.deg2rad(cell.robot.orientation_sigma_deg or 0.0))
+        return Tool(tool, np.zeros((6, 6)), cell.robot.position_sigma_mm or 0.0, turning), "known", []
+    stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
+    answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
+    assert isinstance(answer, TcpResult | ChainResult)
+    parts = answer.variance_components
+    tool = Tool(
+        RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser"),
+        np.array(answer.covariance, dtype=float),
+        parts.position_sigma_mm,
+        parts.orientation_sigma_rad,
+    )
+    failed = answer.verdict == "fail"
+    return tool, stage, [f"The {stage} stage's own verdict is fail: mend it first."] if failed else []
+
+
+def _judged(found: HeldOut, knows_uncertainty: bool) -> tuple[Verdict, list[str]]:
+    """Return the verdict on the scatter, and why it is not better."""
+    if not knows_uncertainty:
+        return "warn", [
+            "The tool was brought without an uncertainty: how large the scatter may be is not known. Solve the "
+            "TCP from captures of this session, or give the robot's repeatability."
+        ]
+    if found.chance >= _DOUBTFUL_CHANCE:
+        return "pass", []
+    factor = float(np.sqrt(found.chi_squared / found.degrees_of_freedom))
+    sentence = (
+        f"The held-out captures scatter {factor:.1f} times as much as their and the answer's uncertainty allow: "
+        f"{found.scatter_rms_mm:.3f} mm, {found.expected_scatter_rms_mm:.3f} mm are expected."
+    )
+    return ("fail" if factor > _FAILING_FACTOR else "warn"), [sentence]
+
+
+def _rows(
+    given: StageInput,
+    observations: Sequence[SphereObservation],
+    unused: dict[str, str],
+    found: HeldOut,
+    radius_mm: float,
+) -> list[VerifyResidual]:
+    """Return one row a capture; of a sweep the root mean squares over its profiles, and their mean offset."""
+    places: dict[str, list[int]] = {}
+    for k, observation in enumerate(observations):
+        places.setdefault(observation.capture, []).append(k)
+    rows: list[VerifyResidual] = []
+    for capture in given.captures:
+        own = places.get(capture.id)
+        if own is None:
+            rows.append(VerifyResidual(capture=capture.id, used=False, reason=unused.get(capture.id)))
+            continue
+        offsets, surfaces = found.offsets_in_base_mm[own], found.surface_rms_mm[own]
+        circles = [observations[k].circle_radius_mm for k in own]
+        sides = set(found.sides[own].tolist())
+        rows.append(
+            VerifyResidual(
+                capture=capture.id,
+                used=True,
+                points=sum(len(observations[k].points_in_laser_mm) for k in own),
+                surface_rms_mm=_root_mean_square(surfaces) if np.isfinite(surfaces).all() else None,
+                center_offset_in_base_mm=offsets.mean(axis=0).tolist(),
+                center_distance_mm=_root_mean_square(np.linalg.norm(offsets, axis=1)),
+                expected_center_distance_mm=_root_mean_square(found.expected_offsets_mm[own]),
+                mahalanobis=_root_mean_square(np.sqrt(found.squared_distances[own])),
+                side=(int(sides.pop()) or None) if len(sides) == 1 and circles[0] is not None else None,
+                zone=max((c / radius_mm for c in circles if c is not None), default=None),
+                profiles=len(own) if capture.kind == "sweep" else None,
+            )
+        )
+    return rows
+
+
+def _root_mean_square(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
