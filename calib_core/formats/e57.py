@@ -1,15 +1,25 @@
 """E57 (ASTM E2807): one cloud of x, y, z in metres, as the standard counts, in pages with CRC-32C checksums."""
 
 import struct
+import tempfile
 import uuid
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from calib_core.errors import InputError
-from calib_core.formats.format import NO_MATCH, Format, Match
+from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
+from calib_core.formats.shared.binary_table import require_count
+from calib_core.formats.shared.columns import Column, for_kind, points_of
+from calib_core.frames import FloatArray
+
+_TO_DO = "Copy or export the cloud again."
+_SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 
 _PAGE, _PAYLOAD = 1024, 1020
 _HEADER_BYTES = 48
@@ -168,12 +178,82 @@ def _pages(data: bytes) -> bytes:
     return pages.tobytes()
 
 
+class E57Settings(Settings):
+    """As `Settings`; `scan` is the scan that is meant, from 0, where the file holds several."""
+
+    scan: Annotated[int, Field(ge=0)] | None = None
+
+
+def recognise(data: bytes, name: str) -> Match:
+    """Return how sure it is that a file is E57."""
+    return Match(1.0, "begins with ASTM-E57") if data[:8] == b"ASTM-E57" else by_ending(name, FORMAT.endings)
+
+
+def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) -> Reading:
+    """Return the points of one scan, as its scanner saw them; raises InputError if it is damaged or cut off."""
+    if data[:8] != b"ASTM-E57":
+        raise InputError("an E57 file", "a file that does not begin like one", _TO_DO, name)
+    import pye57
+    from pye57.exception import PyE57Exception
+
+    with tempfile.TemporaryDirectory() as folder:  # libE57Format reads files alone
+        path = Path(folder) / "scan.e57"
+        path.write_bytes(data)
+        try:
+            with pye57.E57(str(path)) as opened:
+                points, posed = _scan(opened, len(data), settings, name)
+        except InputError:
+            raise
+        except (
+            PyE57Exception,
+            pye57.libe57.E57Exception,
+            ValueError,
+            KeyError,
+            RuntimeError,
+            MemoryError,
+        ) as error:
+            got = " ".join(str(error).split())[:120] or type(error).__name__
+            raise InputError("a whole E57 file", got, _TO_DO, name) from None
+    columns = [Column(axis, place, f"cartesian{axis.upper()}", "m") for place, axis in enumerate("xyz")]
+    columns, found = for_kind(columns, points, kind, name)
+    reading = points_of(points, columns, found, name, settings)
+    notes = ["The scan's pose in the file is not applied: points are in its scanner's frame."] if posed else []
+    return replace(reading, unit_from="settings" if settings.unit else "format").adding(notes)
+
+
+def _scan(opened: Any, size: int, settings: E57Settings, where: str) -> tuple[FloatArray, bool]:
+    """Return the points (N, 3) of a scan in the file's unit, NaN where invalid, and whether it has a pose."""
+    scans = int(opened.scan_count)
+    chosen = settings.scan if settings.scan is not None else 0
+    if chosen >= scans or (scans > 1 and settings.scan is None):
+        got = f"{scans} scans"
+        raise InputError("one scan", got, "Give the setting scan, from 0, or export one alone.", where)
+    header = opened.get_header(chosen)
+    require_count(int(header.point_count), 8 * size, where)
+    raw = opened.read_scan_raw(chosen)
+    if all(f"cartesian{axis}" in raw for axis in "XYZ"):
+        points = np.column_stack([raw[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+        invalid = raw.get("cartesianInvalidState")
+    elif all(name in raw for name in _SPHERICAL):
+        distance, azimuth, elevation = (raw[name] for name in _SPHERICAL)
+        flat = distance * np.cos(elevation)
+        points = np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), distance * np.sin(elevation)])
+        invalid = raw.get("sphericalInvalidState")
+    else:
+        raise InputError("cartesian or spherical coordinates", f"{', '.join(raw)[:80]}", _TO_DO, where)
+    if invalid is not None:
+        points[np.asarray(invalid) != 0] = np.nan
+    return points, bool(header.node.isDefined("pose"))
+
+
 FORMAT = Format(
     name="e57",
     title="E57 (ASTM E2807)",
     endings=(".e57",),
     kinds=("cloud",),
-    recognise=lambda data, name: Match(1.0, "begins with ASTM-E57") if data[:8] == b"ASTM-E57" else NO_MATCH,
+    recognise=recognise,
+    read=read,
+    settings=E57Settings,
     media_type="model/e57",
     write_cloud=lambda tables, count, names: e57_pieces_of((table[:, :3] for table in tables), count),
 )

@@ -110,12 +110,12 @@ class Reading:
 
     def sentence(self) -> str:
         """Return in one line what was read."""
-        what = f"{self.grid[0]} × {self.grid[1]} " if self.grid else ""
+        rows = f" ({self.grid[0]} × {self.grid[1]})" if self.grid else ""
         named = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
         blank = f", {self.missing} without a value" if self.missing else ""
         columns = f"; {named}" if named else ""
         return (
-            f"{self.format}: {self.kind} of {what}{len(self.points)} points{blank}{columns}; {self._unit_text()}"
+            f"{self.format}: {self.kind} of {len(self.points)} points{rows}{blank}{columns}; {self._unit_text()}"
         )
 
     def _unit_text(self) -> str:

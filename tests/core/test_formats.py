@@ -1,76 +1,256 @@
-"""Sessions of an earlier format: read from a folder and from an archive, solved alike."""
+"""Formats: what scanners' programs write, read as it truly is, or refused with the line or the column."""
 
 import io
-import json
-from pathlib import Path
-from typing import Any
+import random
 
+import cv2
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from calib_core.archive.archive import opened, pack, verify
-from calib_core.archive.folder import load_session, save_session
-from calib_core.archive.session_versions import to_present_format
-from calib_core.errors import InputError
-from calib_core.records import FORMAT
-from calib_core.simulation import simulate
+from calib_core.errors import CalibrationError, InputError
+from calib_core.formats.points import FORMATS, cloud_pieces, endings_of, parse_cloud, parse_profile, read_file
+from tests.core.scanner_files import ScannerFile, cloud_of, known, las, profile, scanner_files, surface
+from tests.core.table_mutations import verdict_of
 
-
-def in_format_0(record: dict[str, Any]) -> dict[str, Any]:
-    """Return a record as the earlier format wrote it."""
-    cell = dict(record["cell"])
-    beside = {
-        name: cell.pop(name) for name in ("pose_convention", "sphere_diameter_mm", "scanner") if name in cell
-    }
-    captures = []
-    for capture in record["captures"]:
-        earlier = {name: value for name, value in capture.items() if name not in ("files", "table_deg")}
-        earlier["file"] = capture["files"][0]
-        if "table_deg" in capture:
-            earlier["table_angle_deg"] = capture["table_deg"]
-        captures.append(earlier)
-    return {**record, **beside, "format": "scancell-session/0", "cell": cell, "captures": captures}
+CLOUD = known(cloud_of(*surface()))
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    simulated = simulate("tcp", 2)
-    save_session(tmp_path / "cell", simulated.session, simulated.files)
-    return tmp_path / "cell"
+def named(file: ScannerFile) -> str:
+    return f"{file.brand}: {file.variant}"
 
 
-def test_a_folder_and_an_archive_of_the_earlier_format_are_the_same_session(folder: Path, tmp_path: Path) -> None:
-    session, _ = load_session(folder)
-    file = folder / "session.json"
-    present = json.loads(file.read_text())
-    present["captures"][0]["table_deg"] = 45.0
-    file.write_text(json.dumps(present))
-    session, _ = load_session(folder)
-    file.write_text(json.dumps(in_format_0(present)))
-    earlier, read = load_session(folder)
-    assert earlier == session
-    assert earlier.format == FORMAT
-    assert read(earlier.captures[0].files[0])
-    pack(folder, tmp_path / "cell.zip")
-    archive = (tmp_path / "cell.zip").read_bytes()
-    assert b"scancell-session/0" in (folder / "session.json").read_bytes()  # packed byte for byte, as it is
-    assert verify(io.BytesIO(archive), "archive").captures == len(session.captures)
-    with opened(tmp_path / "cell.zip") as unpacked:
-        assert load_session(unpacked)[0] == session
+@pytest.mark.parametrize("file", scanner_files(), ids=named)
+def test_every_brands_files_give_their_points_and_no_missing_value(file: ScannerFile) -> None:
+    reading = read_file(file.data, file.name, file.kind, settings=file.settings)
+    assert reading.kind == file.kind
+    np.testing.assert_allclose(reading.points[reading.known], known(file.truth_mm), atol=file.digits_mm, rtol=0)
+    assert reading.doubts == ()
+    assert {"profile": {"x", "z"}, "cloud": {"x", "y", "z"}}[file.kind] == set(reading.columns)
 
 
-@pytest.mark.parametrize("named", ["scancell-session/2", "", None, 7, "scancell-session/00"])
-def test_an_unknown_format_is_named_with_those_that_are_known(named: object) -> None:
-    with pytest.raises(InputError, match="scancell-session/0, scancell-session/1") as error:
-        to_present_format({"format": named}, "session.json")
-    assert "version of scancell" in str(error.value)
+@pytest.mark.parametrize("file", [f for f in scanner_files() if not f.name.endswith((".png", ".tif"))], ids=named)
+def test_the_kind_is_known_without_being_told(file: ScannerFile) -> None:
+    reading = read_file(file.data, file.name, settings=file.settings)
+    assert reading.kind == ("cloud" if file.name.endswith(".ply") else file.kind)
 
 
-def test_a_record_without_format_is_told_what_to_add() -> None:
-    with pytest.raises(InputError, match='Add "format": "scancell-session/1"'):
-        to_present_format({"cell": {}}, "session.json")
+def test_blank_columns_keep_their_place_for_a_scans_grid() -> None:
+    for file in scanner_files():
+        if file.kind == "profile" and len(file.truth_mm) == len(profile()) and file.name != "p.ply":
+            points = read_file(file.data, file.name, "profile", settings=file.settings).points
+            np.testing.assert_array_equal(
+                np.isnan(points[:, 1]), np.isnan(file.truth_mm[:, 1]), err_msg=named(file)
+            )
 
 
-@pytest.mark.parametrize("captures", [None, 3, ["p01"], [{"id": "p01"}]])
-def test_what_makes_no_sense_is_left_to_the_record_to_refuse(captures: object) -> None:
-    present = to_present_format({"format": "scancell-session/0", "cell": 5, "captures": captures}, "session.json")
-    assert (present["format"], present["captures"], present["cell"]) == (FORMAT, captures, {})
+ROWS = "1,2,3,4\n2,3,4,5\n3,4,5,6\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "kind", "columns"),
+    [
+        ("index,x,y,z", "cloud", [1, 2, 3]),
+        ("z,y,x,q", "cloud", [2, 1, 0]),
+        ("x_mm,quality,z_mm,t", "profile", [0, 2]),
+        ("Intensity,X-Axis [mm],Y-Axis [mm],Height [mm]", "cloud", [1, 2, 3]),
+        ("Pos. X (mm),Pos. Y (mm),Pos. Z (mm),R", "cloud", [0, 1, 2]),
+        ("cartesianX,cartesianY,cartesianZ,i", "cloud", [0, 1, 2]),
+    ],
+)
+def test_columns_are_taken_by_their_names(header: str, kind: str, columns: list[int]) -> None:
+    table = np.array([[1, 2, 3, 4], [2, 3, 4, 5], [3, 4, 5, 6]], dtype=float)
+    for name in ("a.csv", "a.txt", "a.xyz"):
+        reading = read_file(f"{header}\n{ROWS}".encode(), name)
+        assert reading.kind == kind
+        np.testing.assert_array_equal(reading.points, table[:, columns])
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "said"),
+    [
+        ("index,x,y\n1,2,3\n", None, "no column named z in the header above line 2: 'index', 'x', 'y'"),
+        ("x,y,z,x\n1,2,3,4\n", None, "2 columns named x in the header above line 2"),
+        ("a,b,c\n1,2,3\n", "cloud", "no column named x or z"),
+        ("x,z,i\n1,2,3\n4,5,6\n", "cloud", "a profile with the columns x, z"),
+        ("x,y,z\n1,2,3\n4,5,6\n", "profile", "a cloud with the columns x, y, z"),
+        ("X [px],Z [px]\n1,2\n", None, "no column named x or z"),
+        ("5\n1 2 3\n4 5 6\n", "cloud", "need the 5 points that the first line announces, got 2"),
+        ("1;2,5\n3;4.5\n", "profile", "both, first in line 2"),
+        ("1;2\nabc;3\n4;5\n", "profile", "'abc' in line 2"),
+        ("x;z\n1;2\n\n3;4;5\n", "profile", "3 in line 4"),
+    ],
+)
+def test_columns_that_do_not_fit_are_named(text: str, kind: str | None, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read_file(text.encode(), "a.txt", kind)
+
+
+@pytest.mark.parametrize(
+    "missing", ["-999", "-999.9999", "-9999.99", "65535", "32768", "-32768", "1e6", "1e+10", "-1.#IND", "1.#QNAN",
+                "nan(ind)", "3.40282347e+38", "NaN", "", "0", "0.0000", "-2147483648", "99999", "---", "9999.998"]
+)  # fmt: skip
+@pytest.mark.parametrize("share", [0.04, 0.9])
+def test_a_value_that_stands_for_nothing_is_no_point(missing: str, share: float) -> None:
+    points = profile(100)
+    points = known(points)
+    gone = np.random.default_rng(3).uniform(size=len(points)) < share
+    lines = [f"{x:.3f};{missing if g else f'{z:.3f}'}" for (x, z), g in zip(points, gone, strict=True)]
+    reading = read_file("\n".join(lines).encode(), "p.csv", "profile")
+    np.testing.assert_allclose(reading.points[reading.known], points[~gone], atol=6e-4)
+    assert reading.missing == gone.sum()
+
+
+@pytest.mark.parametrize("z", [[-1.0, 0.0, 1.0, 2.0], [0.0, 0.0, 0.0, 0.0], [-998.9, -999.0, -999.1, -999.2]])
+def test_true_heights_stay_points(z: list[float]) -> None:
+    text = "\n".join(f"{x};{value}" for x, value in enumerate(z, start=1))
+    np.testing.assert_array_equal(parse_profile(text.encode(), "p.csv")[:, 1], z)
+
+
+def test_what_looks_like_metres_is_doubted_and_not_scaled() -> None:
+    metres = known(profile()) / 1000
+    text = "\n".join(f"{x:.7f},{z:.7f}" for x, z in metres).encode()
+    reading = read_file(text, "p.csv", "profile")
+    assert reading.sure == "doubtful"
+    assert "look like metres" in reading.doubts[0]
+    np.testing.assert_allclose(reading.points, metres, atol=1e-7)
+    told = read_file(text, "p.csv", "profile", settings={"unit": "m"})
+    assert told.sure == "usual"
+    np.testing.assert_allclose(told.points, metres * 1000, atol=1e-4)
+
+
+def test_what_a_user_says_goes_before_the_file_and_typing_errors_are_named() -> None:
+    reading = read_file(b"a,b,c\n1,2,3\n4,5,6\n", "a.csv", settings={"columns": ["z", "-", "x"], "missing": [6]})
+    assert reading.points[reading.known].tolist() == [[3.0, 1.0]]
+    for wrong in ({"unit": "furlong"}, {"colums": []}, {"columns": ["x", "z"]}):
+        with pytest.raises(InputError, match=r"unit|colums|columns"):
+            read_file(b"1,2,3\n4,5,6\n", "a.csv", settings=wrong)
+
+
+def test_las_laz_and_e57() -> None:
+    import laspy
+
+    data = las(CLOUD)
+    np.testing.assert_allclose(parse_cloud(data, "c.las"), CLOUD, atol=1e-4)
+    packed = io.BytesIO()
+    laspy.read(io.BytesIO(data)).write(packed, do_compress=True)
+    np.testing.assert_allclose(parse_cloud(packed.getvalue(), "c.laz"), CLOUD, atol=1e-4)
+    e57 = b"".join(bytes(piece) for piece in cloud_pieces("c.e57", CLOUD))
+    reading = read_file(e57, "c.e57")
+    np.testing.assert_allclose(reading.points, CLOUD, atol=1e-5)
+    assert (reading.unit, reading.unit_from, reading.sure) == ("m", "format", "stated")
+
+
+@pytest.mark.parametrize(("name", "count"), [("c.las", 60), ("c.laz", 30), ("c.e57", 40)])
+def test_damaged_las_and_e57_are_refused(name: str, count: int) -> None:
+    import laspy
+
+    whole = las(CLOUD)
+    if name.endswith("z"):
+        packed = io.BytesIO()
+        laspy.read(io.BytesIO(whole)).write(packed, do_compress=True)
+        whole = packed.getvalue()
+    if name.endswith("57"):
+        whole = b"".join(bytes(piece) for piece in cloud_pieces("c.e57", CLOUD))
+    for cut in (3, 100, 230, len(whole) // 2, len(whole) - 30):
+        with pytest.raises(CalibrationError):
+            parse_cloud(whole[:cut], name)
+    chance = random.Random(5)
+    for _ in range(count):
+        data = bytearray(whole)
+        data[chance.randrange(min(len(data), 500))] = chance.randrange(256)
+        try:
+            parse_cloud(bytes(data), name)
+        except CalibrationError:
+            continue
+
+
+def opencv_file(kind: str, **nodes: object) -> bytes:
+    storage = cv2.FileStorage(f".{kind}", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    for key, value in nodes.items():
+        storage.write(key, value)
+    return storage.releaseAndGetString().encode()
+
+
+@pytest.mark.parametrize("kind", ["yml", "xml"])
+def test_opencv_matrices_and_lists(kind: str) -> None:
+    name = f"p.{kind}"
+    np.testing.assert_allclose(parse_cloud(opencv_file(kind, points=CLOUD), name), CLOUD)
+    organised = np.where(np.isnan(cloud_of(*surface())), np.nan, cloud_of(*surface())).reshape(9, 14, 3)
+    assert read_file(opencv_file(kind, grid=organised), name).grid == (9, 14)
+    both = opencv_file(kind, points=CLOUD, camera=np.eye(3))
+    with pytest.raises(InputError, match="2: points, camera"):
+        parse_cloud(both, name)
+    np.testing.assert_allclose(read_file(both, name, settings={"node": "points"}).points, CLOUD)
+    with pytest.raises(InputError, match="none"):
+        parse_cloud(opencv_file(kind, name="nothing"), name)
+
+
+def test_opencv_lists_of_points() -> None:
+    rows = "\n".join(f"   - [ {x}, {z} ]" for x, z in known(profile()))
+    text = f"%YAML:1.0\n---\npoints:\n{rows}\n".encode()
+    np.testing.assert_allclose(parse_profile(text, "p.yaml"), known(profile()))
+    flat = "%YAML:1.0\n---\npoints: [ 1., 2., 3., 4., 5., 6. ]\n"
+    assert parse_cloud(flat.encode(), "p.yaml").tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert parse_profile(flat.encode(), "p.yaml").tolist() == [[1, 2], [3, 4], [5, 6]]
+    for bad in (
+        flat[:30],
+        flat.replace("]", ""),
+        "%YAML:1.0\n---\n- {",
+        "<?xml version='1.0'?><opencv_storage><a>",
+    ):
+        with pytest.raises(InputError):
+            parse_cloud(bad.encode(), "p.yaml" if bad[0] == "%" else "p.xml")
+
+
+def test_organised_and_height_arrays() -> None:
+    def npy(array: np.ndarray) -> bytes:
+        stream = io.BytesIO()
+        np.save(stream, array)
+        return stream.getvalue()
+
+    x, y, z = surface()
+    points = cloud_of(x, y, z)
+    reading = read_file(npy(points.reshape(9, 14, 3)), "c.npy")
+    assert reading.grid == (9, 14)
+    np.testing.assert_array_equal(reading.points, points)
+    with pytest.raises(InputError, match="x_pitch_mm, y_pitch_mm"):
+        read_file(npy(z), "c.npy")
+    told = {"x_pitch_mm": 1.0, "y_pitch_mm": 0.5, "x_start_mm": -6.5}
+    np.testing.assert_allclose(read_file(npy(z), "c.npy", settings=told).points, points)
+    records = np.zeros(3, dtype=[("z", "f4"), ("i", "u2"), ("x", "f4")])
+    records["x"], records["z"] = [1, 2, 3], [7, 8, 9]
+    assert parse_profile(npy(records), "p.npy").tolist() == [[1, 7], [2, 8], [3, 9]]
+
+
+def test_a_height_image_without_pitches_says_which_are_lacking() -> None:
+    png = cv2.imencode(".png", np.full((4, 5), 900, np.uint16))[1].tobytes()
+    with pytest.raises(InputError, match="x_pitch_mm, y_pitch_mm, z_scale_mm"):
+        parse_cloud(png, "h.png")
+    with pytest.raises(InputError, match="8 bit"):
+        parse_cloud(cv2.imencode(".png", np.full((4, 5), 90, np.uint8))[1].tobytes(), "h.png")
+
+
+def test_the_registry_tells_page_and_clients_what_there_is() -> None:
+    for entry in FORMATS:
+        told = entry.to_json()
+        assert told["endings"]
+        assert told["settings"]["additionalProperties"] is False
+    assert {".csv", ".e57", ".las", ".yml", ".pts", ".asc"} <= set(endings_of("cloud"))
+    assert ".png" not in endings_of("profile")
+    assert [entry.name for entry in FORMATS if "mesh" in entry.to_json()["writes"]] == ["ply", "stl"]
+    with pytest.raises(InputError, match="a file format among"):
+        read_file(b"1,2\n", "a.csv", format_name="cvs")
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 2**32))
+def test_mutated_tables_give_the_right_points_or_a_sentence(seed: int) -> None:
+    verdict, why = verdict_of(random.Random(seed))
+    assert verdict in ("right", "refused"), why
+
+
+def test_the_mutations_reach_both_verdicts() -> None:
+    found = [verdict_of(random.Random(seed))[0] for seed in range(200)]
+    assert min(found.count("right"), found.count("refused")) > 30

@@ -1,10 +1,10 @@
 """Grids of heights: rows along y, columns along x, with their pitches."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from calib_core.errors import InputError
 from calib_core.formats.format import Reading, Settings
@@ -16,7 +16,8 @@ from calib_core.records.base import Finite, Positive
 class HeightSettings(Settings):
     """As `Settings`, and what a grid of heights does not say: its pitches, its start, what a count is worth.
 
-    A point is x_start_mm + column · x_pitch_mm, y_start_mm + row · y_pitch_mm, z_offset_mm + value · z_scale_mm.
+    A point is x_start_mm + column · x_pitch_mm, y_start_mm + row · y_pitch_mm, and z_offset_mm +
+    (value − z_zero) · z_scale_mm; Keyence and LMI count from 32768.
     """
 
     x_pitch_mm: Positive | None = None
@@ -24,8 +25,8 @@ class HeightSettings(Settings):
     x_start_mm: Finite = 0.0
     y_start_mm: Finite = 0.0
     z_scale_mm: Finite | None = None
+    z_zero: Finite = 0.0
     z_offset_mm: Finite = 0.0
-    missing: list[Finite] = Field(default_factory=list)
 
 
 def grid_of(heights: NDArray[Any], settings: HeightSettings, where: str) -> Reading:
@@ -50,7 +51,8 @@ def grid_of(heights: NDArray[Any], settings: HeightSettings, where: str) -> Read
     assert settings.y_pitch_mm is not None
     values = heights.astype(np.float64)
     values[np.isin(values, settings.missing)] = np.nan
-    z_mm = settings.z_offset_mm + (1.0 if settings.z_scale_mm is None else settings.z_scale_mm) * values
+    scale_mm = 1.0 if settings.z_scale_mm is None else settings.z_scale_mm
+    z_mm = settings.z_offset_mm + scale_mm * (values - settings.z_zero)
     x_mm = settings.x_start_mm + settings.x_pitch_mm * np.arange(heights.shape[1])
     y_mm = settings.y_start_mm + settings.y_pitch_mm * np.arange(heights.shape[0])
     return grid_with_axes(x_mm, y_mm, z_mm, where, Settings(unit="mm"))
@@ -58,8 +60,6 @@ def grid_of(heights: NDArray[Any], settings: HeightSettings, where: str) -> Read
 
 def grid_with_axes(x: FloatArray, y: FloatArray, z: FloatArray, where: str, settings: Settings) -> Reading:
     """Return the points of heights z (H, W) over x (W,) and y (H,)."""
-    from dataclasses import replace
-
     points = np.empty((*z.shape, 3))
     points[..., 0], points[..., 1], points[..., 2] = x[None, :], y[:, None], z
     flat = points.reshape(-1, 3)

@@ -22,8 +22,8 @@ def without_missing(
     """Return points (N, K) with NaN in the rows without a value, and notes and doubts about what was taken so.
 
     The last column is the height.  A value counts as missing where the user says so, where it is one that scanners
-    write (−999, −9999.99, 32768, 65535, 1e6 …) and lies far from all others, and where it is exactly 0 again and
-    again, far from all others.  The array that is given may be written into.
+    write (−999, −9999.99, 32768, 65535, 1e6 …) and lies far from all others in its column, and where it is a
+    height of exactly 0, again and again and far from all others.  The array that is given may be written into.
     """
     notes: list[str] = []
     doubts: list[str] = []
@@ -34,9 +34,10 @@ def without_missing(
             ", ".join(f"{v:g}" for v in told),
             notes,
         )
-    height = points[:, -1]
-    for value in _written_ends(height):
-        _blank(points, height == value, f"{value:.7g}", notes)
+    for place in range(points.shape[1]):
+        column = points[:, place]
+        for value in _written_ends(column):
+            _blank(points, column == value, f"{value:.7g}", notes)
     _blank_zeros(points, kind, notes, doubts)
     return points, tuple(notes), tuple(doubts)
 
@@ -49,9 +50,9 @@ def _blank(points: FloatArray, hit: NDArray[np.bool_], value: str, notes: list[s
         notes.append(f"{rows} with {value} taken as missing: nothing came back there.")
 
 
-def _written_ends(height: FloatArray) -> list[float]:
-    """Return the outermost heights that scanners write for nothing, where they lie apart from the rest."""
-    rest = height[np.isfinite(height)]
+def _written_ends(column: FloatArray) -> list[float]:
+    """Return the outermost values that scanners write for nothing, where they lie apart from the rest."""
+    rest = column[np.isfinite(column)]
     found: list[float] = []
     while len(rest) and len(found) < _MOST_ENDS:
         ends = {float(rest.min()), float(rest.max())}

@@ -32,6 +32,12 @@ def unit_of(text: str) -> Unit | None:
     return _UNITS.get(text.strip().strip("[](){}<>").strip().lower())
 
 
+def unit_within(text: str) -> Unit | None:
+    """Return the unit in brackets within a text, such as ``Y\\X [mm]``."""
+    found = re.search(rf"[\[(]\s*({_WORDS})\s*[\])]", text.lower())
+    return _UNITS[found[1]] if found else None
+
+
 def unit_in(lines: Sequence[str]) -> Unit | None:
     """Return the unit that a preamble states, such as ``Unit: µm``; None where it says none, or several."""
     found: set[Unit] = {_UNITS[match[1]] for line in lines for match in _UNIT_LINE.finditer(line.lower())}

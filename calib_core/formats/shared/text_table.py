@@ -3,7 +3,7 @@
 import csv
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -17,7 +17,7 @@ _HEAD_LINES = 2000  # where the table must have begun
 _RUN = 3  # so many lines alike are the table
 _SEPARATORS = (";", "\t", ",", "|")
 _COMMENTS = ("#", "//", "%")
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\Z")
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\Z", re.ASCII)
 _COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?\Z")
 _NAN = {"nan", "-nan", "+nan", "inf", "-inf", "+inf", "infinity", "-infinity", "null", "none"}
 _BLANK = {"", "-", "--", "---", "*", "n/a", "#n/a", "na", "invalid", *_NAN}
@@ -52,7 +52,7 @@ class TextTable:
 
 
 @dataclass(frozen=True)
-class _Style:
+class Style:
     """How the fields of a table are written; separator None is any run of spaces."""
 
     separator: str | None
@@ -69,12 +69,21 @@ class _Style:
 
 
 @dataclass(frozen=True)
+class _Header:
+    """What stands above the rows: names, units, and the lines before."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    preamble: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class _Head:
     """Where the rows begin (index of the line), how many fields each has, how they are written."""
 
     start: int
     width: int
-    style: _Style
+    style: Style
 
 
 def parse_numbers(data: bytes, where: str, width: int, example: str) -> FloatArray:
@@ -150,13 +159,13 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     """
     if "#" in text or "nan(" in text.lower():
         text = _C_NAN.sub("nan", text)
-    lines = _first_lines(text)
+    lines = first_lines(text)
     head = _head(lines)
     if head is None:
         raise InputError(
             f"lines of numbers ({example})", "no line with a number", "Save the capture again.", where
         )
-    names, units, preamble = _header(lines[: head.start], head)
+    header = _header(lines[: head.start], head, where, first_line)
     offset = sum(len(line) + 1 for line in lines[: head.start])
     body = text[offset:]
     if head.style.comma:
@@ -168,18 +177,23 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
         blocks.append(_parse_lines(rows, head, before, where, example))
         before += len(rows)
     values = np.concatenate(blocks)
+    if len(header.names) == head.width - 1:
+        _require_empty_end(values, where, first_line + head.start)
+        header = replace(header, names=(*header.names, ""))
     if not len(values):
         raise InputError(
             f"lines of numbers ({example})", "no line with a number", "Save the capture again.", where
         )
-    return TextTable(values, names, units, preamble, first_line + head.start, head.style.comma)
+    return TextTable(
+        values, header.names, header.units, header.preamble, first_line + head.start, head.style.comma
+    )
 
 
-def _first_lines(text: str) -> list[str]:
-    """Return lines until the table must have begun."""
+def first_lines(text: str, count: int = _HEAD_LINES) -> list[str]:
+    """Return the first lines of a text, so many that its table must have begun."""
     lines: list[str] = []
     at = 0
-    while at < len(text) and len(lines) < _HEAD_LINES:
+    while at < len(text) and len(lines) < count:
         end = text.find("\n", at)
         end = len(text) if end < 0 else end
         lines.append(text[at:end])
@@ -187,22 +201,27 @@ def _first_lines(text: str) -> list[str]:
     return lines
 
 
-def _style(line: str) -> _Style:
+def number_of(field: str) -> float | None:
+    """Return the number that a field is, None where it is none."""
+    return float(field) if _NUMBER.match(field) else None
+
+
+def style_of(line: str) -> Style:
     """Return how a line's fields are written."""
     words = line.split()
     quoted = '"' in line
     separator = next((mark for mark in _SEPARATORS if mark in line), None)
     if separator == "," and len(words) > 1 and all(_COMMA_NUMBER.match(word) for word in words):
-        return _Style(None, True, False)
+        return Style(None, True, False)
     comma = separator in (";", "\t") or (quoted and separator == "," and _quotes_decimal_commas(line))
-    return _Style(separator, comma, quoted)
+    return Style(separator, comma, quoted)
 
 
 def _quotes_decimal_commas(line: str) -> bool:
     return re.search(r'"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*"', line) is not None
 
 
-def _fields_of_row(line: str, style: _Style) -> int:
+def _fields_of_row(line: str, style: Style) -> int:
     """Return the number of fields where all are numbers or blanks, with one at least that is none; else 0."""
     fields = [field.strip() for field in style.fields(line)]
     words = [field.lower() for field in fields]
@@ -213,8 +232,8 @@ def _fields_of_row(line: str, style: _Style) -> int:
 
 def _head(lines: list[str]) -> _Head | None:
     """Return where the rows begin: at the first line like those of the first run of lines that are rows alike."""
-    runs: dict[tuple[int, _Style], tuple[int, int]] = {}  # of each kind of row: the first line, the longest run
-    last: tuple[int, _Style] | None = None
+    runs: dict[tuple[int, Style], tuple[int, int]] = {}  # of each kind of row: the first line, the longest run
+    last: tuple[int, Style] | None = None
     count = 0
     for index, line in enumerate(lines):
         if not line.strip() or _is_comment(line):
@@ -234,9 +253,9 @@ def _head(lines: list[str]) -> _Head | None:
     return _Head(_with_blank_rows(lines, start, width, style), width, style)
 
 
-def _row_at(line: str) -> tuple[int, _Style] | None:
+def _row_at(line: str) -> tuple[int, Style] | None:
     """Return the number of fields and their style where a line is a row of two columns or more."""
-    style = _style(line)
+    style = style_of(line)
     width = _fields_of_row(line, style)
     return (width, style) if width > 1 else None
 
@@ -244,14 +263,14 @@ def _row_at(line: str) -> tuple[int, _Style] | None:
 def _any_row(lines: list[str]) -> _Head | None:
     """Return the first line with a number in it, where none is a row of numbers alone: an error will name it."""
     for index, line in enumerate(lines):
-        style = _style(line)
+        style = style_of(line)
         fields = style.fields(line)
         if not _is_comment(line) and any(_NUMBER.match(f) or f.strip().lower() in _NAN for f in fields):
             return _Head(index, len(fields), style)
     return None
 
 
-def _with_blank_rows(lines: list[str], start: int, width: int, style: _Style) -> int:
+def _with_blank_rows(lines: list[str], start: int, width: int, style: Style) -> int:
     """Return where rows of blanks alone begin that stand before the first row with a number."""
     first = start
     while first and style.separator and _is_blank_row(lines[first - 1], width, style):
@@ -260,7 +279,7 @@ def _with_blank_rows(lines: list[str], start: int, width: int, style: _Style) ->
     return first if not first or named else start
 
 
-def _is_blank_row(line: str, width: int, style: _Style) -> bool:
+def _is_blank_row(line: str, width: int, style: Style) -> bool:
     fields = style.fields(line)
     return len(fields) == width and all(not field.strip() for field in fields)
 
@@ -269,36 +288,90 @@ def _is_comment(line: str) -> bool:
     return line.lstrip().startswith(_COMMENTS)
 
 
-def _header(lines: list[str], head: _Head) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return names and units of the columns, and the lines before; names stand in a line as wide as a row."""
-    above = [line for line in lines if line.strip()]
+def _header(lines: list[str], head: _Head, where: str, first_line: int) -> _Header:
+    """Return what stands above the rows: the columns' names, in the last line as wide as a row that names axes.
+
+    Raises
+    ------
+    InputError
+        If a line between names and rows has numbers: it is a row that was damaged.
+    """
+    above = [index for index, line in enumerate(lines) if line.strip()]
+    for place in range(len(above) - 1, -1, -1):
+        names = _named(lines[above[place]], head)
+        if not any(axis_of(name)[0] for name in names) or any(map(_NUMBER.match, names)):
+            continue
+        below = above[place + 1 :]
+        units = _named(lines[below[0]], head) if below else ()
+        if not any(unit_of(field) for field in units) or any(map(_NUMBER.match, units)):
+            units = ()
+        for index in below[1:] if units else below:
+            _require_no_row(lines[index], head, where, first_line + index, True)
+        return _Header(names, units, tuple(lines[index] for index in above[:place]))
     if not above:
-        return (), (), ()
-    last = _named(above[-1], head)
-    unheard = _is_comment(above[-1]) and all(axis_of(field)[0] is None for field in last)
-    if not last or unheard or any(_NUMBER.match(field) for field in last):
-        return (), (), tuple(above)
-    if len(above) > 1 and all(not field or unit_of(field) for field in last):
-        names = _named(above[-2], head)
-        if names:
-            return names, last, tuple(above[:-2])
-    return last, (), tuple(above[:-1])
+        return _Header((), (), ())
+    last = lines[above[-1]]
+    _require_no_row(last, head, where, first_line + above[-1], False)
+    _require_no_short_header(last, head, where, first_line + above[-1])
+    apart = head.style.separator is None and above[-1] < len(lines) - 1  # a remark, an empty line behind it
+    names = () if _is_comment(last) or apart else _named(last, head)
+    kept = above[:-1] if names else above
+    return _Header(names, (), tuple(lines[index] for index in kept))
+
+
+def _require_no_short_header(line: str, head: _Head, where: str, number: int) -> None:
+    """Refuse a line above the rows that names axes but not each column; a remark may name x, y and z alone."""
+    names = [name for name in _split_names(line, head) if name]
+    axes = [axis for name in names if (axis := axis_of(name)[0])]
+    if not axes or len(names) < 2 or (_is_comment(line) and names == axes == ["x", "y", "z"]):
+        return
+    got = f"{len(names)} in line {number}: {_shown(line)}"
+    raise InputError(f"a name for each of {head.width} columns", got, "Correct the header.", where)
+
+
+def _require_no_row(line: str, head: _Head, where: str, number: int, named: bool) -> None:
+    """Refuse a line above the rows that looks like one of them: its numbers must not be lost in silence."""
+    words = [word for word in re.split(r"[;,\t| ]+", line.strip()) if word]
+    alike = len(head.style.fields(line)) == head.width and any(map(_NUMBER.match, head.style.fields(line)))
+    count = not named and len(words) == 1 and words[0].isdecimal()  # of points, as XYZ and PTS begin
+    if not _is_comment(line) and (alike or (not count and all(map(_NUMBER.match, words)))):
+        raise InputError(
+            f"{head.width} numbers in a line, like the rows below",
+            f"{_shown(line)} in line {number}",
+            "Correct this line, or begin it with # where it is a remark.",
+            where,
+        )
 
 
 def _named(line: str, head: _Head) -> tuple[str, ...]:
     """Return the fields of a header, stripped; none where it has not as many as a row."""
-    stripped = line.strip().lstrip("#/%! ") if _is_comment(line) else line
-    fields = [field.strip().strip('"').strip() for field in stripped.split(head.style.separator)]
+    fields = _split_names(line, head)
     if head.style.separator is None and len(fields) != head.width:
-        fields = [field.strip() for field in re.split(r"\s{2,}|\t|,|;", stripped.strip())]
+        fields = [field.strip() for field in re.split(r"\s{2,}|\t|,|;", line.strip().lstrip("#/%! "))]
     while len(fields) > head.width and not fields[-1]:
         fields.pop()
-    if len(fields) == head.width - 1 and head.style.separator:
-        fields.append("")  # rows end in a separator, the header does not
-    return tuple(fields) if len(fields) == head.width and any(fields) else ()
+    named = any(axis_of(field)[0] for field in fields)
+    short = named and len(fields) == head.width - 1  # rows end in a separator, the header does not
+    return tuple(fields) if (len(fields) == head.width or short) and any(fields) else ()
 
 
-def _require_one_decimal_mark(body: str, style: _Style, where: str, first_line: int) -> None:
+def _split_names(line: str, head: _Head) -> list[str]:
+    stripped = line.strip().lstrip("#/%! ") if _is_comment(line) else line
+    return [field.strip().strip('"').strip() for field in stripped.split(head.style.separator)]
+
+
+def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
+    """Refuse a header with a name fewer than there are columns, unless the rows end in a separator."""
+    if not np.isnan(values[:, -1]).all():
+        raise InputError(
+            f"a name for each of {values.shape[1]} columns",
+            f"{values.shape[1] - 1} in the header above line {line}",
+            "Correct the header.",
+            where,
+        )
+
+
+def _require_one_decimal_mark(body: str, style: Style, where: str, first_line: int) -> None:
     """Refuse decimal points and decimal commas in one table: one of them would be misread."""
     if "," not in body or "." not in body:
         return
@@ -347,8 +420,8 @@ def _fields(lines: Sequence[str], head: _Head) -> list[str]:
         even = all(line.count(separator) == head.width - 1 for line in lines)
         joined = separator.join(lines)
         fields = (joined.replace(",", ".") if head.style.comma and separator != "," else joined).split(separator)
-    if not even or "_" in joined or '"' in joined:
-        raise ValueError  # float() would take 1_0 for ten
+    if not even or "_" in joined or '"' in joined or not joined.isascii():
+        raise ValueError  # float() would take 1_0 for ten, and digits of other scripts
     return fields
 
 
@@ -359,8 +432,6 @@ def _parse_with_care(lines: list[str], head: _Head, before: int, where: str, exa
         if not line.strip() or _is_comment(line):
             continue
         fields = head.style.fields(line)
-        while len(fields) > head.width and not fields[-1].strip():
-            fields.pop()
         if len(fields) != head.width:
             raise InputError(
                 f"{head.width} columns in every line",
