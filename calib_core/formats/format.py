@@ -5,6 +5,7 @@ Another package adds a format by an entry point of the group ``scancell.formats`
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ class Reading:
         """The axes of the points in their order."""
         return "xz" if self.kind == "profile" else "xyz"
 
-    @property
+    @cached_property
     def known(self) -> NDArray[np.bool_]:
         """Which rows (N,) are points: all their coordinates came back."""
         return np.asarray(np.isfinite(self.points).all(axis=1))

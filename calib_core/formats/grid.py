@@ -22,6 +22,7 @@ from calib_core.frames import FloatArray
 
 _EXAMPLE = "y in the first column, x in the first line"
 _LEAST_COLUMNS = 5
+_HEAD_BYTES = 4000
 _MOST_POINT_COLUMNS = 12  # a wider table without names is a grid
 
 
@@ -72,7 +73,8 @@ def recognise(data: bytes, name: str) -> Match:
     """Return how sure it is that a file is a grid: by its first lines."""
     if ending_of(name) not in FORMAT.endings or not looks_like_text(data):
         return NO_MATCH
-    lines = first_lines(decode_text(data[:200_000], name, _EXAMPLE), 60)
+    head = data[:_HEAD_BYTES] if b"\n" in data[:_HEAD_BYTES] else data[: 50 * _HEAD_BYTES]
+    lines = first_lines(decode_text(head, name, _EXAMPLE), 30)
     if grid_head(lines) is not None:
         return Match(0.7, "its first line counts along x")
     widths = {len(style_of(line).fields(line)) for line in lines[:-1] if line.strip()}

@@ -41,7 +41,7 @@ class KeyenceSettings(Settings):
 
 def recognise(data: bytes, name: str) -> Match:
     """Return how sure it is that a file holds counts: by the values that stand for nothing."""
-    if ending_of(name) not in FORMAT.endings or not _MARK.search(data[:200_000]):
+    if ending_of(name) not in FORMAT.endings or b"-21474836" not in data or not _MARK.search(data):
         return NO_MATCH
     whole = not re.search(rb"\d\.\d", data[:20_000])
     return Match(0.8, "whole numbers with −2147483648 where nothing came back") if whole else NO_MATCH

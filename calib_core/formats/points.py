@@ -34,6 +34,7 @@ MAX_PROFILE_BYTES = 32_000_000
 """Largest file of one profile; the longest stripes have some thousand points."""
 
 _LEAST_MM, _MOST_MM = 1.0, 20_000.0
+_MANY = 50_000  # points that tell how large a cloud is
 
 
 def endings_of(*kinds: Kind) -> tuple[str, ...]:
@@ -44,8 +45,8 @@ def endings_of(*kinds: Kind) -> tuple[str, ...]:
 
 def usual_kind(name: str) -> Kind | None:
     """Return what a file with this ending usually holds; None for an ending that no format has."""
-    ending = ending_of(name)
-    return next((entry.kinds[0] for entry in FORMATS if ending in entry.endings), None)
+    likeliest = max(FORMATS, key=lambda entry: entry.recognise(b"", name).sure)
+    return likeliest.kinds[0] if likeliest.recognise(b"", name).sure else None
 
 
 def recognise(data: bytes, name: str, kind: Kind | None = None) -> tuple[Format, Match]:
@@ -106,7 +107,7 @@ def read_file(
             raise InputError(f"a file as '{entry.name}'", got, "Tell the makers of that format.", name) from error
         raise
     require_kind(reading.kind, kind, name, f"the axes {', '.join(reading.axes)}")
-    return replace(reading, format=entry.name).adding(doubts=_doubts_of_size(reading))
+    return replace(reading, format=entry.name, doubts=(*reading.doubts, *_doubts_of_size(reading)))
 
 
 def parse_profile(data: bytes, name: str, may_be_blank: bool = False) -> FloatArray:
@@ -138,7 +139,7 @@ def parse_cloud(data: bytes, name: str) -> FloatArray:
 
 def known_points(reading: Reading, where: str) -> FloatArray:
     """Return the points of a reading without the blanks; raises InputError where there are none."""
-    kept = reading.points[reading.known]
+    kept = reading.points if reading.known.all() else reading.points[reading.known]
     if not len(kept):
         raise InputError(
             f"a {reading.kind} with points",
@@ -174,10 +175,10 @@ def _settings(entry: Format, told: Mapping[str, Any], where: str) -> Settings:
 
 def _doubts_of_size(reading: Reading) -> list[str]:
     """Return a doubt where nobody states the unit and the points are smaller or larger than scanners see."""
-    known = reading.points[reading.known]
-    if reading.unit_from != "assumed" or len(known) < 3:
+    if reading.unit_from != "assumed" or len(reading.points) < 3:
         return []
-    extent_mm = float(np.linalg.norm(known.max(axis=0) - known.min(axis=0)))
+    some = reading.points[:: max(1, len(reading.points) // _MANY)]
+    extent_mm = float(np.linalg.norm(np.fmax.reduce(some) - np.fmin.reduce(some)))
     if 0 < extent_mm < _LEAST_MM:
         return [f"All points lie within {extent_mm:.3g} mm: they look like metres. If they are, give the unit m."]
     if extent_mm > _MOST_MM:

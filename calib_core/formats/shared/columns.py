@@ -85,7 +85,8 @@ def points_of(
     units: list[Unit | None] = [settings.unit or column.unit or stated for column in columns]
     unit_from = "settings" if settings.unit else "header" if all(units) else "assumed"
     factors = [1.0 if unit is None else MM_PER_UNIT[unit] for unit in units]
-    points = values[:, [column.place for column in columns]]
+    places = [column.place for column in columns]
+    points = values if places == list(range(values.shape[1])) else values[:, places]
     points, notes, doubts = without_missing(points, settings.missing, kind)
     if any(factor != 1.0 for factor in factors):
         points = points * factors

@@ -14,6 +14,7 @@ from calib_core.frames import FloatArray
 
 _BLOCK_BYTES = 4_000_000
 _HEAD_LINES = 2000  # where the table must have begun
+_HEAD_CHARACTERS = 1_000_000
 _RUN = 3  # so many lines alike are the table
 _SEPARATORS = (";", "\t", ",", "|")
 _COMMENTS = ("#", "//", "%")
@@ -157,7 +158,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     InputError
         With the line that is at fault.
     """
-    if "#" in text or "nan(" in text.lower():
+    if "#" in text or "nan(" in text or "NaN(" in text or "NAN(" in text:
         text = _C_NAN.sub("nan", text)
     lines = first_lines(text)
     head = _head(lines)
@@ -191,14 +192,10 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
 
 def first_lines(text: str, count: int = _HEAD_LINES) -> list[str]:
     """Return the first lines of a text, so many that its table must have begun."""
-    lines: list[str] = []
-    at = 0
-    while at < len(text) and len(lines) < count:
-        end = text.find("\n", at)
-        end = len(text) if end < 0 else end
-        lines.append(text[at:end])
-        at = end + 1
-    return lines
+    lines = text[:_HEAD_CHARACTERS].split("\n")
+    if len(text) > _HEAD_CHARACTERS and len(lines) > 1:
+        lines.pop()  # it was cut
+    return lines[:count]
 
 
 def number_of(field: str) -> float | None:
