@@ -1,0 +1,1 @@
+"""An example: a file format, an export and a source for scancell."""
