@@ -9,15 +9,15 @@ from calib_core.errors import InputError
 from calib_core.formats.format import NO_MATCH, Format, Match, PointKind, Reading, Settings, ending_of
 from calib_core.formats.shared.heights import HeightSettings, grid_of, grid_with_axes
 from calib_core.formats.shared.names import axis_of, unit_in, unit_within
-from calib_core.formats.shared.text_table import (
+from calib_core.formats.shared.text_style import (
     Style,
     decode_text,
     first_lines,
     looks_like_text,
     number_of,
-    parse_table,
     style_of,
 )
+from calib_core.formats.shared.text_table import parse_table
 from calib_core.frames import FloatArray
 
 _EXAMPLE = "y in the first column, x in the first line"

@@ -24,7 +24,8 @@ from calib_core.formats.format import (
     require_kind,
 )
 from calib_core.formats.shared.columns import Column, points_of
-from calib_core.formats.shared.text_table import decode_text, parse_table
+from calib_core.formats.shared.text_style import decode_text
+from calib_core.formats.shared.text_table import parse_table
 from calib_core.records.base import Positive
 
 _INVALID = (-2147483648.0, -2147483647.0, -2147483646.0, -2147483645.0)

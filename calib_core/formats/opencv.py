@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.format import Format, Match, PointKind, Reading, by_ending
 from calib_core.formats.shared.columns import TableSettings, reading_of_values
-from calib_core.formats.shared.text_table import decode_text
+from calib_core.formats.shared.text_style import decode_text
 from calib_core.frames import FloatArray
 
 _EXAMPLE = "an OpenCV file"

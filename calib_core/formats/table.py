@@ -2,7 +2,8 @@
 
 from calib_core.formats.format import NO_MATCH, Format, Match, PointKind, Reading, by_ending, ending_of
 from calib_core.formats.shared.columns import TableSettings, reading_of
-from calib_core.formats.shared.text_table import decode_text, looks_like_text, parse_table
+from calib_core.formats.shared.text_style import decode_text, looks_like_text
+from calib_core.formats.shared.text_table import parse_table
 
 EXAMPLES = {"profile": "x_mm,z_mm", "cloud": "x,y,z", None: "x_mm,z_mm or x,y,z"}
 

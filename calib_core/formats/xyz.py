@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from calib_core.formats import table
 from calib_core.formats.format import Format, Match, Pieces, PointKind, Reading, by_ending
 from calib_core.formats.shared.columns import TableSettings, reading_of
-from calib_core.formats.shared.text_table import decode_text, parse_table
+from calib_core.formats.shared.text_style import decode_text
+from calib_core.formats.shared.text_table import parse_table
 from calib_core.formats.shared.writing import BLOCK, XYZ, table_of
 
 

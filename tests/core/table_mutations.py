@@ -135,7 +135,8 @@ def _judged(text: str, style: Style) -> np.ndarray | None:
     if not kept or any(names[k] != expected[k] for k, axis in enumerate(style.axes) if axis in "xyz"):
         return None
     points = values[:, [style.axes.index(axis) for axis in axes]]
-    points[points[:, -1] == 0] = np.nan  # a height of 0, far from all others, stands for nothing
+    if (points[:, -1] > 0).any():
+        points[points[:, -1] == 0] = np.nan  # a height of 0, far from all others, stands for nothing
     return points * _UNITS[style.unit]
 
 
@@ -144,7 +145,9 @@ def _numbers(line: str, style: Style) -> list[float] | None:
     row: list[float] = []
     for field in fields:
         text = field.strip()
-        if text in (style.missing, style.missing.replace(".", ","), "-") or (not text and style.separator != " "):
+        if text in (style.missing, style.missing.replace(".", ","), "-", "Na") or (
+            not text and style.separator != " "
+        ):
             row.append(np.nan)
             continue
         if style.comma and "." in text:

@@ -1,6 +1,5 @@
 """Tables of numbers as text: preamble, header, any of the usual separators, decimal commas, blanks for NaN."""
 
-import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,18 +9,20 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.names import axis_of, unit_of
+from calib_core.formats.shared.text_style import (
+    BLANK_WORDS,
+    NAN_WORDS,
+    NUMBER,
+    Style,
+    decode_text,
+    first_lines,
+    style_of,
+)
 from calib_core.frames import FloatArray
 
 _BLOCK_BYTES = 4_000_000
-_HEAD_LINES = 2000  # where the table must have begun
-_HEAD_CHARACTERS = 1_000_000
 _RUN = 3  # so many lines alike are the table
-_SEPARATORS = (";", "\t", ",", "|")
 _COMMENTS = ("#", "//", "%")
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\Z", re.ASCII)
-_COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?\Z")
-_NAN = {"nan", "-nan", "+nan", "inf", "-inf", "+inf", "infinity", "-infinity", "null", "none"}
-_BLANK = {"", "-", "--", "---", "*", "n/a", "#n/a", "na", "invalid", *_NAN}
 _C_NAN = re.compile(r"[+-]?(1[.,]#(IND|QNAN|SNAN|INF)0*|nan\((ind|snan)\))", re.IGNORECASE)
 
 
@@ -53,23 +54,6 @@ class TextTable:
 
 
 @dataclass(frozen=True)
-class Style:
-    """How the fields of a table are written; separator None is any run of spaces."""
-
-    separator: str | None
-    comma: bool
-    quoted: bool
-
-    def fields(self, line: str) -> list[str]:
-        """Return the fields of a line, with points for decimal commas."""
-        if self.quoted and self.separator is not None:
-            found = next(csv.reader([line], delimiter=self.separator), [])
-        else:
-            found = line.split(self.separator)
-        return [field.replace(",", ".") for field in found] if self.comma else found
-
-
-@dataclass(frozen=True)
 class _Header:
     """What stands above the rows: names, units, and the lines before."""
 
@@ -98,45 +82,6 @@ def parse_numbers(data: bytes, where: str, width: int, example: str) -> FloatArr
             where,
         )
     return table.values
-
-
-def decode_text(data: bytes, where: str, example: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 or Windows' Latin; raises InputError where it is none."""
-    if not data.strip():
-        raise InputError(f"lines of numbers ({example})", "an empty file", "Save the capture again.", where)
-    text = _decoded(data)
-    if text is None:
-        raise InputError(
-            f"lines of numbers as text ({example})", "bytes that are no text", "Export it as text.", where
-        )
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
-
-
-def looks_like_text(data: bytes) -> bool:
-    """Return whether the first bytes of a file are text."""
-    return bool(data.strip()) and _decoded(data[:4000], cut=True) is not None
-
-
-def _decoded(data: bytes, cut: bool = False) -> str | None:
-    ways = ["utf-8-sig", "cp1252"]
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        ways = ["utf-16"]
-    elif data[1:40:2].count(0) > 15:
-        ways = ["utf-16-le"]
-    elif data[0:40:2].count(0) > 15:
-        ways = ["utf-16-be"]
-    for way in ways:
-        try:
-            text = data.decode(way, errors="ignore" if cut and way != "cp1252" else "strict")
-        except UnicodeDecodeError:
-            continue
-        return None if "\0" in text or (way == "cp1252" and _is_binary(text)) else text
-    return None
-
-
-def _is_binary(text: str) -> bool:
-    head = text[:4000]
-    return sum(ord(mark) < 32 and mark not in "\t\r\n\f" for mark in head) > 0
 
 
 def parse_table(text: str, where: str, example: str, first_line: int = 1) -> TextTable:
@@ -190,41 +135,13 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     )
 
 
-def first_lines(text: str, count: int = _HEAD_LINES) -> list[str]:
-    """Return the first lines of a text, so many that its table must have begun."""
-    lines = text[:_HEAD_CHARACTERS].split("\n")
-    if len(text) > _HEAD_CHARACTERS and len(lines) > 1:
-        lines.pop()  # it was cut
-    return lines[:count]
-
-
-def number_of(field: str) -> float | None:
-    """Return the number that a field is, None where it is none."""
-    return float(field) if _NUMBER.match(field) else None
-
-
-def style_of(line: str) -> Style:
-    """Return how a line's fields are written."""
-    words = line.split()
-    quoted = '"' in line
-    separator = next((mark for mark in _SEPARATORS if mark in line), None)
-    if separator == "," and len(words) > 1 and all(_COMMA_NUMBER.match(word) for word in words):
-        return Style(None, True, False)
-    comma = separator in (";", "\t") or (quoted and separator == "," and _quotes_decimal_commas(line))
-    return Style(separator, comma, quoted)
-
-
-def _quotes_decimal_commas(line: str) -> bool:
-    return re.search(r'"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*"', line) is not None
-
-
 def _fields_of_row(line: str, style: Style) -> int:
     """Return the number of fields where all are numbers or blanks, with one at least that is none; else 0."""
     fields = [field.strip() for field in style.fields(line)]
     words = [field.lower() for field in fields]
-    if not all(word in _BLANK or _NUMBER.match(word) for word in words):
+    if not all(word in BLANK_WORDS or NUMBER.match(word) for word in words):
         return 0
-    return len(fields) if any(word in _NAN or _NUMBER.match(word) for word in words) else 0
+    return len(fields) if any(word in NAN_WORDS or NUMBER.match(word) for word in words) else 0
 
 
 def _head(lines: list[str]) -> _Head | None:
@@ -262,7 +179,7 @@ def _any_row(lines: list[str]) -> _Head | None:
     for index, line in enumerate(lines):
         style = style_of(line)
         fields = style.fields(line)
-        if not _is_comment(line) and any(_NUMBER.match(f) or f.strip().lower() in _NAN for f in fields):
+        if not _is_comment(line) and any(NUMBER.match(f) or f.strip().lower() in NAN_WORDS for f in fields):
             return _Head(index, len(fields), style)
     return None
 
@@ -296,11 +213,11 @@ def _header(lines: list[str], head: _Head, where: str, first_line: int) -> _Head
     above = [index for index, line in enumerate(lines) if line.strip()]
     for place in range(len(above) - 1, -1, -1):
         names = _named(lines[above[place]], head)
-        if not any(axis_of(name)[0] for name in names) or any(map(_NUMBER.match, names)):
+        if not any(map(_is_axis, names)) or any(map(NUMBER.match, names)):
             continue
         below = above[place + 1 :]
         units = _named(lines[below[0]], head) if below else ()
-        if not any(unit_of(field) for field in units) or any(map(_NUMBER.match, units)):
+        if not any(unit_of(field) for field in units) or any(map(NUMBER.match, units)):
             units = ()
         for index in below[1:] if units else below:
             _require_no_row(lines[index], head, where, first_line + index, True)
@@ -308,12 +225,29 @@ def _header(lines: list[str], head: _Head, where: str, first_line: int) -> _Head
     if not above:
         return _Header((), (), ())
     last = lines[above[-1]]
+    _require_same_separator(last, head, where, first_line + above[-1])
     _require_no_row(last, head, where, first_line + above[-1], False)
     _require_no_short_header(last, head, where, first_line + above[-1])
     apart = head.style.separator is None and above[-1] < len(lines) - 1  # a remark, an empty line behind it
     names = () if _is_comment(last) or apart else _named(last, head)
     kept = above[:-1] if names else above
     return _Header(names, (), tuple(lines[index] for index in kept))
+
+
+def _require_same_separator(line: str, head: _Head, where: str, number: int) -> None:
+    """Refuse rows cut by commas under a header cut by ; or tabs: these are decimal commas of a row cut off."""
+    style = style_of(line)
+    if head.style.separator == "," and style.separator in (";", "\t") and any(map(_is_axis, style.fields(line))):
+        raise InputError(
+            f"rows cut by {style.separator!r}, like the header in line {number}",
+            "commas alone",
+            "Copy or export the file again.",
+            where,
+        )
+
+
+def _is_axis(name: str) -> bool:
+    return axis_of(name)[0] is not None
 
 
 def _require_no_short_header(line: str, head: _Head, where: str, number: int) -> None:
@@ -329,9 +263,9 @@ def _require_no_short_header(line: str, head: _Head, where: str, number: int) ->
 def _require_no_row(line: str, head: _Head, where: str, number: int, named: bool) -> None:
     """Refuse a line above the rows that looks like one of them: its numbers must not be lost in silence."""
     words = [word for word in re.split(r"[;,\t| ]+", line.strip()) if word]
-    alike = len(head.style.fields(line)) == head.width and any(map(_NUMBER.match, head.style.fields(line)))
+    alike = len(head.style.fields(line)) == head.width and any(map(NUMBER.match, head.style.fields(line)))
     count = not named and len(words) == 1 and words[0].isdecimal()  # of points, as XYZ and PTS begin
-    if not _is_comment(line) and (alike or (not count and all(map(_NUMBER.match, words)))):
+    if not _is_comment(line) and (alike or (not count and all(map(NUMBER.match, words)))):
         raise InputError(
             f"{head.width} numbers in a line, like the rows below",
             f"{_shown(line)} in line {number}",
@@ -347,7 +281,7 @@ def _named(line: str, head: _Head) -> tuple[str, ...]:
         fields = [field.strip() for field in re.split(r"\s{2,}|\t|,|;", line.strip().lstrip("#/%! "))]
     while len(fields) > head.width and not fields[-1]:
         fields.pop()
-    named = any(axis_of(field)[0] for field in fields)
+    named = any(map(_is_axis, fields))
     short = named and len(fields) == head.width - 1  # rows end in a separator, the header does not
     return tuple(fields) if (len(fields) == head.width or short) and any(fields) else ()
 
@@ -439,9 +373,9 @@ def _parse_with_care(lines: list[str], head: _Head, before: int, where: str, exa
         row: list[float] = []
         for field in fields:
             word = field.strip()
-            if _NUMBER.match(word):
+            if NUMBER.match(word):
                 row.append(float(word))
-            elif word.lower() in _BLANK:
+            elif word.lower() in BLANK_WORDS:
                 row.append(np.nan)
             else:
                 raise InputError(

@@ -1,0 +1,29 @@
+"""Scanners' files: every brand's variants, and damaged tables judged by a strict grammar of their own."""
+
+import random
+from collections import Counter
+
+import numpy as np
+from harness import Row
+
+from calib_core.formats.points import read_file
+from tests.core.scanner_files import known, scanner_files
+from tests.core.table_mutations import verdict_of
+
+
+def run(full: bool) -> list[Row]:
+    """Return the rows of this benchmark; `full` takes ten thousand damaged tables."""
+    files = scanner_files()
+    right: list[bool] = []
+    for file in files:
+        reading = read_file(file.data, file.name, file.kind, settings=file.settings)
+        points, truth = reading.points[reading.known], known(file.truth_mm)
+        right.append(points.shape == truth.shape and bool(np.abs(points - truth).max() <= file.digits_mm))
+    brands = len({file.brand for file in files})
+    count = 10_000 if full else 1000
+    found = Counter(verdict_of(random.Random(seed))[0] for seed in range(count))
+    told = f"{found['right']} right, {found['refused']} refused, {found['wrong']} wrong"
+    return [
+        Row(f"{brands} brands, {len(files)} variants: points right", "all", f"{sum(right)}", all(right)),
+        Row(f"{count:,} damaged tables", "right or refused with the line or column", told, not found["wrong"]),
+    ]
