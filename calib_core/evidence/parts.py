@@ -110,11 +110,6 @@ def captures_used(result: Result) -> Figure:
     return Figure(label="Captures used", text=f"{sum(row.used for row in rows)} of {len(rows)}")
 
 
-def open_directions(result: Any) -> list[AnyBlock]:
-    """Return what the captures do not determine, each with what to do."""
-    return [Note(level="fail", text=f"Not determined: {one.description}.") for one in result.undetermined]
-
-
 def left_out(rows: Sequence[CaptureResidual]) -> list[AnyBlock]:
     """Return the captures that are not used, one row a reason."""
     causes = by_cause({row.capture: row.reason or "no reason given" for row in rows if not row.used})

@@ -68,6 +68,27 @@ def not_used(reasons: Mapping[str, str], order: Sequence[str] = ()) -> list[str]
     return sentences
 
 
+def by_to_do(descriptions: Sequence[str]) -> list[str]:
+    """Return what is open, one sentence each thing to do: ``the rotation about x (±1°) and y (±2°): turn it``.
+
+    Each description is what is open, a colon, and what to do.
+    """
+    groups: dict[str, list[str]] = {}
+    for description in descriptions:
+        what, _, to_do = description.rpartition(": ")
+        groups.setdefault(to_do, []).append(what)
+    return [f"{listed(_without_repeats(whats))}: {to_do}" for to_do, whats in groups.items()]
+
+
+def _without_repeats(texts: Sequence[str]) -> list[str]:
+    """Return texts, those after the first without the words that all begin with."""
+    words = [text.split(" ") for text in texts]
+    alike = 0
+    while len(words) > 1 and all(len(w) > alike + 1 and w[alike] == words[0][alike] for w in words):
+        alike += 1
+    return [texts[0], *(" ".join(w[alike:]) for w in words[1:])]
+
+
 def counted(count: int, noun: str) -> str:
     """Return a count with its noun: ``1 capture``, ``3 captures``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

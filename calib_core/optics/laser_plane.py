@@ -234,7 +234,7 @@ def plane_warnings(fit: PlaneFit, lines: Sequence[BoardLine], normal_sigma_deg: 
             f"{fit.length_mm:.0f} mm along (standard deviations), so the plane can still turn about them. "
             "Capture boards nearer and farther away."
         )
-    if normal_sigma_deg > 0.1:
+    elif normal_sigma_deg > 0.1:
         warnings.append(
             f"The plane's normal is known only to {normal_sigma_deg:.2f}° (one standard deviation). "
             "Capture more boards, nearer and farther away."

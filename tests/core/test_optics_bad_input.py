@@ -107,7 +107,7 @@ def with_first_frame(
 def test_colour_is_told_with_the_camera(simulated: SimulatedSession) -> None:
     files, _ = with_first_frame(simulated, "camera", lambda image: np.dstack([image] * 3))
     camera = solve_stage(simulated.session, "camera", files.__getitem__)
-    assert any("in colour" in words and "c01" in words for words in camera.warnings)
+    assert any("in colour" in words and "c01" in words for words in camera.notes)
 
 
 def test_frames_of_the_sphere_of_another_size_or_white_all_over_are_named(simulated: SimulatedSession) -> None:
@@ -130,8 +130,8 @@ def test_what_a_chessboard_cannot_tell_is_said_and_the_sphere_tells_of_a_wrong_p
     session = Session.model_validate(record)
     camera = solve_stage(session, "camera", simulated.files.__getitem__)
     assert isinstance(camera, CameraResult)
-    assert any("pitch, 10 mm, is taken on trust" in words for words in camera.warnings)
-    assert any("mirrored" in words for words in camera.warnings)
+    assert any("pitch, 10 mm, is not checked" in words for words in camera.notes)
+    assert any("mirrored" in words for words in camera.notes)
     tcp = solve_stage(session, "tcp", simulated.files.__getitem__)
     assert isinstance(tcp, TcpResult)
     assert tcp.verdict == "fail"

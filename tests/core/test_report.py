@@ -176,14 +176,11 @@ def test_the_verdict_and_what_it_means(solved, verdict):
     assert meaning in text
 
 
-def test_stale_unsolved_and_undetermined(solved):
+def test_stale_and_unsolved(solved):
     session, results = solved
     assert "Out of date" not in report_html(session, results)
     assert "Out of date" in report_html(session, results, ["tcp"])
     assert "Nothing is solved yet" in report_html(session, {})
-    open_direction = {"direction": [0, 0, 0, 0, 1, 0], "description": "no rotation about y yet"}
-    result = {**as_of_0_1_0(results["tcp"]), "undetermined": [open_direction]}
-    assert "Not determined: no rotation about y yet." in Page(report_html(session, {"tcp": result})).text
 
 
 def test_no_two_step_answer_is_told_with_its_reason(solved):

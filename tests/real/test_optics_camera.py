@@ -30,7 +30,7 @@ def test_chessboard_of_25_views(data_folder: Path) -> None:
     assert [row.used for row in result.residuals] == [True] * 25
     assert result.model == "plain"
     assert result.verdict == "pass"
-    assert "held-out" in result.warnings[0]
+    assert "held-out" in result.notes[0]
 
 
 def test_boards_of_laser_plane_captures_serve_the_camera(data_folder: Path) -> None:

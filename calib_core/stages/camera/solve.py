@@ -8,6 +8,7 @@ import numpy as np
 from calib_core.captures.boards import board_in, board_of, shows_stripe_alone
 from calib_core.captures.solved_optics import remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.evidence.words import not_used
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_refusal import COLOUR_NOTE
 from calib_core.optics.camera import CameraOptions, calibrate_camera
@@ -128,11 +129,11 @@ def _result(
     camera = solution.camera
     problems = problems_of(solution)
     rows = _rows(given, solution, views, failed)
-    not_used = [
-        f"{row.capture} is not used: {(row.reason or '').removesuffix('.')}."
+    left_out = {
+        row.capture: row.reason
         for row in rows
         if not row.used and row.reason and not row.reason.startswith(("excluded", _STRIPE_ALONE))
-    ]
+    }
     seen = solution.coverage
     return CameraResult(
         method="bundle adjustment of camera and board poses, least squares after robust rejection; "
@@ -140,7 +141,8 @@ def _result(
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), _expected_views(rows)),
-        warnings=[*remarks_of(solution), *problems, *not_used, *_taken_on_trust(given, views)],
+        warnings=[*problems, *not_used(left_out, [row.capture for row in rows])],
+        notes=[*remarks_of(solution), *_unverifiable(given, views)],
         model=camera.model,
         image_size=image_size,
         camera_matrix=camera.camera_matrix.tolist(),
@@ -168,12 +170,12 @@ def _result(
     )
 
 
-def _taken_on_trust(given: "StageInput", views: dict[str, BoardView]) -> list[str]:
+def _unverifiable(given: "StageInput", views: dict[str, BoardView]) -> list[str]:
     """Return what frames of this kind of board cannot tell, in sentences."""
     board = board_of(given.session.cell)
     sentences = [
-        f"The board's pitch, {board.pitch_mm:g} mm, is taken on trust: frames of it look the same at any pitch, "
-        "and all lengths grow with it. Measure it over several squares."
+        f"The board's pitch, {board.pitch_mm:g} mm, is not checked: frames of it look the same at any pitch, and "
+        "all lengths scale with it. Measure it over several squares."
     ]
     if any(view.turn_is_ambiguous for view in views.values()):
         sentences.append(

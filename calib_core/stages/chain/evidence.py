@@ -3,7 +3,6 @@
 from calib_core.evidence.parts import (
     captures_used,
     left_out,
-    open_directions,
     provenance,
     residual_plot,
     residual_table,
@@ -40,7 +39,6 @@ def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:
         *tool_sigmas(result),
         *axis_sigmas(result),
         captures_used(result),
-        *open_directions(result),
         tool_frame(session, result),
         table_frame(session, result, result.turntable_covariance),
         *axis_figures(result),

@@ -7,6 +7,7 @@ from calib_core.captures.camera_source import camera_of
 from calib_core.captures.dark_boards import PlaneViews
 from calib_core.captures.solved_optics import remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.evidence.words import not_used
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
@@ -115,11 +116,11 @@ def _result(
     sigma_deg = rotation_sigma_deg(covariance)
     rows = _rows(given, solution, failed)
     warnings = plane_warnings(solution.fit, solution.lines, sigma_deg)
-    left_out = [
-        f"{row.capture} is not used: {(row.reason or '').removesuffix('.')}."
+    left_out = {
+        row.capture: row.reason
         for row in rows
         if not row.used and row.reason and not row.reason.startswith("excluded")
-    ]
+    }
     verdict: Verdict = "warn" if warnings or sum(row.used for row in rows) < 0.5 * len(rows) else "pass"
     if sigma_deg > _FAIL_NORMAL_SIGMA_DEG:
         verdict = "fail"
@@ -128,7 +129,7 @@ def _result(
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         verdict=verdict,
-        warnings=[*warnings, *left_out],
+        warnings=[*warnings, *not_used(left_out, [row.capture for row in rows])],
         plane_in_camera=PlaneInCamera(normal=normal.tolist(), distance_mm=distance),
         camera_from_laser=camera_from_laser_of(normal, distance).to_rows(),
         plane_rms_mm=solution.rms_mm,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.captures.scans import Placement, ScanGroup
+from calib_core.evidence.words import not_used
 from calib_core.fusion.overlap import overlap
 from calib_core.fusion.solve import MergeSolution
 
@@ -27,7 +28,7 @@ def merge_doubts(groups: Sequence[ScanGroup], placement: Placement, solution: Me
     solution : MergeSolution
     """
     apart = solution.overlap
-    doubts = [f"{name} is not used: need {e.need}, got {e.got}. {e.to_do}" for name, e in solution.failed.items()]
+    doubts = not_used({name: f"need {e.need}, got {e.got}. {e.to_do}" for name, e in solution.failed.items()})
     tiny = _about_size(solution)
     doubts += tiny
     pairs = apart.per_scan[:, 0]
@@ -35,7 +36,9 @@ def merge_doubts(groups: Sequence[ScanGroup], placement: Placement, solution: Me
     far = apart.pairs > 0 and apart.rms_mm > _SUSPICIOUS * apart.expected_rms_mm
     few = len(solution.used) > 1 and apart.pairs < len(solution.patches.scans)
     if (far or few) and not tiny:
-        doubts += _about_angles(groups, placement, solution)
+        angles = _about_angles(groups, placement, solution)
+        if angles:
+            return [*doubts, *angles]  # all else follows from these
     if not apart.pairs and len(solution.used) > 1:
         doubts.append(
             "No two scans overlap, so nothing says how well they fit together: scan some of the surface twice."
@@ -46,15 +49,16 @@ def merge_doubts(groups: Sequence[ScanGroup], placement: Placement, solution: Me
             f"Nothing says how well these fit: {names} overlap no other scan. Check pose and table angle, or scan "
             "some of their surface again."
         )
-    if far:
+    off = _far_off(solution)
+    single = bool(off) and len(off) <= len(solution.used) / 2
+    if far and not single:
         worst = int(np.nanargmax(apart.per_scan[:, 2]))
         doubts.append(
             f"Scans lie {apart.rms_mm:.3f} mm apart where {apart.expected_rms_mm:.3f} mm is expected, "
             f"{solution.used[worst]} the farthest ({apart.per_scan[worst, 2]:.3f} mm): "
             "check its pose and table angle, and that the object did not move."
         )
-    off = _far_off(solution)
-    if off and len(off) <= len(solution.used) / 2:
+    if single:
         names = ", ".join(off[:_MOST_NAMED]) + (" and more" if len(off) > _MOST_NAMED else "")
         doubts.append(
             f"Far off where they overlap the others: {names}. Check their poses and table angles, which may be "
@@ -64,11 +68,11 @@ def merge_doubts(groups: Sequence[ScanGroup], placement: Placement, solution: Me
 
 
 def _far_off(solution: MergeSolution) -> list[str]:
-    """Return the scans that lie much farther off the others than is expected, with how far."""
+    """Return the scans that lie much farther off the others than is expected, with how far, the farthest first."""
     _, _, rms, expected = solution.overlap.per_scan.T
     return [
         f"{name} ({rms[number]:.3f} mm, {expected[number]:.3f} mm is expected)"
-        for number, name in enumerate(solution.used)
+        for number, name in sorted(enumerate(solution.used), key=lambda one: -rms[one[0]])
         if rms[number] > _FAR_OFF * expected[number]
     ]
 

@@ -185,7 +185,7 @@ def _first(turns: bool) -> GuideNow:
 
 def _mend(error: InputError) -> GuideNow:
     now = _capture(
-        f"Mend {error.where}: need {error.need}.",
+        f"Correct {error.where}: need {error.need}.",
         f"Got {error.got}. {error.to_do}",
         progress="a scan has no place",
         still_needed=1,

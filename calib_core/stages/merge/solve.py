@@ -161,7 +161,7 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
         parts: VarianceComponents = result.variance_components
         scatter = (parts.position_sigma_mm, parts.orientation_sigma_rad)
         if result.verdict == "fail":
-            warnings.append(f"The {result.stage} stage's own verdict is fail: mend it first.")
+            warnings.append(f"The {result.stage} stage's own verdict is fail: fix that first.")
     if isinstance(result, TurntableResult | ChainResult):
         table, direction, angle_deg = result.base_from_turntable, result.direction, result.angle_sigma_deg
         scale += result.encoder_scale.error if result.encoder_scale.applied else 0.0

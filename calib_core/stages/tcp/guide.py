@@ -229,7 +229,7 @@ def review(
         why = "Without it the answer is not determined in this direction."
         action, progress = "capture", f"{len(undetermined)} still open"
     elif result.get("verdict") == "fail":
-        instruction = "Do not use this result yet: mend what is named below, then solve again."
+        instruction = "Do not use this result yet: fix what is named below, then solve again."
         why = _sentence(doubts[0]) if doubts else "It does not explain the captures within their noise."
     elif rejected:
         instruction = f"Look at the result, and at why {_listed(rejected)} {_was(rejected)} left out."

@@ -11,6 +11,7 @@ from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, sa
 from calib_core.captures.sweep_rows import mark_sweeps, one_row_each
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
+from calib_core.evidence.words import not_used
 from calib_core.records import Capture
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import Observed, SolvedTcp, StageInput
@@ -60,7 +61,7 @@ def _with_likely_mistake(result: TcpResult, given: StageInput, solved: SolvedTcp
 
     given.progress(0.97, "Reading the poses in other ways")
     said = likely_mistake(given.session.cell, given.captures, solved.observations, solved.sphere, scatter_mm)
-    return result.model_copy(update={"verdict": "fail", "warnings": [said, *result.warnings]}) if said else result
+    return result.model_copy(update={"verdict": "fail", "warnings": [said]}) if said else result
 
 
 def _doubt_of_pitch(given: StageInput) -> str | None:
@@ -198,7 +199,8 @@ def with_unused(result: _R, captures: Sequence[Capture], unused: dict[str, str])
             row = TurntableResidual if capture.step == "turntable" else TcpResidual
             rows[capture.id] = row(capture=capture.id, used=False, reason=unused[capture.id])
     warnings = list(result.warnings)
-    warnings += [f"{c.id} is not used: {unused[c.id]}." for c in captures if c.id in unused and not c.excluded]
+    order = [capture.id for capture in captures]
+    warnings += not_used({c.id: unused[c.id] for c in captures if c.id in unused and not c.excluded}, order)
     return result.model_copy(
         update={
             "residuals": mark_sweeps([rows[capture.id] for capture in captures], captures),

@@ -4,7 +4,7 @@ import numpy as np
 
 from calib_core.chain.observations import named
 from calib_core.chain.tcp import TcpSolution
-from calib_core.chain.undetermined import OpenDirection
+from calib_core.evidence.words import by_to_do
 from calib_core.records import Verdict
 
 _HOPELESS_SCATTER_MM = 5.0
@@ -17,23 +17,29 @@ _FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may 
 
 
 def tcp_verdict(solution: TcpSolution) -> tuple[Verdict, list[str]]:
-    """Return the verdict on a solution and its warnings, the gravest first."""
+    """Return the verdict on a solution and its warnings: root causes first, and not what follows from them."""
+    misfit = _misfit(solution)
+    if misfit:
+        return "fail", [*misfit, *_doubts_about_captures(solution)]
     failures = _failures(solution)
-    warnings = _doubts(solution)
     if failures:
-        return "fail", failures + warnings
+        return "fail", [*failures, *_doubts_about_captures(solution), *_doubts_about_noise(solution)]
+    warnings = _doubts(solution)
     return ("warn" if warnings else "pass"), warnings
 
 
-def _failures(solution: TcpSolution) -> list[str]:
-    found: list[str] = []
+def _misfit(solution: TcpSolution) -> list[str]:
     scatter = solution.joint.center_scatter_rms_mm
-    if scatter > _HOPELESS_SCATTER_MM or solution.sigmas.position_mm > _HOPELESS_SIGMA_MM:
-        found.append(
-            f"Poses and scans do not fit together: the sphere's centre scatters by {scatter:.1f} mm in base. "
-            "Check the pose convention, the units, and that every capture has its own pose."
-        )
-    found.extend(f"Not determined: {_description(d)}." for d in solution.undetermined)
+    if scatter <= _HOPELESS_SCATTER_MM and solution.sigmas.position_mm <= _HOPELESS_SIGMA_MM:
+        return []
+    return [
+        f"Poses and scans do not fit together: the sphere's centre scatters by {scatter:.1f} mm in base. "
+        "Check the pose convention, the units, and that every capture has its own pose."
+    ]
+
+
+def _failures(solution: TcpSolution) -> list[str]:
+    found = [f"Not determined: {text}." for text in by_to_do([d.description for d in solution.undetermined])]
     rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
     if len(rejected) > _MOST_REJECTED * len(solution.captures):
         found.append(
@@ -67,11 +73,12 @@ def _doubts_about_captures(solution: TcpSolution) -> list[str]:
 
 def _doubts_about_motion(solution: TcpSolution) -> list[str]:
     undetermined = [d.direction for d in solution.undetermined]
-    found = [
-        f"Weakly determined: {_description(d)}."
+    weak = [
+        d.description
         for d in solution.weak
         if not any(abs(float(d.direction @ known)) > 0.9 for known in undetermined)
     ]
+    found = [f"Weakly determined: {text}." for text in by_to_do(weak)]
     spare = 3 * int(solution.used.sum()) - 9
     if spare < _FEW_SPARE:
         found.append(
@@ -114,7 +121,3 @@ def _doubts_about_noise(solution: TcpSolution) -> list[str]:
         for s in solution.scale_errors
     )
     return found
-
-
-def _description(direction: OpenDirection) -> str:
-    return direction.description

@@ -52,7 +52,7 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
     table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256)
     verdict = "warn" if doubts and result.verdict == "pass" else result.verdict
-    result = result.model_copy(update={"warnings": [*result.warnings, *doubts], "verdict": verdict})
+    result = result.model_copy(update={"warnings": [*doubts, *result.warnings], "verdict": verdict})
     return with_unused(result, given.captures, table.unused)
 
 
@@ -82,7 +82,7 @@ def _doubts_about_tool(solved: SolvedTcp) -> list[str]:
     from calib_core.stages.tcp.verdict import tcp_verdict
 
     verdict, _ = tcp_verdict(solved.solution)
-    return ["The tcp stage's own verdict is fail: mend it first."] if verdict == "fail" else []
+    return ["The tcp stage's own verdict is fail: fix that first."] if verdict == "fail" else []
 
 
 def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:

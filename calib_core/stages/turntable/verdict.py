@@ -10,6 +10,7 @@ from calib_core.chain.table_frame import TableCovariance, TableFrame
 from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.table_residuals import TableResiduals
 from calib_core.chain.turntable import TurntableOptions
+from calib_core.evidence.words import by_to_do
 from calib_core.frames import FloatArray
 from calib_core.records import Undetermined, Verdict
 
@@ -39,16 +40,14 @@ class TableJudgement:
 
 
 def turntable_verdict(judgement: TableJudgement) -> tuple[Verdict, list[str]]:
-    """Return the verdict on a turntable and its warnings, the gravest first."""
-    failures = [f"Not determined: {u.description}." for u in undetermined_of_table(judgement.covariance)]
+    """Return the verdict on a turntable and its warnings: root causes first, and not what follows from them."""
+    undetermined = [one.description for one in undetermined_of_table(judgement.covariance)]
+    failures = [f"Not determined: {text}." for text in by_to_do(undetermined)]
     failures += _failures(judgement)
-    warnings = [
-        *_doubts_about_captures(judgement),
-        *_doubts_about_axis(judgement),
-        *_doubts_about_encoder(judgement),
-    ]
+    doubts = [*_doubts_about_captures(judgement), *_doubts_about_direction(judgement)]
     if failures:
-        return "fail", failures + warnings
+        return "fail", failures + doubts
+    warnings = [*doubts, *_doubts_about_axis(judgement), *_doubts_about_encoder(judgement)]
     return ("warn" if warnings else "pass"), warnings
 
 
@@ -123,13 +122,17 @@ def _doubts_about_axis(j: TableJudgement) -> list[str]:
         )
     elif values[-1] > _WEAK_RAD**2:
         found.append(f"The axis's direction is weakly determined, {weakest}. Add angles all around, and heights.")
-    if j.options.direction not in (None, j.frame.direction):
-        found.append(
-            f"The table turns the other way round than turntable.direction = {j.options.direction} says: its "
-            f"angles count {'right' if j.frame.direction > 0 else 'left'}-handed about the axis that points up. "
-            f"The answer has direction {j.frame.direction}; correct the cell."
-        )
     return found
+
+
+def _doubts_about_direction(j: TableJudgement) -> list[str]:
+    if j.options.direction in (None, j.frame.direction):
+        return []
+    return [
+        f"The table turns the other way round than turntable.direction = {j.options.direction} says: its "
+        f"angles count {'right' if j.frame.direction > 0 else 'left'}-handed about the axis that points up. "
+        f"The answer has direction {j.frame.direction}; correct the cell."
+    ]
 
 
 def _doubts_about_encoder(j: TableJudgement) -> list[str]:
