@@ -175,6 +175,19 @@ def test_the_headline_is_the_uncertainty_at_the_workpiece(turntable_results):
     assert first.label == "At the workpiece"
 
 
+def test_a_verification_reads_the_same_everywhere(solved_folder):
+    seen = {"capture": "v01", "used": True, "center_distance_mm": 0.05, "mahalanobis": 1.2}
+    result = {
+        "stage": "verify", "method": "m", "software": "s", "inputs_sha256": "0" * 64, "verdict": "pass",
+        "warnings": [], "notes": ["The arm came to rest."], "verified": "tcp", "tool0_from_laser": IDENTITY,
+        "sphere_center_in_base_mm": [1.0, 2.0, 3.0], "sphere_center_covariance": [[1.0] * 3] * 3,
+        "surface_rms_mm": 0.02, "held_out_scatter_rms_mm": 0.061, "expected_scatter_rms_mm": 0.055,
+        "chi_squared": 21.5, "degrees_of_freedom": 27, "chance": 0.76,
+        "residuals": [seen, {"capture": "v02", "used": False, "reason": "the sphere was not in view"}],
+    }  # fmt: skip
+    assert_same_everywhere(load_session(solved_folder)[0], result)
+
+
 def test_words_are_no_difference_to_a_replay(solved_folder):
     stored = stored_results(solved_folder)["tcp"]
     retold = {**stored, "evidence": [], "notes": ["told"], "warnings": ["told otherwise"]}

@@ -51,7 +51,7 @@ def in_centimetres(pose: RigidTransform) -> list[float]:
 
 WRONG = {
     "kuka as fanuc": ("fanuc", lambda pose: to_pose("kuka", pose), "read as 'kuka' or 'nachi'"),
-    "fanuc as staubli": ("staubli", lambda pose: to_pose("fanuc", pose), "'fanuc' or 'yaskawa' or 'mitsubishi'"),
+    "fanuc as staubli": ("staubli", lambda pose: to_pose("fanuc", pose), "'fanuc' or 'mitsubishi' or 'yaskawa'"),
     "kawasaki as kuka": ("kuka", lambda pose: to_pose("kawasaki", pose), "read as 'kawasaki'"),
     "abb as xyzw": ("quaternion-xyzw", lambda pose: to_pose("abb", pose), "'quaternion-wxyz' or 'abb'"),
     "radians": ("kuka", in_radians, "angles are in radians"),

@@ -90,7 +90,7 @@ def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:
         parts.orientation_sigma_rad,
     )
     failed = answer.verdict == "fail"
-    return tool, stage, [f"The {stage} stage's own verdict is fail: mend it first."] if failed else []
+    return tool, stage, [f"The {stage} stage's own verdict is fail: fix that first."] if failed else []
 
 
 def _judged(found: HeldOut, knows_uncertainty: bool) -> tuple[Verdict, list[str]]:

@@ -1,0 +1,49 @@
+"""What the verification says of itself: how far an answer holds on captures that it was not solved from."""
+
+from typing import Final
+
+from calib_core.evidence.numbers import fixed, quantity
+from calib_core.evidence.parts import captures_used, left_out, provenance, residual_plot, residual_table
+from calib_core.records import Session
+from calib_core.records.evidence import AnyBlock, Figure
+from calib_core.stages.verify.record import VerifyResult
+
+_COLUMNS: Final = (
+    ("points", "Points", ""),
+    ("surface_rms_mm", "Surface RMS", "mm"),
+    ("center_distance_mm", "Centre", "mm"),
+    ("expected_center_distance_mm", "Expected", "mm"),
+    ("mahalanobis", "Distance", "σ"),
+    ("zone", "r/R", ""),
+)
+
+
+def evidence(_session: Session, result: VerifyResult) -> list[AnyBlock]:
+    """Return the verification told in blocks, the answer first."""
+    expected = result.expected_scatter_rms_mm
+    return [
+        Figure(
+            label="Held-out scatter of the sphere's centre, RMS",
+            quantity=quantity(result.held_out_scatter_rms_mm, "mm"),
+            limit=None if expected is None else quantity(expected, "mm"),
+            limit_label="expected",
+            headline=True,
+        ),
+        Figure(label="Verified", text=result.verified),
+        captures_used(result),
+        *_chance(result),
+        *residual_plot(result.residuals),
+        *left_out(result.residuals),
+        *residual_table(result.residuals, _COLUMNS),
+        *provenance(result),
+    ]
+
+
+def _chance(result: VerifyResult) -> list[AnyBlock]:
+    if result.chi_squared is None or result.chance is None:
+        return []
+    remark = f"{result.degrees_of_freedom} degrees of freedom"
+    return [
+        Figure(label="χ² of the scatter", quantity=quantity(result.chi_squared), remark=remark),
+        Figure(label="A right answer shows as much in", quantity=fixed(100 * result.chance, 1, "%")),
+    ]
