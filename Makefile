@@ -26,7 +26,9 @@ demo: system setup warm
 warm: setup
 	$(BIN)/scancell warm
 
-test: system setup lint types web-types unit
+test: system setup
+	$(MAKE) --jobs 2 --output-sync=target warm types lint web-types  # two at a time: the kernels are compiled meanwhile
+	$(MAKE) unit
 
 lint: setup
 	$(BIN)/ruff check .

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 from calib_core import __version__
 from calib_core.registry import Registry
 from server.console.command import BAD_INPUT, GROUPS, OK, Command
+from server.console.output import from_standard_input
 
 COMMANDS: Registry[Command] = Registry("a command", "server.commands", "COMMAND", Command)
 
@@ -124,7 +125,8 @@ def _run(options: argparse.Namespace) -> int:
     command: Command = options.command
     assert command.run is not None
     try:
-        status = command.run(options)
+        with from_standard_input(options):
+            status = command.run(options)
         sys.stdout.flush()
     except CalibrationError as error:
         if options.debug:

@@ -19,6 +19,7 @@ from calib_core.archive.session_versions import to_present_format
 from calib_core.archive.stored_results import require_result
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
+from calib_core.formats.shared.writing import require_replaceable
 from calib_core.records import Record, Session, Verdict, parse_session
 from calib_core.stages.stage import ReadFile
 
@@ -67,6 +68,7 @@ def pack(folder: Path, out: Path, extra: Mapping[str, Content] | None = None) ->
         If the session cannot be read, a file is missing or outside of the folder, or a name cannot be stored
         everywhere.
     """
+    require_replaceable(out)
     folder = folder_of(folder)
     session, _ = load_session(folder)
     payload = {**_folder_files(folder, out), **(extra or {})}

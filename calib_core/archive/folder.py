@@ -14,6 +14,7 @@ from typing import Any, cast
 from calib_core.archive.session_versions import to_present_format
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
+from calib_core.formats.shared.writing import require_replaceable
 from calib_core.records import Record, Session, parse_session
 from calib_core.stages.stage import ReadFile
 
@@ -142,8 +143,9 @@ def write_atomically(path: Path, content: bytes) -> None:
     Raises
     ------
     InputError
-        If the disk is full or the folder cannot be written.
+        If the disk is full or the folder cannot be written, or no plain file stands under the name.
     """
+    require_replaceable(path)
     temporary = ""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,9 @@ from server.console.output import write_out
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     session_argument(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the HTML file to write")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="the HTML file to write; - is standard output"
+    )
 
 
 def _run(options: argparse.Namespace) -> int:

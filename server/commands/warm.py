@@ -7,7 +7,7 @@ from server.console.command import OK, Command
 from server.console.output import print_result
 from server.console.progress import progress_bar
 
-_SCENARIOS = ("tcp-mixed", "ball", "frames-tcp", "tcp-sweep", "laser-plane-dark", "camera-circles")
+_SCENARIOS = ("tcp-mixed", "tcp-centers", "part", "ball", "frames-tcp")
 """Simulated sessions that run through every kernel with every type of its arguments."""
 
 

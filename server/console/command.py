@@ -60,7 +60,12 @@ class Command:
 
 def session_argument(parser: argparse.ArgumentParser) -> None:
     """Add SESSION."""
-    parser.add_argument("session", type=Path, metavar="SESSION", help="a session folder or archive")
+    parser.add_argument(
+        "session",
+        type=Path,
+        metavar="SESSION",
+        help="a session folder or archive; - reads an archive from standard input",
+    )
 
 
 def data_argument(parser: argparse.ArgumentParser) -> None:

@@ -2,12 +2,16 @@
 
 import argparse
 import json
+import shutil
+import stat
 import sys
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-STANDARD_OUTPUT = Path("-")
+STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
 
 
 def print_result(options: argparse.Namespace, text: str, data: Any) -> None:
@@ -35,12 +39,60 @@ def write_out(options: argparse.Namespace, out: Path, pieces: Iterable[bytes | m
     from calib_core.errors import InputError
     from calib_core.formats.shared.writing import write_pieces
 
-    if out != STANDARD_OUTPUT:
-        write_pieces(out, pieces)
-        print_result(options, str(out), {"file": str(out)})
+    if out == STANDARD_OUTPUT:
+        if options.json:
+            raise InputError("a file beside --json", "standard output for both", "Add --out FILE.", "--out")
+        _stream(sys.stdout.buffer, pieces)
         return
-    if options.json:
-        raise InputError("a file beside --json", "standard output for both", "Add --out FILE.", "--out")
+    if is_stream(out):
+        with out.open("wb") as file:
+            _stream(file, pieces)
+    else:
+        write_pieces(out, pieces)
+    print_result(options, str(out), {"file": str(out)})
+
+
+def is_stream(out: Path) -> bool:
+    """Return whether --out names what is written into and never replaced: standard output, a pipe, a terminal."""
+    if out == STANDARD_OUTPUT:
+        return True
+    try:
+        mode = out.stat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)
+
+
+def _stream(file: BinaryIO, pieces: Iterable[bytes | memoryview]) -> None:
     for piece in pieces:
-        sys.stdout.buffer.write(piece)
-    sys.stdout.buffer.flush()
+        file.write(piece)
+    file.flush()
+
+
+@contextmanager
+def from_standard_input(options: argparse.Namespace) -> Generator[None]:
+    """Put what stands on standard input into a file for as long as a command runs whose input is `-`.
+
+    Raises
+    ------
+    InputError
+        If standard input is a terminal.
+    """
+    asked = [name for name in ("session", "file") if getattr(options, name, None) == STANDARD_INPUT]
+    if not asked:
+        yield
+        return
+    from calib_core.errors import CalibrationError, InputError
+
+    if sys.stdin.isatty():
+        raise InputError("data on standard input", "a terminal", "Redirect a file or a pipe to it.", "-")
+    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
+        file = Path(folder) / "standard-input"
+        with file.open("wb") as spooled:
+            shutil.copyfileobj(sys.stdin.buffer, spooled)
+        setattr(options, asked[0], file)
+        try:
+            yield
+        except CalibrationError as error:
+            place = error.where.replace(str(file), "standard input")
+            raise type(error)(error.need, error.got, error.to_do, place) from None

@@ -27,8 +27,10 @@ def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
     Raises
     ------
     InputError
-        If the disk is full or the folder cannot be written; nothing is left behind.
+        If the disk is full or the folder cannot be written, or no plain file stands under the name; nothing is
+        left behind.
     """
+    require_replaceable(path)
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -53,6 +55,21 @@ def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
         _remove(temporary)
         raise
     return size
+
+
+def require_replaceable(path: Path) -> None:
+    """Refuse a name under which something stands that is no plain file: a link, a device, a pipe, a folder.
+
+    Raises
+    ------
+    InputError
+    """
+    if path.is_symlink():
+        to_do = "Name the file that it leads to, or another; - is standard output."
+        raise InputError("a file or a new name", "a link, which is not replaced", to_do, str(path))
+    if path.exists() and not path.is_file():
+        got = "a folder" if path.is_dir() else "a device or the like"
+        raise InputError("a file or a new name", f"{got}, which is not replaced", "Name another file.", str(path))
 
 
 def _in_large_steps(pieces: Iterable[bytes | memoryview]) -> Iterator[list[bytes | memoryview]]:

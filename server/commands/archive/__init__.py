@@ -8,12 +8,14 @@ from server.console.command import Command, late, session_argument
 
 def _pack_arguments(parser: argparse.ArgumentParser) -> None:
     session_argument(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the zip to write")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="the zip to write; - is standard output"
+    )
     parser.add_argument("--no-scene", action="store_true", help="leave out the 3-D scene")
 
 
 def _file(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=Path, metavar="FILE", help="the zip")
+    parser.add_argument("file", type=Path, metavar="FILE", help="the zip; - is standard input")
 
 
 def _unpack_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,7 +1,9 @@
 """`scancell archive`: pack, unpack, verify and replay a session's archive."""
 
 import argparse
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from calib_core.archive import archive
@@ -16,7 +18,7 @@ from calib_core.review.replay import Replay, StageReplay
 from calib_core.review.replay import replay as replay_session
 from calib_core.stages.stage import ReadFile
 from server.console.command import NOT_ACCEPTED, OK
-from server.console.output import print_result, remark
+from server.console.output import is_stream, print_result, remark, write_out
 from server.console.progress import progress_bar
 from server.console.solving import solved_if_possible
 
@@ -37,7 +39,14 @@ def pack(options: argparse.Namespace) -> int:
     extra |= {} if answer is None else {ANSWER_FILE: to_json_bytes(answer.to_json())}
     if not options.no_scene:
         extra |= _scene(options, session, read, results)
-    _print_facts(options, str(options.out), archive.pack(folder, options.out, extra))
+    if not is_stream(options.out):
+        _print_facts(options, str(options.out), archive.pack(folder, options.out, extra))
+        return OK
+    with tempfile.TemporaryDirectory(prefix="scancell-") as temporary:
+        file = Path(temporary) / "session.zip"
+        archive.pack(folder, file, extra)
+        with file.open("rb") as content:
+            write_out(options, options.out, iter(lambda: content.read(1 << 20), b""))
     return OK
 
 
