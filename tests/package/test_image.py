@@ -1,0 +1,116 @@
+"""The image's recipe and the compose file, held against the project as far as can be without a runtime."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from server.cli import COMMANDS, parser
+from server.settings import Settings
+
+ROOT = Path(__file__).resolve().parents[2]
+COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "compose.yaml").read_text())
+BIN = Path(sys.executable).parent
+
+
+def instructions() -> list[tuple[str, str]]:
+    """The recipe's instructions in their order, continued lines joined, comments left out."""
+    text = "\n".join(line for line in (ROOT / "Containerfile").read_text().split("\n") if not line.startswith("#"))
+    lines = text.replace("\\\n", " ").split("\n")
+    return [(name, rest.strip()) for name, _, rest in (line.partition(" ") for line in lines) if name]
+
+
+def settings_in(names: set[str]) -> set[str]:
+    ours = {name.removeprefix("SCANCELL_").lower() for name in names if name.startswith("SCANCELL_")}
+    assert ours <= Settings.model_fields.keys()
+    return ours
+
+
+def require_command(words: list[str]) -> None:
+    """A command that the image has, with arguments that it takes."""
+    if words[0] == "scancell":
+        assert words[1] in COMMANDS.names()
+        assert parser(words[1:]).parse_args(words[1:])
+    elif words[0] == "dask":
+        done = subprocess.run([BIN / "dask", words[1], "--help"], capture_output=True, text=True, check=True)
+        assert {word for word in words[2:] if word.startswith("--")} <= set(re.findall(r"--[\w-]+", done.stdout))
+    else:
+        assert words[:2] == ["python", "-c"]
+        compile(words[2], "compose.yaml", "exec")
+
+
+def test_what_is_copied_exists_and_reaches_the_build() -> None:
+    stages: set[str] = set()
+    ignored = (ROOT / ".containerignore").read_text().split("\n")
+    for name, rest in instructions():
+        if name == "FROM":
+            image, _, stage = rest.partition(" AS ")
+            assert re.fullmatch(r"docker\.io/library/python:3\.\d+-slim-\w+", image)
+            stages |= {stage} - {""}
+        if name == "COPY":
+            *sources, _ = [word for word in rest.split() if not word.startswith("--")]
+            if "--from=" in rest:
+                assert re.search(r"--from=(\w+)", rest)[1] in stages  # type: ignore[index]
+            else:
+                assert all((ROOT / source).exists() for source in sources)
+                assert all(f"!{source}" in ignored for source in sources)
+
+
+def test_its_settings_and_commands_are_ours() -> None:
+    given = dict(instructions())
+    names = set(re.findall(r"(\w+)=", given["ENV"]))
+    assert settings_in(names) == {"log"}
+    assert "NUMBA_CACHE_DIR" in names
+    require_command(json.loads(given["CMD"]))
+    assert "scancell warm" in [rest for name, rest in instructions() if name == "RUN"]
+    order = instructions()
+    assert order.index(("USER", "scancell")) < order.index(("RUN", "scancell warm"))  # not root's cache
+
+
+def test_it_installs_what_the_project_needs_and_no_tools() -> None:
+    locked = set(re.findall(r"^([\w.-]+)==", (ROOT / "requirements-image.lock").read_text(), re.MULTILINE))
+    assert {"numba", "fastapi", "distributed", "psycopg", "boto3", "argcomplete"} <= locked
+    assert not {"pytest", "pyright", "playwright"} & locked
+    tools = set(re.findall(r"^([\w.-]+==\S+)", (ROOT / "requirements.lock").read_text(), re.MULTILINE))
+    same = set(re.findall(r"^([\w.-]+==\S+)", (ROOT / "requirements-image.lock").read_text(), re.MULTILINE))
+    assert same <= tools  # the versions that the tests ran with
+
+
+def test_the_system_packages_are_those_that_make_installs() -> None:
+    (install,) = [rest for name, rest in instructions() if name == "RUN" and "apt-get install" in rest]
+    listed = (ROOT / ".ci" / "system-packages").read_text()
+    wanted = re.search(r"recommends (.*?) &&", install)
+    assert wanted is not None
+    assert wanted[1].split()
+    assert all(package in listed for package in wanted[1].split())
+
+
+@pytest.mark.parametrize("name", COMPOSE["services"])
+def test_a_service_of_the_compose_file_holds_together(name: str) -> None:
+    service = COMPOSE["services"][name]
+    assert set(service.get("depends_on", [])) <= COMPOSE["services"].keys()
+    assert all(volume.partition(":")[0] in COMPOSE["volumes"] for volume in service.get("volumes", []))
+    settings_in(set(service.get("environment", {})))
+    if "build" in service:
+        assert (ROOT / service["build"]["dockerfile"]).is_file()
+        if "command" in service:
+            require_command(service["command"])
+    else:
+        assert re.search(r":[\d.]+$", service["image"]), "an image is named with its version"
+
+
+def test_a_runtime_takes_the_compose_file_where_there_is_one() -> None:
+    command = next((c for c in (["podman-compose"], ["docker", "compose"]) if _runs([*c, "version"])), None)
+    if command is None:
+        pytest.skip("no container runtime here")
+    subprocess.run([*command, "config"], cwd=ROOT, capture_output=True, check=True)
+
+
+def _runs(command: list[str]) -> bool:
+    return shutil.which(command[0]) is not None and not subprocess.run(command, capture_output=True).returncode
