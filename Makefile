@@ -41,7 +41,7 @@ web-types: setup
 	$(BIN)/python tests/web/check_types.py
 
 unit: setup
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal --durations=25
 
 lock: setup
 	$(BIN)/python -m pip install --quiet uv
