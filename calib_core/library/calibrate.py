@@ -20,7 +20,7 @@ from calib_core.archive.folder import read_bytes
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
-from calib_core.records import Capture, Cell, Kind, Session, Step, parse_cell
+from calib_core.records import Capture, Cell, Kind, Session, parse_cell
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.laser_plane.record import LaserPlaneResult
@@ -156,7 +156,7 @@ def calibrate_laser_plane(
     CalibrationError
         As `calibrate_tcp`.
     """
-    steps: dict[Step, Captures] = {"laser-plane": Captures(frames)}
+    steps: dict[str, Captures] = {"laser-plane": Captures(frames)}
     if len(camera_frames):
         steps["camera"] = Captures(camera_frames)
     return cast("LaserPlaneResult", make_session(cell, steps).run("laser-plane", progress)["laser-plane"])
@@ -275,7 +275,7 @@ def scan_points(session: OpenSession, capture: Capture) -> FloatArray:
     return known_points(read_file(session.read(name), name), name)
 
 
-def make_session(cell: CellLike, steps: Mapping[Step, Captures], name: str = "") -> OpenSession:
+def make_session(cell: CellLike, steps: Mapping[str, Captures], name: str = "") -> OpenSession:
     """Return a session in memory.
 
     Parameters
@@ -324,7 +324,7 @@ def _cell(cell: CellLike) -> Cell:
     return cell if isinstance(cell, Cell) else parse_cell(cell)
 
 
-def _captures(cell: Cell, step: Step, given: Captures) -> list[tuple[Capture, dict[str, bytes]]]:
+def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dict[str, bytes]]]:
     count = len(given.scans)
     poses = [None] * count if given.poses is None else _poses(cell, given.poses)
     angles = [None] * count if given.table_deg is None else [float(angle) for angle in given.table_deg]
@@ -339,7 +339,7 @@ def _captures(cell: Cell, step: Step, given: Captures) -> list[tuple[Capture, di
     ]
 
 
-def _capture(step: Step, index: int, scan: Any, fields: dict[str, Any]) -> tuple[Capture, dict[str, bytes]]:
+def _capture(step: str, index: int, scan: Any, fields: dict[str, Any]) -> tuple[Capture, dict[str, bytes]]:
     name = f"{step}-{index + 1:02d}"
     given = {key: value for key, value in fields.items() if value is not None}
     is_frame = step in ("camera", "laser-plane")
