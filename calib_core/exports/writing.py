@@ -140,6 +140,16 @@ def replaced(text: str, begin: int, end: int, new: str) -> str:
     return text[:begin] + new + text[end:]
 
 
+def remarks(line: str, longest: int = 30) -> list[str]:
+    """Return a line in pieces that fit a remark."""
+    pieces = [""]
+    for word in line.split():
+        if pieces[-1] and len(pieces[-1]) + len(word) >= longest:
+            pieces.append("")
+        pieces[-1] = f"{pieces[-1]} {word}".strip()[:longest]
+    return pieces
+
+
 Lines = Callable[[Answer, Any], Sequence[str]]
 
 

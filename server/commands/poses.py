@@ -29,13 +29,13 @@ def _run(options: argparse.Namespace) -> int:
 
     files: dict[str, bytes] = {}
     for path in options.files:
-        files |= _files(path)
+        files |= files_of(path)
     read = read_controller_files(files, options.brand, options.as_written)
     print_result(options, _text(read), read.to_json())
     return OK
 
 
-def _files(path: Path) -> dict[str, bytes]:
+def files_of(path: Path) -> dict[str, bytes]:
     """Return a file, or all files of a folder, by their names."""
     from calib_core.errors import InputError
 

@@ -44,9 +44,10 @@ class Abb(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame data that it writes."""
+        from calib_core.robots.abb.check import CHECK
         from calib_core.robots.abb.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return robtargets, jointtargets, tools and work objects of a module."""

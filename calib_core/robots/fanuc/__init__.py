@@ -39,9 +39,10 @@ class Fanuc(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame data that it writes."""
+        from calib_core.robots.fanuc.check import CHECK
         from calib_core.robots.fanuc.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return positions of a program, or frames and registers of a listing."""

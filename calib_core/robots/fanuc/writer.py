@@ -13,6 +13,7 @@ from calib_core.exports.writing import (
     fixed,
     provenance,
     put_back,
+    remarks,
     replaced,
     table_pose,
     tool_pose,
@@ -33,7 +34,7 @@ def write(answer: Answer, settings: FanucSettings) -> str:
     with_tool, with_table = wanted(answer, settings.part, "both")
     steps: list[str] = []
     for line in provenance(answer):
-        steps += [f"  !{piece}" for piece in _pieces(line)]
+        steps += [f"  !{piece}" for piece in remarks(line)]
     if with_tool:
         steps += _assignments(settings.position_register, tool_pose(answer, "fanuc"), f"UTOOL[{settings.tool}]")
     if with_table:
@@ -43,16 +44,6 @@ def write(answer: Answer, settings: FanucSettings) -> str:
     comment = "DO NOT USE" if answer.faults else "scancell"
     head = ["/PROG  SCANCELL", "/ATTR", f'COMMENT\t\t= "{comment}";', "DEFAULT_GROUP\t= 1,*,*,*,*;", "/MN"]
     return "\r\n".join([*head, *numbered, "/POS", "/END"]) + "\r\n"
-
-
-def _pieces(line: str, longest: int = 30) -> list[str]:
-    """Return a line in pieces that fit a remark."""
-    pieces = [""]
-    for word in line.split():
-        if pieces[-1] and len(pieces[-1]) + len(word) >= longest:
-            pieces.append("")
-        pieces[-1] = f"{pieces[-1]} {word}".strip()[:longest]
-    return pieces
 
 
 def _assignments(register: int, pose: list[float], target: str) -> list[str]:

@@ -45,9 +45,10 @@ class Kuka(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame data that it writes."""
+        from calib_core.robots.kuka.check import CHECK
         from calib_core.robots.kuka.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return positions, tools and bases of a KRL file."""

@@ -42,9 +42,10 @@ class Ur(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame data that it writes."""
+        from calib_core.robots.ur.check import CHECK
         from calib_core.robots.ur.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return poses and TCPs of a script, program, installation or recording."""

@@ -1,0 +1,187 @@
+"""A tool as it stands in a controller, compared with the right one: equal, or what differs, in words."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.robots.convention import Convention
+from calib_core.robots.conventions import CONVENTIONS
+from calib_core.robots.poses import convention_named, parse_pose, to_pose
+
+_POSITION_MM, _ROTATION_DEG = 0.01, 0.005
+"""What pendants round away: two decimals of a millimetre, three of a degree and the like."""
+
+
+@dataclass(frozen=True)
+class ReadBack:
+    """The outcome of a comparison.
+
+    Parameters
+    ----------
+    equal : bool
+    words : str
+        What is the matter, as a sentence.
+    position_mm, rotation_deg : float
+        How far the two frames are from each other as the numbers stand.
+    """
+
+    equal: bool
+    words: str
+    position_mm: float
+    rotation_deg: float
+
+
+def read_back(
+    numbers: Sequence[float],
+    convention: str,
+    expected: RigidTransform,
+    position_mm: float = _POSITION_MM,
+    rotation_deg: float = _ROTATION_DEG,
+) -> ReadBack:
+    """Compare a tool's numbers, as they stand in the controller, with the tool that they should be.
+
+    Parameters
+    ----------
+    numbers : sequence of float
+        In the convention's order and units.
+    convention : str
+    expected : RigidTransform
+        tool0_from_laser, or the frame of a table.
+    position_mm, rotation_deg : float
+        What counts as equal.
+
+    Raises
+    ------
+    InputError
+        If the convention is unknown or the count of numbers is not its.
+    """
+    known = convention_named(convention)
+    if len(numbers) != known.count or not all(map(math.isfinite, numbers)):
+        parse_pose(convention, numbers)  # says what is wrong with them
+    target = RigidTransform(expected.matrix, "base", "tool0")
+    near = (position_mm, rotation_deg)
+    apart = _apart(known, numbers, target)
+    if apart and _within(apart, near):
+        return ReadBack(True, "Equal to the digits that a controller keeps.", *apart)
+    far = apart or (math.inf, math.inf)
+    names = known.numbers.split()
+    for words, changed, name in _mistakes(known, list(numbers), target):
+        found = _apart(CONVENTIONS[name], changed, target)
+        if found and _within(found, near):
+            first = words if words.split()[0].rstrip(",") in names else words[0].upper() + words[1:]
+            return ReadBack(False, f"{first}.", *far)
+    return ReadBack(False, _differences(known, numbers, target, far), *far)
+
+
+def _within(apart: tuple[float, float], near: tuple[float, float]) -> bool:
+    return apart[0] <= near[0] and apart[1] <= near[1]
+
+
+def _apart(known: Convention, numbers: Sequence[float], target: RigidTransform) -> tuple[float, float] | None:
+    try:
+        xi = parse_pose(known.name, numbers).difference(target)
+    except InputError:
+        return None
+    return float(np.linalg.norm(xi[3:])), math.degrees(float(np.linalg.norm(xi[:3])))
+
+
+_Mistake = tuple[str, list[float], str]
+
+
+def _mistakes(known: Convention, numbers: list[float], target: RigidTransform) -> Iterator[_Mistake]:
+    """Yield mistakes that people make, likeliest first: alone, then together with a wrong unit of length."""
+    single = [*_units(known, numbers), *_orders(known, numbers), *_wholes(known, numbers)]
+    yield from single
+    for scale, words in _lengths(known):
+        scaled = [v * scale for v in numbers[:3]] + numbers[3:]
+        if known.form != "matrix":
+            for more, changed, name in [*_orders(known, scaled), *_wholes(known, scaled)]:
+                yield f"{words}; and {more}", changed, name
+
+
+def _lengths(known: Convention) -> list[tuple[float, str]]:
+    right, wrong = ("metres", "millimetres") if known.mm_per_unit == 1000 else ("millimetres", "metres")
+    return [(1000.0 if wrong == "metres" else 1e-3, f"the position is in {wrong}, not in {right}")]
+
+
+def _units(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
+    if known.form == "matrix":
+        scaled = np.array(numbers).reshape(4, 4)
+        for scale, words in _lengths(known):
+            changed = scaled.copy()
+            changed[:3, 3] *= scale
+            yield words, changed.ravel().tolist(), known.name
+        return
+    for scale, words in _lengths(known):
+        yield words, [v * scale for v in numbers[:3]] + numbers[3:], known.name
+    if known.form != "quaternion":
+        right, wrong = ("radians", "degrees") if known.form == "rotation-vector" else ("degrees", "radians")
+        factor = math.pi / 180 if wrong == "degrees" else 180 / math.pi
+        turned = [v * factor for v in numbers[3:]]
+        words = f"{wrong} taken for {right}"
+        yield words, numbers[:3] + turned, known.name
+        for scale, length in _lengths(known):
+            yield f"{words}; and {length}", [v * scale for v in numbers[:3]] + turned, known.name
+
+
+def _orders(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
+    """Yield swapped numbers, wrong signs, and numbers of another convention."""
+    if known.form == "matrix":
+        columns = np.array(numbers).reshape(4, 4).T
+        yield "the matrix is written column by column (transposed)", columns.ravel().tolist(), known.name
+        return
+    names = known.numbers.split()
+    for begin, end in ((3, len(names)), (0, 3)):
+        for order in permutations(range(begin, end)):
+            moved = [i for i, j in zip(range(begin, end), order, strict=True) if i != j]
+            if moved:
+                changed = numbers[:begin] + [numbers[i] for i in order] + numbers[end:]
+                kind = "swapped" if len(moved) == 2 else "in another order"
+                yield f"{_and([names[i] for i in moved])} are {kind}", changed, known.name
+    for signs in product((1, -1), repeat=len(names)):
+        wrong = [name for name, sign in zip(names, signs, strict=True) if sign < 0]
+        if 0 < len(wrong) <= 3:
+            changed = [v * s for v, s in zip(numbers, signs, strict=True)]
+            verb = "has the wrong sign" if len(wrong) == 1 else "have the wrong sign"
+            yield f"{_and(wrong)} {verb}", changed, known.name
+    for other in CONVENTIONS.values():
+        if other.count == known.count and other.name != known.name:
+            words = f"the numbers are written as {other.name} writes them ({other.formula}), not as {known.name}"
+            yield words, numbers, other.name
+
+
+def _wholes(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
+    try:
+        pose = parse_pose(known.name, numbers)
+    except InputError:
+        return
+    inverse = RigidTransform(pose.inverse().matrix, "base", "tool0")
+    yield "it is the inverse (the flange in the scanner)", to_pose(known.name, inverse), known.name
+    turned = RigidTransform.of(pose.rotation.T, pose.translation_mm, "base", "tool0")
+    yield "its rotation is transposed (the inverse rotation)", to_pose(known.name, turned), known.name
+    half = RigidTransform.of([0.0, 0.0, math.pi], [0.0, 0.0, 0.0], "base", "base") @ pose
+    words = "it is turned by half a turn about z (ROS's base_link and the controller's base differ so)"
+    yield words, to_pose(known.name, half), known.name
+
+
+def _and(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _differences(
+    known: Convention, numbers: Sequence[float], target: RigidTransform, apart: tuple[float, float]
+) -> str:
+    if not math.isfinite(apart[0]):
+        return "The numbers are no pose in this convention: check their order and their unit."
+    wanted = to_pose(known.name, target)
+    degrees = known.form in ("ZYX", "XYZ", "ZYZ")
+    told = [_POSITION_MM / known.mm_per_unit] * 3 + [_ROTATION_DEG if degrees else 1e-4] * (known.count - 3)
+    rows = zip(known.numbers.split(), numbers, wanted, told, strict=True)
+    differing = [f"{name} {v:.6g} instead of {w:.6g}" for name, v, w, limit in rows if abs(v - w) > limit]
+    tail = f": {'; '.join(differing)}" if known.form != "matrix" and 0 < len(differing) < known.count else ""
+    return f"They are {apart[0]:.3f} mm and {apart[1]:.4f}° apart{tail}."

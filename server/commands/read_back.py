@@ -1,0 +1,74 @@
+"""`scancell read-back`: the tool in the controller, compared with a session's answer."""
+
+import argparse
+from pathlib import Path
+
+from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
+from server.console.output import print_result
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    session_argument(parser)
+    file = "the controller's file or backup, saved after the tool was entered"
+    parser.add_argument("file", type=Path, nargs="?", metavar="FILE", help=file)
+    parser.add_argument("--tool", metavar="N", help="the tool's number or name in the file")
+    numbers = "the tool's numbers as the pendant shows them, with blanks or commas between"
+    parser.add_argument("--numbers", metavar="NUMBERS", help=numbers)
+    convention = "what the numbers mean (default: the session's pose convention)"
+    parser.add_argument("--convention", metavar="NAME", help=convention)
+    parser.add_argument("--brand", metavar="NAME", help="the controller's brand, where the file does not tell it")
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Compare a tool with the answer; status 1 where they differ."""
+    from calib_core.archive.archive import opened
+    from calib_core.archive.folder import load_results, load_session
+    from calib_core.errors import InputError
+    from calib_core.exports.answer import answer_of
+    from calib_core.robots.read_back import read_back
+
+    with opened(options.session) as folder:
+        session, _ = load_session(folder)
+        answer = answer_of(session, load_results(folder))
+    if (options.numbers is None) == (options.file is None):
+        raise InputError("FILE or --numbers", "both or neither", "Give one of them.", "read-back")
+    if options.numbers is not None:
+        convention = options.convention or session.cell.pose_convention
+        numbers = _numbers(options.numbers)
+    else:
+        convention, numbers = _from_file(options)
+    found = read_back(numbers, convention, answer.tool0_from_laser)
+    data = {"equal": found.equal, "words": found.words}
+    finite = found.position_mm < float("inf")
+    data |= {"position_mm": found.position_mm, "rotation_deg": found.rotation_deg} if finite else {}
+    print_result(options, found.words, data)
+    return OK if found.equal else NOT_ACCEPTED
+
+
+def _numbers(text: str) -> list[float]:
+    from calib_core.errors import InputError
+    from calib_core.robots.text import number
+
+    try:
+        return [number(part) for part in text.replace(",", " ").replace(";", " ").split()]
+    except ValueError as error:
+        raise InputError("numbers with blanks between", str(error), "Type them again.", "--numbers") from None
+
+
+def _from_file(options: argparse.Namespace) -> tuple[str, list[float]]:
+    from calib_core.errors import InputError
+    from calib_core.robots.backup import read_controller_files
+    from server.commands.poses import files_of
+
+    read = read_controller_files(files_of(options.file), options.brand)
+    tools = [tool for tool in read.tools if tool.group == 1]
+    named = [t for t in tools if options.tool is None or str(t.number) == options.tool or t.name == options.tool]
+    if len(named) != 1:
+        names = ", ".join(str(tool.number) for tool in tools) or "none"
+        raise InputError("one tool of the file", f"these: {names}", "Name one with --tool.", str(options.file))
+    return named[0].convention, list(named[0].pose)
+
+
+COMMAND = Command(
+    "read-back", "compare the tool in the controller with a session's answer", "session", _arguments, _run
+)
