@@ -10,7 +10,7 @@ from itertools import accumulate
 
 from calib_core.errors import InputError
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = re.compile(NUMBER)
 _LARGEST_BYTES = 64_000_000
 
@@ -26,6 +26,11 @@ class Source:
     def line(self, position: int) -> int:
         """Return the line, counted from 1, of a position in the text."""
         return bisect_right(self.starts, position)
+
+    def require_ended(self, line: int) -> None:
+        """Raise ValueError for a line that the file ends in: where it is cut, its last number may be too."""
+        if line >= len(self.starts) and not self.text.endswith("\n"):
+            raise ValueError("the file ends in this line, without an end of line: is it cut?")
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield every line with its number."""

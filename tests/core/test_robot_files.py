@@ -3,11 +3,14 @@
 import gzip
 import io
 import json
+import random
 import zipfile
 from typing import Any
 
 import numpy as np
 import pytest
+from controller_mutations import BRANDS as BRANDS_MUTATED
+from controller_mutations import judged, mutated
 
 from calib_core.errors import InputError
 from calib_core.robots import BRANDS, CONVENTIONS, parse_pose
@@ -278,3 +281,9 @@ def test_brands_of_programs_that_say_one_thing_a_line(brand: str) -> None:
     assert any("cannot be read" in row.reason for row in found.skipped)
     if brand == "epson":
         assert "frame 7" in reasons(found, 5)
+
+
+@pytest.mark.parametrize("brand", BRANDS_MUTATED)
+def test_a_mutated_file_is_read_right_or_says_what_is_wrong(brand: str) -> None:
+    wrong = {seed: found for seed in range(250) if (found := judged(brand, mutated(brand, random.Random(seed))))}
+    assert wrong == {}

@@ -155,6 +155,8 @@ def _entry(what: str, entry: re.Match[str], body: str, source: Source, found: Fo
     try:
         if re.search(r"Uninitialized|\*{4,}", body, re.IGNORECASE):
             raise ValueError("it is not set (Uninitialized)")
+        if source.text.endswith(body) and not body.endswith("\n"):
+            raise ValueError("the file ends in it, without an end of line: is it cut?")
         stated = re.search(r"Group\s*:\s*(\d+)", body, re.IGNORECASE)
         if stated and int(stated[1]) != group:
             raise ValueError(f"its group is {stated[1]}, but its index says {group}")

@@ -57,6 +57,7 @@ class _Saved:
             return
         name, values = row[1], row[2]
         try:
+            self._source.require_ended(line)
             if section == "JOINTS" or name.startswith("#"):
                 joints = numbers(values, separator=" ")
                 if len(joints) < 6:

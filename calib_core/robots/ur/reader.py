@@ -184,6 +184,7 @@ def _recording(source: Source) -> Found:
         line = rows.line_num
         name = f"row {line}"
         try:
+            source.require_ended(line)
             joints = _group(row, "actual_q")
             offset = _group(row, "tcp_offset")
             pose = _group(row, "actual_TCP_pose")

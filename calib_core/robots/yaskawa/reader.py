@@ -44,6 +44,7 @@ def _tools(source: Source, found: Found) -> None:
         elif awaited and text and not text.startswith("/"):
             awaited = False
             try:
+                source.require_ended(line)
                 frame = Frame(index, name or None, numbers(text, 6), "yaskawa", line, source.name)
                 found.tools.append(frame)
             except ValueError as error:
@@ -60,6 +61,7 @@ def _frames(source: Source, found: Found) -> None:
             name = text.removeprefix("///NAME").strip()
         elif text.startswith("////BUSER"):
             try:
+                source.require_ended(line)
                 if index < 0:
                     raise ValueError("it stands under no //UFRAME")
                 if known:
@@ -104,6 +106,7 @@ def _job(source: Source, found: Found) -> None:
     rail = any(axis.startswith("BC") for axes in external.values() for axis in axes)
     for line, name, values, kind, tool, user in rows:
         try:
+            source.require_ended(line)
             taught = _position(name, values, kind, tool, user, line, source.name)
         except ValueError as error:
             found.skip(line, f"{name}: {error}")
