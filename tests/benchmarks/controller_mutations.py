@@ -1,6 +1,6 @@
 """Controllers' files built from known positions, changed in known ways; the judge shares nothing with the readers.
 
-A file is a list of entries; a mutation changes entries or bytes and keeps account of what each name may be read as.
+A file is a list of entries; a mutation changes entries or bytes and keeps account of what each name may become.
 """
 
 import random
