@@ -152,7 +152,7 @@ class Cell(Record):
     """
 
     id: Identifier | None = None
-    arrangement: Literal["scanner-on-robot", "sphere-on-robot"] | None = None
+    arrangement: Literal["scanner-on-robot", "sphere-on-robot"] = "scanner-on-robot"
     pose_convention: PoseConvention
     sphere_diameter_mm: Positive | None = None
     sphere_diameter_sigma_mm: NotNegative | None = None

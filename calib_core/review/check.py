@@ -11,10 +11,12 @@ from calib_core.captures.poses import (
     same_place,
 )
 from calib_core.captures.sweep import sweep_poses
+from calib_core.captures.unfit import unfit
 from calib_core.errors import CalibrationError
 from calib_core.frames import RigidTransform
-from calib_core.records import Capture, Finding, Measured, Session
+from calib_core.records import Capture, Cell, Finding, Measured, Record, Session
 from calib_core.stages.graph import stage_captures
+from calib_core.stages.registry import step_names
 from calib_core.stages.stage import ReadFile
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 
@@ -35,7 +37,7 @@ def check_session(
         What was measured in each capture, by id; what is left out is measured now.
     """
     captures = [capture for capture in stage_captures(session, "tcp") if not capture.excluded]
-    findings = [*_names(session)]
+    findings = [*_names(session), *_unfit(session)]
     if session.cell.known.tool0_from_laser is not None:
         findings.append(_note("cell.known", "tool0_from_laser is given: the stage tcp is not solved."))
     elif not captures:
@@ -53,10 +55,23 @@ def check_session(
 def _names(session: Session) -> Iterator[Finding]:
     """Name the fields that the format does not know: most are typing errors."""
     cell = session.cell
-    records = {"session.json": session, "cell": cell, "cell.scanner": cell.scanner, "cell.robot": cell.robot}
+    parts = {name: part for name in Cell.model_fields if isinstance(part := getattr(cell, name), Record)}
+    records = {"session.json": session, "cell": cell} | {f"cell.{name}": part for name, part in parts.items()}
     for where, record in [*records.items(), *((capture.id, capture) for capture in session.captures)]:
         for name in record.unknown_fields():
             yield _warning(where, f"The field '{name}' is unknown and has no effect: is it a typing error?")
+
+
+def _unfit(session: Session) -> Iterator[Finding]:
+    """Name the captures that a stage keeps and doesn't use, since they contradict the others of their step."""
+    for step in step_names():
+        try:
+            left = unfit(session.cell, [c for c in session.captures if c.step == step and not c.excluded])
+        except CalibrationError as error:
+            yield _found(error)
+            return
+        for name, reason in left.items():
+            yield _warning(name, f"It is kept but not used: {reason}.")
 
 
 def _cell(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:

@@ -1,11 +1,14 @@
 """Stages solved: one, or all that a session has captures for."""
 
+from calib_core.captures.solved_optics import remembered
 from calib_core.errors import InputError
 from calib_core.records import Capture, Result, Session
+from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.evidence import with_evidence
 from calib_core.stages.given import Kept, StageInput
 from calib_core.stages.graph import Graph, stage_captures
-from calib_core.stages.registry import STAGES, answer_stages, stages
+from calib_core.stages.laser_plane.record import LaserPlaneResult
+from calib_core.stages.registry import STAGES, answer_stages, optics_stages, stages
 from calib_core.stages.stage import Progress, ReadFile, Stage, StoreFile
 
 
@@ -105,6 +108,10 @@ def stage_input(
     _require_captures(stage_captures(session, stage), entry)
     solved = kept or Kept()
     graph = solved.graph = solved.graph or Graph.of_files(session, read)
+    for name in optics_stages():
+        result = solved.results.get(name)
+        if isinstance(result, CameraResult | LaserPlaneResult):
+            remembered(name, graph.key(name), result)
     tell: Progress = progress or (lambda _fraction, _message: None)
     reduced = graph.session_for(stage)
 

@@ -8,6 +8,7 @@ import numpy as np
 from calib_core.archive.spill import FileSpill
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
+from calib_core.captures.unfit import unfit
 from calib_core.errors import InputError
 from calib_core.formats.format import Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
@@ -77,6 +78,7 @@ class MergePlan:
     scans: SessionScans
     errors: PoseErrors
     options: MergeOptions
+    unused: dict[str, str]
 
 
 def plan_merge(given: StageInput) -> MergePlan:
@@ -86,7 +88,8 @@ def plan_merge(given: StageInput) -> MergePlan:
         raise InputError(
             "captures with step 'scan'", "none that is not excluded", "Scan the object from around.", "captures"
         )
-    groups = scan_groups(captures)
+    unused = unfit(given.session.cell, captures)
+    groups = scan_groups([capture for capture in captures if capture.id not in unused])
     calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
     settings = given.session.cell.merge
     options = MergeOptions(
@@ -97,7 +100,7 @@ def plan_merge(given: StageInput) -> MergePlan:
         most_bytes=int(1e6 * settings.memory_mb),
     )
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
-    return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options)
+    return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options, unused)
 
 
 def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
@@ -253,6 +256,7 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         *calibration.warnings,
         *solution.warnings,
         *_no_self_calibration(given, solution),
+        *(f"{name} is not used: {reason}." for name, reason in plan.unused.items()),
         *merge_doubts(plan.groups, calibration.placement, solution),
     ]
     verdict: Verdict = "warn" if warnings else "pass"
@@ -285,7 +289,7 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         triangles=len(solution.mesh.triangles) if solution.mesh else 0,
         low_mm=solution.extent.low_mm.tolist(),
         high_mm=solution.extent.high_mm.tolist(),
-        residuals=_rows(given, plan.groups, solution),
+        residuals=_rows(given, plan, solution),
     )
 
 
@@ -298,9 +302,9 @@ def _no_self_calibration(given: StageInput, solution: MergeSolution) -> list[str
     ]
 
 
-def _rows(given: StageInput, groups: Sequence[ScanGroup], solution: MergeSolution) -> list[MergeResidual]:
+def _rows(given: StageInput, plan: MergePlan, solution: MergeSolution) -> list[MergeResidual]:
     rows: dict[str, MergeResidual] = {}
-    for group in groups:
+    for group in plan.groups:
         row = _row(group.name, solution)
         for number, capture in enumerate(
             group.captures
@@ -308,8 +312,9 @@ def _rows(given: StageInput, groups: Sequence[ScanGroup], solution: MergeSolutio
             own = {"capture": capture.id, "used": row.used, "reason": row.reason}
             rows[capture.id] = row.model_copy(update=own) if number == 0 else MergeResidual.model_validate(own)
     for capture in given.captures:
-        if capture.excluded:
-            rows[capture.id] = MergeResidual(capture=capture.id, used=False, reason="excluded by the user")
+        reason = "excluded by the user" if capture.excluded else plan.unused.get(capture.id)
+        if reason is not None:
+            rows[capture.id] = MergeResidual(capture=capture.id, used=False, reason=reason)
     return [rows[capture.id] for capture in given.captures]
 
 

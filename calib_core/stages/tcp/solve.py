@@ -9,6 +9,7 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.captures.sweep_rows import mark_sweeps, one_row_each
+from calib_core.captures.unfit import unfit
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.evidence.words import not_used
@@ -120,6 +121,7 @@ def observe_stage(given: StageInput) -> Observed:
     captures = [capture for capture in given.captures if not capture.excluded]
     base_from_tool0_by_capture(cell, captures)
     unused = {capture.id: "excluded by the user" for capture in given.captures if capture.excluded}
+    unused |= unfit(cell, captures)
     unused |= copies_of(captures, given.read)
     observations, failed = observe_all(given, [c for c in captures if c.id not in unused])
     return Observed(observations, failed, unused | {name: why(error) for name, error in failed.items()})

@@ -1,0 +1,1 @@
+"""Robot arms: where their joints put the flange."""

@@ -1,0 +1,110 @@
+"""Forward kinematics: where an arm's joints put its flange, from a named arm or a table of its joints."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records import ArmJoint, ArmTable
+
+_UR_ALPHA_DEG = (90.0, 0.0, 0.0, 90.0, -90.0, 0.0)
+
+
+def _ur(a2_mm: float, a3_mm: float, d1_mm: float, d4_mm: float, d5_mm: float, d6_mm: float) -> ArmTable:
+    """Return an arm of Universal Robots' layout by the lengths that its maker publishes."""
+    lengths = [(0.0, d1_mm), (a2_mm, 0.0), (a3_mm, 0.0), (0.0, d4_mm), (0.0, d5_mm), (0.0, d6_mm)]
+    return ArmTable(
+        joints=[
+            ArmJoint(a_mm=a, d_mm=d, alpha_deg=alpha) for (a, d), alpha in zip(lengths, _UR_ALPHA_DEG, strict=True)
+        ]
+    )
+
+
+NAMED_ARMS: dict[str, ArmTable] = {
+    "ur3e": _ur(-243.55, -213.2, 151.85, 131.05, 85.35, 92.1),
+    "ur5": _ur(-425.0, -392.25, 89.159, 109.15, 94.65, 82.3),
+    "ur5e": _ur(-425.0, -392.2, 162.5, 133.3, 99.7, 99.6),
+    "ur10e": _ur(-612.7, -571.55, 180.7, 174.15, 119.85, 116.55),
+    "ur16e": _ur(-478.4, -360.0, 180.7, 174.15, 119.85, 116.55),
+}
+
+
+def arm_of(arm: str | ArmTable) -> ArmTable:
+    """Return an arm's table; raises InputError, which lists the arms that are known by name."""
+    if isinstance(arm, ArmTable):
+        return arm
+    known = NAMED_ARMS.get(arm.lower())
+    if known is None:
+        raise InputError(
+            "an arm known by its name, " + ", ".join(NAMED_ARMS),
+            f"'{arm}'",
+            "Name one of these, or give the arm's Denavit-Hartenberg table.",
+            "cell.robot.arm",
+        )
+    return known
+
+
+def flange_of_joints(
+    arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None = None
+) -> RigidTransform:
+    """Return base_from_tool0 at these joints.
+
+    Parameters
+    ----------
+    arm : ArmTable
+    joints_deg : sequence of float
+        One reading a joint, in order; of a prismatic one it is not looked at.
+    joints_mm : sequence of float, optional
+        Readings of prismatic joints, at their places in the same order.
+
+    Raises
+    ------
+    InputError
+        If a joint has no reading.
+    """
+    readings = [
+        _reading(joint.kind == "prismatic", place, joints_deg, joints_mm) for place, joint in enumerate(arm.joints)
+    ]
+    matrix = np.eye(4) if arm.base_from_first is None else np.array(arm.base_from_first)
+    for place, joint in enumerate(arm.joints):
+        reading = joint.sign * readings[place]
+        if place in arm.couples:
+            reading += readings[arm.couples[place]]
+        turns = joint.kind == "revolute"
+        theta = np.deg2rad(joint.theta_deg + (reading if turns else 0.0))
+        d_mm = joint.d_mm + (0.0 if turns else reading)
+        alpha = np.deg2rad(joint.alpha_deg)
+        matrix = matrix @ (_standard if arm.convention == "standard" else _modified)(
+            theta, d_mm, joint.a_mm, alpha
+        )
+    if arm.last_from_tool0 is not None:
+        matrix = matrix @ np.array(arm.last_from_tool0)
+    return RigidTransform.from_rounded(matrix.tolist(), "base", "tool0")
+
+
+def _reading(
+    prismatic: bool, place: int, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None
+) -> float:
+    readings = (joints_mm or ()) if prismatic else joints_deg
+    value = readings[place] if place < len(readings) else None
+    if value is None:
+        name = "joints_mm" if prismatic else "joints_deg"
+        raise InputError(f"a reading of each joint of the arm in {name}", f"none of joint {place + 1}", "Add it.")
+    return float(value)
+
+
+def _standard(theta: float, d_mm: float, a_mm: float, alpha: float) -> FloatArray:
+    """Return Rot_z(θ) Trans_z(d) Trans_x(a) Rot_x(α) (4, 4), the convention of Denavit and Hartenberg (1955)."""
+    (c, s), (ca, sa) = (np.cos(theta), np.sin(theta)), (np.cos(alpha), np.sin(alpha))
+    return np.array(
+        [[c, -s * ca, s * sa, a_mm * c], [s, c * ca, -c * sa, a_mm * s], [0, sa, ca, d_mm], [0, 0, 0, 1]]
+    )
+
+
+def _modified(theta: float, d_mm: float, a_mm: float, alpha: float) -> FloatArray:
+    """Return Rot_x(α) Trans_x(a) Rot_z(θ) Trans_z(d) (4, 4), the convention of Craig (1986)."""
+    (c, s), (ca, sa) = (np.cos(theta), np.sin(theta)), (np.cos(alpha), np.sin(alpha))
+    return np.array(
+        [[c, -s, 0, a_mm], [s * ca, c * ca, -sa, -sa * d_mm], [s * sa, c * sa, ca, ca * d_mm], [0, 0, 0, 1]]
+    )

@@ -1,0 +1,85 @@
+"""Captures that are kept but not used, because their records contradict each other or the cell."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.content import pose_of
+from calib_core.errors import InputError
+from calib_core.frames import vector_from_rotation
+from calib_core.records import Capture, Cell
+
+_JOINTS_AGREE_MM, _JOINTS_AGREE_DEG = 5.0, 1.0  # nominal lengths differ from a calibrated controller's by less
+
+
+def require_arrangement(cell: Cell) -> None:
+    """Raise InputError where the cell's arrangement is one that nothing solves yet."""
+    if cell.arrangement != "scanner-on-robot":
+        raise InputError(
+            "a cell whose arrangement is 'scanner-on-robot'",
+            f"'{cell.arrangement}', which is not supported yet",
+            "Put the scanner on the robot and let the sphere stand still, or wait for a later version.",
+            "cell.arrangement",
+        )
+
+
+def unfit(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
+    """Return by id why captures of one step are not used: taken while moving, or otherwise than most.
+
+    Poses are of one tool in one frame only where the controller had the same ones active; those of the minority
+    are of another.  Joints that do not give the pose of a named arm mean that one of the two is another capture's;
+    where that is so of most, the arm is at fault, and none is left out for it.
+
+    Raises
+    ------
+    InputError
+        If the arrangement is not supported yet, or the arm is unknown.
+    """
+    require_arrangement(cell)
+    found: dict[str, str] = {}
+    for capture in captures:
+        if capture.moving and capture.kind != "sweep":
+            found[capture.id] = "the robot was moving, and a single capture needs it to stand still"
+    for field, name in (("active_tool", "tool"), ("active_frame", "frame"), ("scanner", "scanner")):
+        for one, (own, usual) in _minority(captures, field).items():
+            found.setdefault(one, f"its {name} is {own}, that of most captures of its step {usual}")
+    for one, apart in _not_by_joints(cell, captures).items():
+        found.setdefault(one, apart)
+    return found
+
+
+def _minority(captures: Sequence[Capture], field: str) -> dict[str, tuple[Any, Any]]:
+    """Return the captures whose value of a field is not that of most, with both; those without one are left."""
+    values = {c.id: getattr(c, field) for c in captures if getattr(c, field) is not None}
+    if len(set(values.values())) < 2:
+        return {}
+    usual = Counter(values.values()).most_common(1)[0][0]
+    return {name: (value, usual) for name, value in values.items() if value != usual}
+
+
+def _not_by_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
+    """Return the captures whose joints give another pose than theirs; none where that is so of most."""
+    if cell.robot.arm is None:
+        return {}
+    from calib_core.arms.kinematics import arm_of, flange_of_joints
+
+    arm = arm_of(cell.robot.arm)
+    told = [c for c in captures if (c.joints_deg or c.joints_mm) and c.pose is not None]
+    found: dict[str, str] = {}
+    for capture in told:
+        try:
+            by_joints = flange_of_joints(arm, capture.joints_deg or [], capture.joints_mm)
+        except InputError as error:
+            raise error.at(capture.id) from None
+        pose = pose_of(cell, capture)
+        shift_mm = float(np.linalg.norm(pose.translation_mm - by_joints.translation_mm))
+        turn = vector_from_rotation(by_joints.rotation.T @ pose.rotation)
+        turn_deg = float(np.rad2deg(np.linalg.norm(turn)))
+        if shift_mm > _JOINTS_AGREE_MM or turn_deg > _JOINTS_AGREE_DEG:
+            found[capture.id] = (
+                f"its joints put the flange {shift_mm:.0f} mm and {turn_deg:.1f}° from its pose: "
+                "one of the two is another capture's"
+            )
+    return found if 2 * len(found) <= len(told) else {}

@@ -1,0 +1,116 @@
+"""Captures that are kept but not used, arms' forward kinematics, and the verification."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints
+from calib_core.captures.unfit import unfit
+from calib_core.errors import InputError
+from calib_core.records import ArmJoint, ArmTable, Capture, Session
+from calib_core.robots import to_pose
+from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run
+
+JOINTS = [[10.0 * k, -80.0 + 5 * k, 95.0 - 3 * k, -100.0, 85.0 + k, 20.0 * k] for k in range(6)]
+
+
+def test_an_arm_at_zero_stands_where_its_lengths_say() -> None:
+    flange = flange_of_joints(NAMED_ARMS["ur5e"], [0.0] * 6)
+    np.testing.assert_allclose(flange.translation_mm, [-817.2, -232.9, 62.8], atol=1e-9)
+
+
+def test_both_conventions_and_prismatic_joints() -> None:
+    joints = [ArmJoint(d_mm=100.0), ArmJoint(a_mm=300.0, kind="prismatic")]
+    standard = flange_of_joints(ArmTable(joints=joints), [90.0, None], [None, 50.0])
+    np.testing.assert_allclose(standard.translation_mm, [0.0, 300.0, 150.0], atol=1e-9)
+    modified = flange_of_joints(ArmTable(joints=joints, convention="modified"), [90.0, None], [None, 50.0])
+    np.testing.assert_allclose(modified.translation_mm, [0.0, 300.0, 150.0], atol=1e-9)
+    with pytest.raises(InputError, match="joint 2"):
+        flange_of_joints(ArmTable(joints=joints), [90.0])
+    with pytest.raises(InputError, match="ur5e"):
+        arm_of("no such arm")
+
+
+def captures_of(**more: Any) -> list[Capture]:
+    """Captures at six postures of an arm, the fourth with other fields than the rest."""
+    arm = NAMED_ARMS["ur5e"]
+    base: dict[str, Any] = {"step": "tcp", "kind": "profile", "files": ["captures/a.csv"], "active_tool": 1}
+    rows = [
+        base | {"id": f"p{k}", "pose": to_pose("kuka", flange_of_joints(arm, joints)), "joints_deg": joints}
+        for k, joints in enumerate(JOINTS)
+    ]
+    rows[3] |= more
+    return [Capture.model_validate(row) for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"moving": True}, "moving"),
+        ({"active_tool": 2}, "its tool is 2"),
+        ({"active_frame": 5}, ""),  # the others do not say theirs
+        ({"scanner": "left"}, ""),
+        ({"joints_deg": JOINTS[0]}, "its joints put the flange"),
+        ({"moving": False, "device_time_s": 3.5, "source": "a.src:3"}, ""),
+    ],
+)
+def test_one_that_contradicts_the_others_is_not_used(more: dict[str, Any], words: str) -> None:
+    cell = simulate("tcp", 1).session.cell
+    cell = cell.model_copy(
+        update={"pose_convention": "kuka", "robot": cell.robot.model_copy(update={"arm": "ur5e"})}
+    )
+    found = unfit(cell, captures_of(**more))
+    assert list(found) == (["p3"] if words else [])
+    assert words in found.get("p3", "")
+
+
+def test_where_no_joints_give_their_pose_the_arm_is_at_fault() -> None:
+    cell = simulate("tcp", 1).session.cell
+    cell = cell.model_copy(
+        update={"pose_convention": "kuka", "robot": cell.robot.model_copy(update={"arm": "ur10e"})}
+    )
+    assert unfit(cell, captures_of()) == {}
+
+
+def with_captures(session: Session, **changes: dict[str, Any]) -> Session:
+    return session.model_copy(
+        update={"captures": [c.model_copy(update=changes.get(c.id, {})) for c in session.captures]}
+    )
+
+
+def test_a_moving_capture_is_kept_and_told_and_a_sphere_on_the_robot_is_not_supported_yet() -> None:
+    simulated = simulate("tcp", 5)
+    first = simulated.session.captures[4].id
+    result = run(with_captures(simulated.session, **{first: {"moving": True}}), simulated.files.__getitem__)["tcp"]
+    row = next(row for row in result.residuals if row.capture == first)  # type: ignore[attr-defined]
+    assert not row.used
+    assert "moving" in str(row.reason)
+    cell = simulated.session.cell.model_copy(update={"arrangement": "sphere-on-robot"})
+    with pytest.raises(InputError, match="not supported yet"):
+        run(simulated.session.model_copy(update={"cell": cell}), simulated.files.__getitem__)
+
+
+def test_held_out_captures_scatter_as_the_uncertainties_say() -> None:
+    simulated = simulate("tcp", 5)
+    captures = [
+        c.model_copy(update={"step": "verify"} if k in (4, 7, 10, 12) else {})
+        for k, c in enumerate(simulated.session.captures)
+    ]
+    session = simulated.session.model_copy(update={"captures": captures})
+    results: dict[str, Any] = run(session, simulated.files.__getitem__)
+    verified = results["verify"]
+    assert verified.verdict == "pass"
+    assert verified.verified == "tcp"
+    assert verified.degrees_of_freedom == 9
+    assert 0.3 < verified.held_out_scatter_rms_mm / verified.expected_scatter_rms_mm < 2.5
+    center = np.array(simulated.truth["sphere_center_in_base_mm"])
+    assert np.linalg.norm(np.array(verified.sphere_center_in_base_mm) - center) < 1.5
+    wrong = np.array(results["tcp"].tool0_from_laser)
+    wrong[:3, 3] += [4.0, -3.0, 5.0]
+    known = session.cell.known.model_copy(update={"tool0_from_laser": wrong.tolist()})
+    robot = session.cell.robot.model_copy(update={"position_sigma_mm": 0.05, "orientation_sigma_deg": 0.01})
+    cell = session.cell.model_copy(update={"known": known, "robot": robot})
+    failed: Any = run(session.model_copy(update={"cell": cell}), simulated.files.__getitem__)["verify"]
+    assert (failed.verdict, failed.verified) == ("fail", "known")
