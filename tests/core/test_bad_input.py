@@ -251,9 +251,12 @@ def test_a_known_tool_is_not_solved(folder, capsys):
     refused(folder, capsys, "cell.known", arguments=("--stage", "tcp"))
 
 
-@pytest.mark.parametrize(("stage", "said"), [("tpc", "'tpc'"), ("verify", "which a later version will solve")])
-def test_unknown_stage(folder, capsys, stage, said):
-    refused(folder, capsys, "a stage among all, camera, laser-plane, tcp", said, arguments=("--stage", stage))
+def test_unknown_stage(folder, capsys):
+    refused(folder, capsys, "a stage among all, camera, laser-plane, tcp", "'tpc'", arguments=("--stage", "tpc"))
+
+
+def test_a_stage_without_captures_says_what_to_capture(folder, capsys):
+    refused(folder, capsys, "captures with step 'verify'", "not used for the TCP", arguments=("--stage", "verify"))
 
 
 def test_an_out_folder_that_cannot_be_written(folder, capsys, tmp_path):
