@@ -44,6 +44,7 @@ from server.routes import (
     sessions,
     solves,
     tokens,
+    truth,
 )
 from server.scenes.cloud_controls import cloud_router
 from server.scenes.controls import controls_router
@@ -140,6 +141,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         archived_files,
         tokens,
         registries,
+        truth,
         health,
     ):
         api.include_router(module.router)

@@ -192,7 +192,7 @@ export interface CaptureUpload {
 }
 
 export interface Cell {
-  pose_convention: "matrix" | "quaternion-xyzw" | "quaternion-wxyz" | "abb" | "kuka" | "fanuc" | "ur" | "staubli" | "kawasaki" | "yaskawa" | "mitsubishi" | "nachi" | "ros";
+  pose_convention: "matrix" | "quaternion-xyzw" | "quaternion-wxyz" | "abb" | "kuka" | "fanuc" | "ur" | "staubli" | "kawasaki" | "mitsubishi" | "yaskawa" | "nachi" | "ros";
   sphere_diameter_mm?: number | null;
   sphere_diameter_sigma_mm?: number | null;
   scanner?: Scanner;
@@ -686,6 +686,10 @@ export interface Note {
   level?: "pass" | "warn" | "fail" | "info";
 }
 
+export interface OffTheTruth {
+  frames: FrameDifference[];
+}
+
 export interface PastResult {
   number: number;
   created: string;
@@ -945,6 +949,11 @@ export interface StageOfCell {
   title: string;
   settings: Record<string, unknown>;
   steps: string[];
+  guided?: string[];
+  shows?: string | null;
+  is_answer?: boolean;
+  settings_field?: string | null;
+  element?: string | null;
 }
 
 export interface StageReplay {
@@ -1401,6 +1410,7 @@ export interface VarianceComponents {
 
 export interface ViewChange {
   view: string;
+  if_open?: boolean;
 }
 
 export interface Watch {

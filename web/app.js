@@ -3,7 +3,7 @@
 import "./theme.js";
 import { h } from "./dom.js";
 import { icon } from "./icons.js";
-import { learn, whenRefused } from "./me.js";
+import { learn, whenRefused } from "./state/me.js";
 import { place as placeAsked, route } from "./router.js";
 import { switchTheme, theme, whenThemeChanges } from "./theme.js";
 import { t } from "./texts.js";

@@ -1,8 +1,8 @@
 // Building elements without a template language: `h` makes one, `keyed` keeps a list of them in step with data.
 
-import { only } from "./me.js";
+import { only } from "./state/me.js";
 
-/** @import {Role} from "./me.js" */
+/** @import {Role} from "./state/me.js" */
 /** @typedef {Node | string | number | null | undefined | false} Child */
 /** @typedef {Record<string, unknown>} Props */
 

@@ -1,7 +1,7 @@
 // The login page: a token in, and on to where one wanted to go.
 
 import "./theme.js";
-import { api, Problem } from "./api.js";
+import { api, Problem } from "./state/api.js";
 import { h } from "./dom.js";
 import { t } from "./texts.js";
 

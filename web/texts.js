@@ -1,8 +1,24 @@
-// Every text of the page comes from one catalogue; another language is another index and folder beside texts/en.js.
+// Every text of the page comes from one catalogue, in the language that the browser asks for.
 
-import { en } from "./texts/en.js";
+/** @typedef {keyof typeof import("./texts/en.js").texts} Text */
 
-/** @typedef {keyof typeof en} Text */
+export const LANGUAGES = /** @type {const} */ (["en", "de", "zh"]);
+const KEY = "scancell-language";
+
+/** The first language that the user chose, here or in the browser, and that there is. */
+export const language = [window.localStorage.getItem(KEY), ...navigator.languages].map((one) => (one ?? "").slice(0, 2).toLowerCase())
+  .flatMap((wanted) => LANGUAGES.filter((one) => one === wanted))[0] ?? "en";
+
+/** @type {Readonly<Record<Text, string>>} */
+export const catalogue = (await import(`./texts/${language}.js`)).texts;
+
+document.documentElement.lang = language === "zh" ? "zh-Hans" : language;
+
+/** @param {string} chosen */
+export function chooseLanguage(chosen) {
+  window.localStorage.setItem(KEY, chosen);
+  window.location.reload();
+}
 
 /**
  * A text of the catalogue, with its `{places}` filled.
@@ -11,7 +27,7 @@ import { en } from "./texts/en.js";
  * @returns {string}
  */
 export function t(key, values = {}) {
-  return en[key].replace(/\{(\w+)\}/g, (_, name) => String(values[name] ?? ""));
+  return catalogue[key].replace(/\{(\w+)\}/g, (_, name) => String(values[name] ?? ""));
 }
 
 /**
@@ -20,7 +36,7 @@ export function t(key, values = {}) {
  * @param {string} otherwise
  */
 export function maybe(key, otherwise) {
-  return key in en ? t(/** @type {Text} */ (key)) : otherwise;
+  return key in catalogue ? t(/** @type {Text} */ (key)) : otherwise;
 }
 
 /**

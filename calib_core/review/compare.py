@@ -243,6 +243,28 @@ def _frame_differences(left: Compared, right: Compared) -> Iterator[FrameDiffere
         yield frame_difference(name, (poses[0], poses[1]), np.asarray(total), np.asarray(point))
 
 
+def differences_from_truth(found: Compared, truth: Mapping[str, Any]) -> list[FrameDifference]:
+    """Return how far a simulated cell's result lies from its truth, in units of its own uncertainty.
+
+    Parameters
+    ----------
+    found : Compared
+    truth : mapping
+        The true frames by name, as `truth.json` has them.
+    """
+    differences: list[FrameDifference] = []
+    for name, into, outof, stages, covariance in _FRAMES:
+        if found.record["stage"] not in stages or name not in truth:
+            continue
+        poses = tuple(RigidTransform.from_rounded(rows[name], into, outof) for rows in (found.record, truth))
+        stated = np.asarray(covariance_in(found.record, covariance))
+        point = _workpiece(name, found)
+        differences.append(
+            frame_difference(name, (poses[0], poses[1]), stated, np.zeros(3) if point is None else point)
+        )
+    return differences
+
+
 def frame_difference(
     name: str, poses: tuple[RigidTransform, RigidTransform], covariance: FloatArray, point_mm: FloatArray
 ) -> FrameDifference:

@@ -96,7 +96,7 @@ async def take_simulated(
     step: StepName | None = None,
     again: Again = None,
 ) -> Response:
-    """Let the simulated cell take its next capture, one of `step` where some are left; or one of its own `again`.
+    """Let the simulated cell take its next capture, one of `step` where that is named; or one of its own `again`.
 
     What is taken again has a name of its own (`p05-again`); arm and scanner err anew.
     """

@@ -46,9 +46,10 @@ class LayerChange(BaseModel):
 
 
 class ViewChange(BaseModel):
-    """A view to take."""
+    """A view to take; `if_open` asks for it only where that page looks at the scene already."""
 
     view: str = Field(max_length=40, examples=["Top"])
+    if_open: bool = False
 
 
 class Turn(BaseModel):
@@ -122,7 +123,11 @@ def take_view(session: SessionId, viewer: Viewer, body: ViewChange, scenes: Scen
     """Move the camera of one viewer to a view; nobody else's."""
     if body.view not in VIEWS:
         raise InputError("a view among " + ", ".join(VIEWS), repr(body.view), "Name one of these.", "view")
-    _live(scenes, session).move(viewer, body.view)
+    try:
+        _live(scenes, session).move(viewer, body.view)
+    except NotFoundError:
+        if not body.if_open:
+            raise
 
 
 @controls_router.get("/viewers/{viewer}/picture", response_class=Response, summary="What one viewer sees, as PNG")

@@ -66,22 +66,21 @@ def simulated_session(scenario: str, seed: int) -> "SimulatedSession":
 def next_capture(
     scenario: str, seed: int, taken: Collection[str], step: str | None = None
 ) -> tuple[Capture, dict[str, bytes]]:
-    """Return the simulated cell's next capture, after those whose ids are taken, and its files by name.
-
-    One of `step` comes first, where some are left.
+    """Return the simulated cell's next capture, of `step` where one is named, and its files by name.
 
     Raises
     ------
     ConflictError
-        If all were taken.
+        If all of them were taken.
     """
     simulated = simulated_session(scenario, seed)
     left = [capture for capture in simulated.session.captures if capture.id not in taken]
-    for capture in [*(c for c in left if c.step == step), *left]:
-        return capture, {name: simulated.files[name] for name in capture.files}
+    for capture in left:
+        if step in (None, capture.step):
+            return capture, {name: simulated.files[name] for name in capture.files}
     raise ConflictError(
         "a capture that the simulated cell has not delivered yet",
-        f"all of its {len(simulated.session.captures)} captures in this session",
+        f"all of its captures{f' for the step {step}' if step else ''} in this session",
         "Solve now; or remove a capture to take it again.",
     )
 

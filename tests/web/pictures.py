@@ -72,7 +72,7 @@ def columns(page: Page, client: httpx.Client) -> None:
     page.goto(f"/sessions/{make_session(client)}")
     page.get_by_role("button", name="Paste poses").click()
     text = "file;x;y;z;W;P;R\np1;100,5;200;300;180;0;0\np2;110,5;200;300;180;0;10\np3;110,5;230;300;nan;0;10"
-    page.get_by_label("Pose lines, one a capture").fill(text)
+    page.get_by_label("Poses, one line per capture").fill(text)
     expect(page.locator(".match tbody tr")).to_have_count(3)
 
 
@@ -99,7 +99,7 @@ def result(page: Page, client: httpx.Client) -> None:
     session = simulated_session(client, captures=14, scenario="tcp-moved-sphere")
     wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=300)
     page.goto(f"/sessions/{session}#result")
-    expect(page.locator(".banner")).to_be_visible()
+    expect(page.locator(".answer-card")).to_be_visible()
 
 
 def reviewed(page: Page, client: httpx.Client) -> None:
@@ -113,8 +113,8 @@ def access(page: Page, client: httpx.Client) -> None:
     for name, role in (("Ada", "admin"), ("robot cell 4", "capture"), ("screen in the hall", "read")):
         client.post("/tokens", json={"name": name, "role": role})
     page.goto("/access")
-    page.get_by_label("For whom").fill("Grace")
-    page.get_by_role("button", name="Make the token").click()
+    page.get_by_label("Name").fill("Grace")
+    page.get_by_role("button", name="Create token").click()
     expect(page.locator(".made-token")).to_be_visible()
 
 

@@ -43,14 +43,14 @@ def test_a_token_is_made_used_and_revoked_by_keyboard(
     client, tokens = served
     page = logged_in(context, tokens["admin"], "/")
     page.get_by_role("button", name="More", exact=True).press("Enter")
-    page.get_by_role("link", name="Who may").press("Enter")
-    expect(page.get_by_role("heading", name="Who may")).to_be_visible()
+    page.get_by_role("link", name="Access").press("Enter")
+    expect(page.get_by_role("heading", name="Access")).to_be_visible()
     table = page.get_by_role("region", name="Tokens")
     expect(table.locator("tbody tr").first).to_be_visible()
     assert violations(page, axe) == []
 
     name = f"robot cell 4, {request.node.callspec.id}"
-    page.get_by_label("For whom").focus()
+    page.get_by_label("Name").focus()
     page.keyboard.type(name)
     page.keyboard.press("Tab")
     page.keyboard.type("capture")
@@ -59,16 +59,16 @@ def test_a_token_is_made_used_and_revoked_by_keyboard(
     page.keyboard.press("Enter")
     shown = page.locator(".made-token code")
     expect(shown).to_contain_text("scancell_")
-    expect(page.locator(".made-token")).to_contain_text("never shown again")
+    expect(page.locator(".made-token")).to_contain_text("cannot be shown again")
     assert violations(page, axe) == []
-    page.get_by_role("button", name="Copy the token").press("Enter")
+    page.get_by_role("button", name="Copy token").press("Enter")
     token = shown.inner_text()
     assert page.evaluate("navigator.clipboard.readText()") == token
     me = client.get("/me", headers=bearer(token)).json()
     assert (me["name"], me["role"]) == (name, "capture")
 
     row = table.locator("tr", has_text=name)
-    expect(row).to_contain_text("good")
+    expect(row).to_contain_text("active")
     row.get_by_role("button", name=f"Revoke the token of {name}").press("Enter")
     dialog = page.get_by_role("dialog")
     expect(dialog.get_by_role("button", name="Cancel")).to_be_focused()
@@ -99,11 +99,11 @@ def test_ones_own_token_is_not_revoked(context: BrowserContext, served, watch: W
 def test_others_see_nothing_of_it(context: BrowserContext, served, axe: str, role: str) -> None:
     client, tokens = served
     page = logged_in(context, tokens[role], "/access")
-    expect(page.locator("main")).to_contain_text("take a token with the role admin")
+    expect(page.locator("main")).to_contain_text("need the role admin")
     expect(page.locator("table")).to_have_count(0)
     page.get_by_role("button", name="More", exact=True).click()
     expect(page.get_by_role("group", name="More")).to_contain_text("one who may")
-    expect(page.get_by_role("link", name="Who may")).to_have_count(0)
+    expect(page.get_by_role("link", name="Access")).to_have_count(0)
     assert violations(page, axe) == []
     for path in ("/tokens", "/audit"):
         assert client.get(path, headers=bearer(tokens[role])).status_code == 403
@@ -124,7 +124,7 @@ def test_the_log_goes_back_as_far_as_one_likes(context: BrowserContext, served) 
 def test_without_a_login_the_page_says_so(browser: Browser, address: str) -> None:
     page = browser.new_context(base_url=address).new_page()
     page.goto("/access")
-    expect(page.locator("main")).to_contain_text("This server asks nobody for a login")
+    expect(page.locator("main")).to_contain_text("asks for no login")
 
 
 def test_who_is_not_logged_in_is_asked_to(browser: Browser, served) -> None:

@@ -66,11 +66,11 @@ def test_from_the_first_visit_to_an_accepted_calibration(open_page: Callable[...
     expect(told).not_to_be_empty()
     taken = 0
     while not told.inner_text().startswith("Solve"):
-        by.press("Space") if hand == "keyboard" else by.click("Capture")
+        by.press("Space") if hand == "keyboard" else by.click("Capture the")
         taken += 1
         expect(rows(page)).to_have_count(taken)
     by.press("s") if hand == "keyboard" else by.click("Solve")
-    expect(page.locator(".banner")).to_contain_text("accepted", timeout=120_000)
+    expect(page.locator(".answer-card")).to_contain_text("accepted", timeout=120_000)
     assert by.actions <= 40
     assert by.took_s <= 180
     assert watched.complaints == []
@@ -85,7 +85,7 @@ def test_a_real_set_takes_few_actions(open_page: Callable[..., Any], data_folder
     chooser.value.set_files(data_folder / "tcp-sphere-80mm")
     expect(rows(page)).to_have_count(15)
     by.click("Solve")
-    expect(page.locator(".banner")).to_be_visible(timeout=120_000)
+    expect(page.locator(".answer-card")).to_be_visible(timeout=120_000)
     expect(page.locator("sc-rail .answer")).to_contain_text("±")
     expect(page.frame_locator("sc-scene iframe").locator("#scancell-legend")).not_to_be_empty()
     with page.context.expect_page() as report:
@@ -141,9 +141,9 @@ def test_a_slow_link_says_what_it_waits_for(open_page: Callable[..., Any], api: 
     link.send("Network.enable")
     link.send("Network.emulateNetworkConditions", SLOW_LINK)
     page.goto(f"{page.url}sessions/{session}", wait_until="commit")
-    expect(page.get_by_text("The session is being loaded …")).to_be_visible()
+    expect(page.get_by_text("Loading the session …")).to_be_visible()
     expect(rows(page)).to_have_count(3)
-    expect(page.get_by_text("The session is being loaded …")).to_be_hidden()
+    expect(page.get_by_text("Loading the session …")).to_be_hidden()
     page.keyboard.press("Space")
     expect(rows(page)).to_have_count(4)
     assert watched.complaints == []
@@ -155,14 +155,14 @@ def test_without_a_server_nothing_is_lost(open_page: Callable[..., Any], api: ht
     page, _ = open_page(f"/sessions/{session}")
     expect(page.locator("sc-live")).to_have_text("live")
     page.get_by_role("button", name="Paste poses").click()
-    page.get_by_label("Pose lines, one a capture").fill("0 0 500 0 0 0")
+    page.get_by_label("Poses, one line per capture").fill("0 0 500 0 0 0")
     expect(page.locator(".match tbody tr")).to_have_count(1)
     page.context.set_offline(True)
-    page.get_by_label("Pose lines, one a capture").fill("0 0 600 0 0 0")
+    page.get_by_label("Poses, one line per capture").fill("0 0 600 0 0 0")
     expect(page.locator(".toast.bad")).to_contain_text("The server cannot be reached. Nothing is lost")
     page.context.set_offline(False)
     page.reload()
-    expect(page.get_by_label("Pose lines, one a capture")).to_have_value("0 0 600 0 0 0")
+    expect(page.get_by_label("Poses, one line per capture")).to_have_value("0 0 600 0 0 0")
     expect(page.locator(".match tbody tr")).to_contain_text("600.0 mm")
 
 
@@ -186,5 +186,5 @@ def test_a_restart_in_the_middle_of_a_solve(browser: Browser, tmp_path: Path, wa
         expect(page.locator(".job")).to_be_hidden()
         if page.get_by_role("tab", name="Measure").get_attribute("aria-selected") == "true":
             page.keyboard.press("s")
-        expect(page.locator(".banner")).to_contain_text("accepted", timeout=120_000)
+        expect(page.locator(".answer-card")).to_contain_text("accepted", timeout=120_000)
         context.close()

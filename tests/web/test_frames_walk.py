@@ -22,7 +22,7 @@ def seen_so_far(page: Page) -> tuple[int, int]:
 
 def solved_step(page: Page) -> str:
     """The step whose result is shown."""
-    if page.get_by_role("heading", name="Two answers from the same captures").count():
+    if page.get_by_role("heading", name="Joint answer beside the paper's two steps").count():
         return "TCP"
     return page.locator(".banner h2").first.inner_text().split()[0]
 

@@ -36,7 +36,7 @@ def profiles(tmp_path: Path) -> list[Path]:
 
 
 def paste(page: Page, text: str) -> None:
-    page.get_by_label("Pose lines, one a capture").fill(text)
+    page.get_by_label("Poses, one line per capture").fill(text)
 
 
 def test_a_table_with_its_columns_in_any_order(
@@ -78,7 +78,7 @@ def test_columns_are_told_by_hand_and_the_convention_is_seen_before_it_counts(
     expect(first).to_contain_text("to −y")  # FANUC: W turns about x first, so the flange's z looks to −y
     page.get_by_label("Read as").select_option("kuka")  # A turns about z: the flange looks up
     expect(first).to_contain_text("up, 0° off")
-    page.get_by_label("Column 1", exact=True).select_option("z")  # trades places with the third
+    page.get_by_label("Column 1", exact=True).select_option("Z")  # trades places with the third
     expect(first).to_contain_text("300.0  200.0  100.0 mm")
     assert api.get(f"/sessions/{session}").json()["cell"]["pose_convention"] == "fanuc"
     assert watched.complaints == []
@@ -111,7 +111,7 @@ def test_a_watched_folder_is_followed(browser: Browser, tmp_path: Path) -> None:
         page.goto(f"{str(client.base_url).removesuffix('/api/v1/')}/sessions/{session}")
         page.get_by_role("button", name="Watch a folder").click()
         page.get_by_label("Folder on the server").select_option("cell 4")
-        page.get_by_role("button", name="Watch it").click()
+        page.get_by_role("button", name="Watch folder").click()
         status = page.get_by_role("region", name="Watched folder")
         expect(status).to_contain_text("Watching cell 4")
         (folder / "a.csv").write_bytes(MADE.files[CAPTURES[0]["files"][0]])
@@ -122,7 +122,7 @@ def test_a_watched_folder_is_followed(browser: Browser, tmp_path: Path) -> None:
         expect(status).not_to_contain_text("Write a.txt")
         page.reload()
         expect(status).to_contain_text("1 capture")
-        page.get_by_role("button", name="End watching").click()
+        page.get_by_role("button", name="Stop watching").click()
         expect(status).to_be_hidden()
         context.close()
     assert watched.complaints == []

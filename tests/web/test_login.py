@@ -105,7 +105,7 @@ def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, ax
     expect(start).to_have_accessible_description(f"You are logged in to look. {REASON}")
     start.click(force=True)
     expect(page.locator(".toast")).to_contain_text(REASON)
-    expect(page.get_by_role("button", name="Remove session").first).to_have_attribute("aria-disabled", "true")
+    expect(page.get_by_role("button", name="Delete session").first).to_have_attribute("aria-disabled", "true")
     page.get_by_role("button", name="More", exact=True).click()
     assert violations(page, axe) == []
     page.goto(f"/sessions/{session}")

@@ -53,7 +53,7 @@ def test_the_server_cannot_be_reached(browser: Browser, api: httpx.Client, watch
         page = visitor.page
         expect(visitor.rows).to_have_count(2)
         page.get_by_role("button", name="Paste poses").click()
-        page.get_by_label("Pose lines, one a capture").fill("0 0 600 1 0 0 0")
+        page.get_by_label("Poses, one line per capture").fill("0 0 600 1 0 0 0")
         expect(page.locator(".match tbody tr")).to_contain_text("600.0 mm")
         page.context.set_offline(True)
         page.get_by_role("button", name="Capture the sphere").click()
@@ -62,7 +62,7 @@ def test_the_server_cannot_be_reached(browser: Browser, api: httpx.Client, watch
         page.context.set_offline(False)
         page.get_by_role("button", name="Capture the sphere").click()
         expect(visitor.rows).to_have_count(3)
-        expect(page.get_by_label("Pose lines, one a capture")).to_have_value("0 0 600 1 0 0 0")
+        expect(page.get_by_label("Poses, one line per capture")).to_have_value("0 0 600 1 0 0 0")
         # Another page that is opened meanwhile says so, too, with its title.
         page.context.set_offline(True)
         page.evaluate("history.pushState(null, '', '/sessions/x'); dispatchEvent(new PopStateEvent('popstate'))")
@@ -79,7 +79,7 @@ def test_something_between_page_and_server_answers(browser: Browser, api: httpx.
         bad_gateway = {"status": 502, "content_type": "text/html", "body": "<h1>Bad Gateway</h1>"}
         visitor.page.context.route("**/sources/simulated/capture*", lambda route: route.fulfill(**bad_gateway))
         visitor.page.keyboard.press("Space")
-        expect(visitor.toast).to_contain_text("The server answered 502. Try again; if it stays, look into")
+        expect(visitor.toast).to_contain_text("The server answered 502. Try again. If this persists, check")
         visitor.picture("unreadable")
         visitor.page.context.unroute_all()
         visitor.page.keyboard.press("Space")
@@ -106,10 +106,10 @@ def test_what_is_dropped_on_a_session(browser: Browser, api: httpx.Client) -> No
         page, toast = visitor.page, visitor.toast
         expect(page.locator("sc-guide h1")).not_to_be_empty()
         drop(page, {"session.json": "{not json"})
-        expect(toast).to_contain_text("cannot be read as JSON. Mend it")
+        expect(toast).to_contain_text("is not valid JSON. Fix it")
         visitor.picture("intake-bad-json")
         drop(page, {"notes.docx": "?"})
-        expect(toast).to_contain_text("Not measurements: notes.docx. Profiles are CSV or NPY")
+        expect(toast).to_contain_text("Not measurements: notes.docx. Supported endings: ")
         visitor.picture("intake-unknown")
         kinds = {"step": "tcp", "kind": "profile", "pose": [0, 0, 500, 0, 0, 0]}
         record = {
@@ -117,10 +117,10 @@ def test_what_is_dropped_on_a_session(browser: Browser, api: httpx.Client) -> No
             "captures": [{"id": f"p{k}", "files": [f"captures/p{k}.csv"], **kinds} for k in range(4)],
         }
         drop(page, {"session.json": json.dumps(record)})
+        expect(page.locator(".toasts")).to_contain_text("p0: the folder lacks captures/p0.csv. Add the files")
         expect(page.locator(".toasts")).to_contain_text(
-            "p0: the folder lacks captures/p0.csv. Add what is missing"
+            "2 more captures could not be added. Fix the problems above"
         )
-        expect(page.locator(".toasts")).to_contain_text("2 more captures could not be added. Mend what is said")
         visitor.picture("intake-lacking")
         # Nothing was stored by halves.
         assert api.get(f"/sessions/{page.url.rsplit('/', 1)[1]}/captures").json()["items"] == []
@@ -131,10 +131,10 @@ def test_what_is_dropped_on_the_first_page(browser: Browser, api: httpx.Client) 
     with visiting(browser, api, "/") as visitor:
         expect(visitor.page.get_by_role("heading", name="Calibrate a scanning cell")).to_be_visible()
         drop(visitor.page, {"a.csv": WALL})
-        expect(visitor.toast).to_contain_text("measurements without a session.json. Make a new session first")
+        expect(visitor.toast).to_contain_text("measurements without a session.json. Create a session first")
         visitor.picture("start-files-first")
         drop(visitor.page, {"a.txt2": "?"})
-        expect(visitor.toast).to_contain_text("No session.json is among these files. Drop the whole")
+        expect(visitor.toast).to_contain_text("There is no session.json among these files. Drop the whole")
         visitor.picture("start-no-session")
 
 
@@ -153,7 +153,7 @@ def test_a_cell_that_lacks_something(browser: Browser, api: httpx.Client) -> Non
         alarm = page.locator("dialog .form-problem")
 
         def go_and_expect(words: str, name: str) -> None:
-            page.get_by_role("button", name="Create the session").click()
+            page.get_by_role("button", name="Create session").click()
             expect(alarm).to_contain_text(words)
             visitor.picture(f"new-{name}")
 
@@ -165,7 +165,7 @@ def test_a_cell_that_lacks_something(browser: Browser, api: httpx.Client) -> Non
         page.get_by_label("Sphere diameter in mm").fill("0,08")
         go_and_expect("0.08 mm looks like metres: type 80.", "metres")
         page.get_by_label("Sphere diameter in mm").fill("80")
-        page.get_by_label("What does the scanner deliver?").select_option("frame")
+        page.get_by_label("Scanner output").select_option("frame")
         go_and_expect("Raw frames need the board: type its columns, rows and pitch.", "board")
         page.get_by_label("Pattern").select_option("charuco")
         for label, value in (("Columns", "9"), ("Rows", "6"), ("Pitch in mm", "20")):
@@ -174,7 +174,7 @@ def test_a_cell_that_lacks_something(browser: Browser, api: httpx.Client) -> Non
         # All that was typed is still there, and with what was missing it is a session.
         page.get_by_label("Side of a marker in mm").fill("15")
         page.get_by_label("Dictionary of its markers").fill("DICT_5X5_100")
-        page.get_by_role("button", name="Create the session").click()
+        page.get_by_role("button", name="Create session").click()
         expect(page).to_have_url(re.compile("/sessions/"))
         expect(page.locator("header")).to_contain_text("sphere 80 mm")
 
@@ -202,7 +202,7 @@ def test_a_table_angle_that_is_none(browser: Browser, api: httpx.Client) -> None
 def test_a_server_that_watches_no_folders(browser: Browser, api: httpx.Client) -> None:
     with visiting(browser, api, f"/sessions/{make_session(api)}") as visitor:
         visitor.page.get_by_role("button", name="Watch a folder").click()
-        expect(visitor.page.get_by_text("Who runs it allows that by SCANCELL_WATCH_ROOT")).to_be_visible()
+        expect(visitor.page.get_by_text("The operator can allow it with SCANCELL_WATCH_ROOT")).to_be_visible()
         visitor.picture("watch-unavailable")
 
 
@@ -215,10 +215,10 @@ def test_what_is_taken_again_is_refused_too(browser: Browser, api: httpx.Client,
     with visiting(browser, api, f"/sessions/{session}") as visitor:
         page = visitor.page
         with page.expect_file_chooser() as chooser:
-            page.get_by_role("button", name="Take p01 again").click()
+            page.get_by_role("button", name="Replace p01 with a new file").click()
         chooser.value.set_files(FilePayload(name="wall.csv", mimeType="text/csv", buffer=WALL.encode()))
-        expect(visitor.toast).to_contain_text("The new capture p01-again is refused, too")
-        expect(visitor.toast).to_contain_text("p01 still counts")
+        expect(visitor.toast).to_contain_text("The new capture p01-again was refused, too")
+        expect(visitor.toast).to_contain_text("p01 is still used")
         visitor.picture("redo-failed")
         expect(page.get_by_role("checkbox", name="Use p01", exact=True)).to_be_checked()
 
@@ -234,10 +234,10 @@ def test_what_a_role_may_not(browser: Browser, tmp_path: Path) -> None:
             page.get_by_role("button", name="Log in").click()
             expect(visitor.rows).to_have_count(1)
             page.keyboard.press("Space")
-            expect(page.locator(".toast")).to_contain_text("take a token with the role capture")
+            expect(page.locator(".toast")).to_contain_text("need the role capture")
             visitor.picture("may-capture")
             page.goto("/access")
-            expect(page.locator("main")).to_contain_text("take a token with the role admin")
+            expect(page.locator("main")).to_contain_text("need the role admin")
             visitor.picture("may-admin")
             expect(page.locator("sc-tokens")).to_have_count(0)
 
@@ -251,12 +251,12 @@ def said(field: Locator) -> str:
 def test_a_token_for_nobody(browser: Browser, api: httpx.Client) -> None:
     with visiting(browser, api, "/access") as visitor:
         page = visitor.page
-        name, days = page.get_by_label("For whom"), page.get_by_label("Good for so many days")
-        page.get_by_role("button", name="Make the token").click()
+        name, days = page.get_by_label("Name"), page.get_by_label("Valid for (days)")
+        page.get_by_role("button", name="Create token").click()
         assert said(name) == "Say for whom the token is: a name of a person or a program."
         visitor.picture("token-name")
         name.fill("robot cell 4")
         days.fill("soon")
-        page.get_by_role("button", name="Make the token").click()
+        page.get_by_role("button", name="Create token").click()
         assert said(days) == "A number of days above zero is needed here, or nothing."
         expect(name).to_have_value("robot cell 4")

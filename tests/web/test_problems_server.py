@@ -55,7 +55,7 @@ def offer(visitor: Visitor, *files: FilePayload) -> None:
     """Choose files and paste a pose for each, up to the click that sends them."""
     visitor.page.locator("sc-intake input[type=file]").first.set_input_files(list(files))
     poses = "\n".join(f"{100 + 10 * place} 200 600 180 0 {place}" for place in range(len(files)))
-    visitor.page.get_by_label("Pose lines, one a capture").fill(poses)
+    visitor.page.get_by_label("Poses, one line per capture").fill(poses)
     expect(visitor.page.locator(".match tbody tr").last).to_contain_text("600.0 mm")
 
 
@@ -142,7 +142,7 @@ def test_an_address_of_nothing(browser: Browser, api: httpx.Client, watch: Watch
     watch.announce("status of 404")
     with visiting(browser, api, "/nowhere") as visitor:
         gone = visitor.page.locator("section.lost")
-        expect(gone).to_contain_text("There is nothing at this address")
+        expect(gone).to_contain_text("Page not found")
         expect(gone).to_contain_text("may be old")
         visitor.picture("http-404")
         gone.get_by_role("link", name="Back to all sessions").click()
@@ -167,8 +167,8 @@ def test_two_change_the_cell_at_once(browser: Browser, api: httpx.Client) -> Non
         expect(one.page.locator("header")).to_contain_text("sphere 50 mm")
         other.page.get_by_role("button", name="Save").click()
         alarm = other.page.locator("dialog .form-problem")
-        expect(alarm).to_contain_text("Somebody else has changed this meanwhile: sphere_diameter_mm")
-        expect(alarm).to_contain_text("save again to put it in the place of theirs")
+        expect(alarm).to_contain_text("Someone else changed this in the meantime: sphere_diameter_mm")
+        expect(alarm).to_contain_text("Save again to overwrite their change")
         expect(other.page.get_by_label("Sphere diameter in mm")).to_have_value("60")
         assert api.get(f"/sessions/{session}").json()["cell"]["sphere_diameter_mm"] == 50
         other.picture("outdated")
@@ -195,7 +195,7 @@ def test_somebody_is_faster_by_a_moment(browser: Browser, api: httpx.Client, wat
         visitor.page.route(f"**/api/v1/sessions/{session}", be_faster)
         visitor.page.get_by_role("button", name="Save").click()
         alarm = visitor.page.locator("dialog .form-problem")
-        expect(alarm).to_contain_text("Somebody else has changed this meanwhile: sphere_diameter_mm.")
+        expect(alarm).to_contain_text("Someone else changed this in the meantime: sphere_diameter_mm.")
         assert api.get(f"/sessions/{session}").json()["cell"]["sphere_diameter_mm"] == 50
         visitor.page.get_by_role("button", name="Save").click()
         expect(visitor.page.locator("header")).to_contain_text("sphere 60 mm")
@@ -246,16 +246,16 @@ def test_the_login_ends_in_the_middle_and_nothing_typed_is_lost(
             page.get_by_label("Token").fill(made["token"])
             page.get_by_role("button", name="Log in").click()
             page.get_by_role("button", name="Paste poses").click()
-            page.get_by_label("Pose lines, one a capture").fill("1 2 3 180 0 0")
+            page.get_by_label("Poses, one line per capture").fill("1 2 3 180 0 0")
             expect(page.locator(".match tbody tr")).to_have_count(1)
             client.delete(f"/tokens/{made['id']}", headers=admin)
-            page.get_by_label("Pose lines, one a capture").press_sequentially(" ")
+            page.get_by_label("Poses, one line per capture").press_sequentially(" ")
             expect(page.get_by_label("Token")).to_be_visible()
-            expect(page.locator("main")).to_contain_text("Your login has ended. Log in again")
+            expect(page.locator("main")).to_contain_text("Your login has expired. Log in again")
             visitor.picture("login-ended")
             page.get_by_label("Token").fill(tokens["capture"])
             page.get_by_role("button", name="Log in").click()
-            expect(page.get_by_label("Pose lines, one a capture")).to_have_value("1 2 3 180 0 0 ")
+            expect(page.get_by_label("Poses, one line per capture")).to_have_value("1 2 3 180 0 0 ")
 
 
 @provokes("forbidden")
@@ -330,9 +330,9 @@ def test_a_stored_file_was_damaged(browser: Browser, start: Callable[..., Any], 
             visitor.picture("damaged")
             # Without the damaged capture it goes on.
             visitor.page.get_by_role("checkbox", name="Use p05").uncheck()
-            expect(visitor.rows.nth(4)).to_contain_text("left out")
+            expect(visitor.rows.nth(4)).to_contain_text("excluded")
             visitor.page.keyboard.press("s")
-            expect(visitor.page.locator(".banner")).to_be_visible()
+            expect(visitor.page.locator(".answer-card")).to_be_visible()
 
 
 @provokes("http-503")

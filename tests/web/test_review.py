@@ -49,7 +49,7 @@ def test_keys_move_through_time_and_everything_follows(open_page: Callable[..., 
     # It opens at the last solve, as that was.
     expect(words).to_contain_text("16 of 17 · TCP solved, usable")
     expect(page.locator("sc-review-captures tbody tr")).to_have_count(14)
-    expect(page.locator("sc-review-captures tr", has_text="p03")).to_contain_text("left out")
+    expect(page.locator("sc-review-captures tr", has_text="p03")).to_contain_text("excluded")
     newest = page.locator("sc-result .frame dd").first.inner_text()
 
     slider = page.get_by_role("slider")
@@ -85,9 +85,9 @@ def test_keys_move_through_time_and_everything_follows(open_page: Callable[..., 
 def test_recomputing_shows_stored_and_new(open_page: Callable[..., Any], session: str) -> None:
     page, watched = open_page(f"/sessions/{session}/review")
     page.get_by_role("button", name="Recompute and compare").click()
-    expect(page.locator(".recomputed .banner")).to_contain_text("Every number came out again", timeout=60_000)
+    expect(page.locator(".recomputed .banner")).to_contain_text("All numbers are reproduced", timeout=60_000)
     page.get_by_text("TCP: stored and new side by side").click()
-    expect(page.locator(".side-by-side")).to_contain_text("The same to the last digit")
+    expect(page.locator(".side-by-side")).to_contain_text("Identical")
     assert watched.complaints == []
 
 
@@ -110,13 +110,13 @@ def test_from_a_result_to_its_history_and_to_the_comparison(
     # One plot over the captures, one over the orientation; the spoiled capture is crossed in both.
     expect(page.locator(".residual-plot")).to_have_count(2)
     expect(page.locator(".residual-plot .cross")).to_have_count(2)
-    page.get_by_text("History of this step").click()
+    page.get_by_text("History", exact=True).click()
     expect(page.locator(".history tbody tr")).to_have_count(2)
     expect(page.get_by_role("link", name="Report")).to_have_attribute("target", "_blank")
 
     page.locator(".history").get_by_role("link", name="Compare").click()
     expect(page).to_have_url(re.compile(r"/compare\?stage=tcp&left="))
-    expect(page.locator(".changes")).to_contain_text("Capture p03 was left out")
+    expect(page.locator(".changes")).to_contain_text("Capture p03 was excluded")
     frame = page.get_by_role("region", name="How far apart: scanner on the flange")
     expect(frame).to_contain_text("combined sigmas")
     expect(frame).to_contain_text("At the workpiece")
@@ -154,7 +154,7 @@ def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) ->
 
     page.goto(f"/sessions/{session}#result")
     expect(page.locator(".result-links")).to_be_visible()
-    page.get_by_text("History of this step").click()
+    page.get_by_text("History", exact=True).click()
     expect(page.locator(".history tbody tr")).to_have_count(2)
     assert violations(page, axe) == []
     # Others work on meanwhile: the answer is drawn anew, and what was opened stays open.
@@ -180,7 +180,7 @@ def test_what_came_with_an_archive_is_shown_and_given_back(
     assert answer.status_code == 201, answer.text
     imported = answer.json()["id"]
     page, watched = open_page(f"/sessions/{imported}/review")
-    kept = page.get_by_role("region", name="Came with the archive")
+    kept = page.get_by_role("region", name="Other files from the archive")
     listed = api.get(f"/sessions/{imported}/kept").json()["items"]
     expect(kept.get_by_role("listitem")).to_have_count(len(listed))
     assert {"report.html", "scene.html"} <= {item["name"] for item in listed}
@@ -194,5 +194,5 @@ def test_what_came_with_an_archive_is_shown_and_given_back(
     # A session that came with nothing shows no empty section.
     page.goto(page.url.replace(imported, session))
     expect(page.locator("sc-review-captures tbody tr").first).to_be_visible()
-    expect(page.get_by_role("region", name="Came with the archive")).to_have_count(0)
+    expect(page.get_by_role("region", name="Other files from the archive")).to_have_count(0)
     assert watched.complaints == []

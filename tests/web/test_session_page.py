@@ -47,16 +47,16 @@ def rows(page: Page) -> Any:
 def test_a_new_session_says_what_is_missing_and_what_looks_wrong(open_page: Callable[..., Any]) -> None:
     page, watched = open_page()
     page.get_by_role("button", name="New session").click()
-    create = page.get_by_role("button", name="Create the session")
+    create = page.get_by_role("button", name="Create session")
     create.click()
     expect(page.get_by_role("alert").filter(has_text="choose")).to_contain_text("The robot decides")
     page.get_by_label("Robot", exact=True).select_option("fanuc")
     create.click()
-    expect(page.locator(".form-problem")).to_contain_text("needs the sphere's diameter")
+    expect(page.locator(".form-problem")).to_contain_text("need the sphere diameter")
     expect(page.get_by_label("Sphere diameter in mm")).to_be_focused()
     page.get_by_label("Sphere diameter in mm").fill("0,08")
     create.click()
-    expect(page.locator(".form-problem")).to_contain_text("type 80")
+    expect(page.locator(".form-problem")).to_contain_text("Enter 80")
     page.get_by_label("Sphere diameter in mm").fill("80,003")
     create.click()
     expect(page.locator("sc-guide h1")).not_to_be_empty()
@@ -95,7 +95,7 @@ def test_files_and_pose_lines_are_matched_before_they_are_sent(
         page.get_by_role("button", name="Add files").click()
     chooser.value.set_files(sorted((folder / "captures").iterdir())[:4])
     lines = [" ".join(map(str, capture["pose"])) for capture in record["captures"][:3]]
-    page.get_by_label("Pose lines, one a capture").fill("\n".join([*lines, "1 2 3 4 5"]))
+    page.get_by_label("Poses, one line per capture").fill("\n".join([*lines, "1 2 3 4 5"]))
     table = page.locator(".match")
     expect(table).to_contain_text("a pose of 7 numbers")
     x_mm, y_mm, _ = record["captures"][0]["pose"][:3]
@@ -116,7 +116,7 @@ def test_lines_that_name_their_file_find_it_in_any_order(
     page, _ = open_page(f"/sessions/{session}")
     page.locator("sc-intake input[type=file]").first.set_input_files(sorted((folder / "captures").iterdir())[:3])
     lines = [f"{c['id']}.csv " + " ".join(map(str, c["pose"])) for c in record["captures"][:3]]
-    page.get_by_label("Pose lines, one a capture").fill("\n".join(reversed(lines)))
+    page.get_by_label("Poses, one line per capture").fill("\n".join(reversed(lines)))
     page.get_by_role("button", name="Add 3 captures").click()
     expect(rows(page)).to_have_count(3)
     stored = {c["id"]: c["pose"] for c in api.get(f"/sessions/{session}/captures").json()["items"]}
@@ -174,7 +174,7 @@ def test_a_refused_capture_says_what_to_do(
     broken.write_text("x_mm,z_mm\n1,2\n3\n")
     page, _ = open_page(f"/sessions/{session}")
     page.locator("sc-intake input[type=file]").first.set_input_files([flat, broken])
-    page.get_by_label("Pose lines, one a capture").fill("0 0 500 0 0 0\n10 0 500 0 0 0")
+    page.get_by_label("Poses, one line per capture").fill("0 0 500 0 0 0\n10 0 500 0 0 0")
     page.get_by_role("button", name="Add 2 captures").click()
     expect(page.locator(".toast.bad")).to_contain_text("broken")
     expect(rows(page)).to_have_count(1)
@@ -191,7 +191,9 @@ def test_a_capture_deleted_by_mistake_comes_back(open_page: Callable[..., Any], 
     page, watched = open_page(f"/sessions/{session}")
     page.get_by_role("button", name="Delete p02").click()
     expect(rows(page)).to_have_count(2)
-    expect(page.get_by_role("button", name="Undo")).to_be_visible()  # the row may go before the notice is there
+    expect(
+        page.get_by_role("button", name="Undo", exact=True)
+    ).to_be_visible()  # the row may go before the notice is there
     page.keyboard.press("Control+z")
     expect(rows(page)).to_have_count(3)
     after = {c["id"]: c for c in api.get(f"/sessions/{session}/captures").json()["items"]}
@@ -224,7 +226,7 @@ def test_a_solve_goes_on_while_the_page_is_loaded_anew(open_page: Callable[..., 
     expect(page.locator("sc-rail .answer")).to_contain_text("±")
     page.get_by_role("tab", name="Result").click()
     page.reload()  # the view stands in the address
-    expect(page.locator(".banner")).to_be_visible()
+    expect(page.locator(".answer-card")).to_be_visible()
     assert watched.complaints == []
 
 
@@ -242,8 +244,8 @@ def test_search_and_removal_of_sessions(open_page: Callable[..., Any], api: http
     page, watched = open_page()
     page.get_by_role("searchbox").fill("north")
     expect(page.locator(".session-card")).to_have_count(1)
-    page.get_by_role("button", name="Remove session north hall").click()
-    page.get_by_role("button", name="Remove for good").click()
+    page.get_by_role("button", name="Delete session north hall").click()
+    page.get_by_role("button", name="Delete", exact=True).click()
     expect(page.locator(".session-card")).to_have_count(0)
     assert "north hall" not in {s["name"] for s in api.get("/sessions").json()["items"]}
     assert watched.complaints == []

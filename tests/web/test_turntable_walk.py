@@ -58,12 +58,12 @@ def look_into_the_merged_part(page: Page, axe: str) -> None:
             page.get_by_role("link", name=name, exact=True).click()
         assert saved.value.path().stat().st_size > 500_000
     page.get_by_label("by deviation").check()
-    expect(page.locator("sc-merged")).to_contain_text("There is no reference mesh yet")
+    expect(page.locator("sc-merged")).to_contain_text("No reference mesh yet")
     page.get_by_label("Deviation from").select_option("sphere")
     page.get_by_label("Diameter in mm").fill("20")
     expect(page.locator("sc-merged")).to_contain_text("the sphere, diameter 20.000 mm (known)")
     page.get_by_label("Section").select_option("z")
-    where = page.get_by_label("Where it is cut")
+    where = page.get_by_label("Position")
     where.focus()
     with page.expect_request(lambda request: request.url.endswith("/cloud")) as shown:
         for _ in range(20):
@@ -73,7 +73,7 @@ def look_into_the_merged_part(page: Page, axe: str) -> None:
     part = build_part()
     mesh = b"".join(bytes(piece) for piece in stl_pieces(part.points_mm, part.triangles))
     page.get_by_label("Deviation from").select_option("mesh")
-    page.get_by_label("Add a reference mesh").set_input_files(
+    page.get_by_label("Add reference mesh").set_input_files(
         {"name": "part.stl", "mimeType": "model/stl", "buffer": mesh}
     )
     expect(page.locator("sc-merged")).to_contain_text("Distance to the reference mesh")
@@ -103,7 +103,7 @@ def test_the_page_leads_to_the_whole_chain_and_the_merged_part(open_page: Callab
             page.locator("sc-actions .solve").click()
             solved += 1
             expect(instruction).not_to_have_text(before, timeout=120_000)
-            expect(page.locator(".banner")).to_contain_text("accepted")
+            expect(page.locator(".answer-card")).to_contain_text("accepted")
             page.get_by_role("tab", name="Measure").click()
             continue
         seen.add(words)
@@ -135,7 +135,7 @@ def test_the_page_leads_to_the_whole_chain_and_the_merged_part(open_page: Callab
     assert violations(page) == []
     page.locator(".angle-plot .mark-point").first.press("Enter")
     page.get_by_role("button", name="Turntable", exact=True).click()
-    expect(page.locator(".banner")).to_contain_text("Turntable")
+    expect(page.locator(".answer-card")).to_contain_text("Turntable")
     picture(page, "turntable-result")
 
     # A wrong angle is corrected where it stands, and everything that rests on it is out of date.

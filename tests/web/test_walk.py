@@ -70,14 +70,14 @@ def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., A
     page.keyboard.press("s")
 
     expect(page.get_by_role("tab", name="Result")).to_have_attribute("aria-selected", "true")
-    expect(page.locator(".banner")).to_contain_text("accepted")
+    expect(page.locator(".answer-card")).to_contain_text("accepted")
     frame = page.get_by_role("region", name="Scanner on the flange")
     numbers = frame.locator("dd").all_inner_texts()
     assert len(numbers) == 7  # the simulated cell speaks ABB's x y z q1 q2 q3 q4
     for number in numbers:
         assert re.fullmatch(r"−?\d+(\.\d+)? ± \d+(\.\d+)?(\s?mm)?", number), number
-    expect(page.get_by_role("heading", name="Two answers from the same captures")).to_be_visible()
-    expect(page.locator(".residual-plot .mark-point")).to_have_count(2 * taken)  # by capture and by orientation
+    expect(page.get_by_role("heading", name="Joint answer beside the paper's two steps")).to_be_visible()
+    expect(page.locator(".plot-captures .dot")).to_have_count(2 * taken)  # by capture and by orientation
     expect(page.locator("sc-rail .answer")).to_contain_text("±")
     assert drawn_colours(page) > 300
     if TAKE_PICTURE:
@@ -90,16 +90,16 @@ def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., A
 def test_mouse_alone_and_a_pick_that_lights_up_everywhere(open_page: Callable[..., Any]) -> None:
     page, watched = open_page()
     page.get_by_role("button", name="Start the simulated cell").click()
-    capture_as_told(page, lambda: page.get_by_role("button", name="Capture", exact=False).first.click())
+    capture_as_told(page, lambda: page.locator("sc-actions .capture").click())
     page.get_by_role("button", name=re.compile("^Solve")).click()
-    dot = page.locator(".residual-plot .mark-point").nth(1)
+    dot = page.locator(".plot-captures .dot").nth(1)
     with page.expect_request(lambda request: request.url.endswith("/highlight")) as lit:
         dot.click()
     assert lit.value.post_data_json == {"capture": "p02"}
     expect(dot).to_have_class(re.compile("picked"))
     page.get_by_role("tab", name="Measure").click()
     expect(page.get_by_role("button", name="p02", exact=True)).to_have_attribute("aria-pressed", "true")
-    expect(page.locator("sc-quality h2")).to_contain_text("Picked capture p02")
+    expect(page.locator("sc-quality h2")).to_contain_text("Selected capture p02")
 
     # What changes the captures makes the result out of date, here and in the rail.
     page.get_by_role("checkbox", name="Use p03").uncheck()

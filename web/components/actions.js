@@ -1,11 +1,14 @@
 // The two things one does here, again and again: capture and solve. The primary button says what will happen.
 
-import { api, Problem } from "../api.js";
+import { api, Problem } from "../state/api.js";
 import { h } from "../dom.js";
-import { allowed, may } from "../me.js";
+import { allowed, may } from "../state/me.js";
 import { maybe, t } from "../texts.js";
-import { did } from "../undo.js";
+import { did } from "../state/undo.js";
 import { StateElement } from "./base.js";
+import { keep } from "./keep.js";
+import { stepName } from "./rail.js";
+import { remedies } from "./remedy.js";
 import { attempt, notify, say } from "./toasts.js";
 
 /** @import {FolderWatchElement} from "./folder-watch.js" */
@@ -19,20 +22,25 @@ export class ActionsElement extends StateElement {
   #capture = h("button", { type: "button", class: "capture", needs: "capture", "aria-keyshortcuts": "Space", onclick: () => void this.capture() }, this.#captureWords, h("kbd", { "aria-hidden": "true" }, t("key.space")));
   #solve = h("button", { type: "button", class: "solve", needs: "capture", "aria-keyshortcuts": "S", onclick: () => void this.solve() }, this.#solveWords, h("kbd", { "aria-hidden": "true" }, "S"));
   #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
+  #onWords = h("span", {});
+  #on = h("button", { type: "button", class: "primary", onclick: () => this.state.open(this.#next) }, this.#onWords);
+  #remedies = h("span", { class: "remedies row" });
+  #judged = "";
   #progress = h("div", { class: "job", hidden: true });
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
   #folder = wayIn(t("actions.folder"), () => this.intake?.chooseFolder());
   #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
+  /** @type {string | null} */ #next = null;
   #capturing = false;
   #followed = "";
 
   get parts() {
-    return /** @type {const} */ (["session", "guide", "job", "captures"]);
+    return /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view"]);
   }
 
   build() {
     this.append(
-      h("div", { class: "row" }, this.#look, this.#capture, this.#solve,
+      h("div", { class: "row" }, this.#remedies, this.#on, this.#look, this.#capture, this.#solve,
         h("span", { class: "ways-in" },
           this.#files,
           this.#folder,
@@ -43,23 +51,64 @@ export class ActionsElement extends StateElement {
   }
 
   update() {
-    const { session, guide, job, captures } = this.state;
+    const { session, job, captures, now, view } = this.state;
     const simulated = session?.simulated === true;
-    const ready = guide?.current.action === "solve";
-    this.#captureWords.textContent = maybe(`actions.capture_${captureStep(guide?.current.step) ?? ""}`, t("actions.capture"));
-    this.#solveWords.textContent = maybe(`actions.solve_${guide?.current.stage ?? ""}`, t("actions.solve"));
+    const ready = now?.action === "solve";
+    const solved = now?.action === "review";
+    // What is not accepted is mended by captures; where all is well, the way leads on.
+    const result = this.state.resultOf(this.state.step);
+    const mends = solved && result !== null && result.verdict !== "pass";
+    this.#next = mends ? null : nextStep(this.state);
+    const onward = this.#next !== null;
+    this.#onWords.textContent = t("guide.go_on", { step: stepName(this.state, this.#next ?? "") });
+    this.#on.hidden = !onward;
+    this.#captureWords.textContent = maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
+    this.#solveWords.textContent = maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
     this.#capture.hidden = !simulated;
     this.#watch.hidden = simulated;
     this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
-    const solved = guide?.current.action === "review";
-    this.#look.hidden = !solved;
+    this.#look.hidden = !solved || view === "result";
+    this.#look.classList.toggle("primary", !onward);
     this.#solve.hidden = solved;
-    this.#capture.classList.toggle("primary", !ready && !solved);
+    this.#capture.classList.toggle("primary", !ready && (!solved || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);
-    this.#files.className = simulated || ready || solved ? "plain wide" : "primary";
+    this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working || !may("capture")));
     this.#showJob();
+    void this.#offerRemedies();
     if (job && job.id === this.#followed) this.#ended();
+  }
+
+  /** What mends a failed result stands first, and nothing else is the main thing then. */
+  async #offerRemedies() {
+    const { state } = this;
+    const stage = state.stageOf(state.step);
+    const result = state.results[stage];
+    const judged = `${stage} ${result?.inputs_sha256} ${result?.stale}`;
+    if (judged === this.#judged) return this.#quiet();
+    this.#judged = judged;
+    const found = result ? await remedies(state, stage, result).catch(() => []) : [];
+    if (judged !== this.#judged) return;
+    this.#remedies.replaceChildren(...found.map(({ name, words, mend }, index) =>
+      h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", "aria-label": words, onclick: () => void mend() }, index ? name : words)));
+    this.#quiet();
+  }
+
+  #quiet() {
+    if (!this.#remedies.firstChild) return;
+    for (const button of [this.#on, this.#look, this.#capture, this.#solve]) button.classList.remove("primary");
+    this.#files.className = "plain wide";
+  }
+
+  /** The step that captures are taken for now; merging takes none of its own. */
+  get #step() {
+    const step = this.state.now?.step ?? this.state.step;
+    return step === this.state.stageOf(step) ? this.state.stages.find(({ name }) => name === step)?.steps?.[0] ?? step : step;
+  }
+
+  /** The stage that is solved now. */
+  get #stage() {
+    return this.state.now?.stage ?? this.state.stageOf(this.state.step);
   }
 
   #showJob() {
@@ -81,7 +130,7 @@ export class ActionsElement extends StateElement {
     if (!job || this.state.working) return;
     this.#followed = "";
     if (job.status === "done") {
-      this.state.show("result");
+      this.state.open(job.stage, "result");
       say(maybe(`actions.solved_${job.stage}`, t("actions.solved")));
     } else if (job.status === "failed") notify(job.error ? new Problem(job.error).message : t("actions.failed"), { bad: true });
     else notify(maybe(`actions.cancelled_${job.stage}`, t("actions.cancelled")));
@@ -94,8 +143,10 @@ export class ActionsElement extends StateElement {
     this.#capture.setAttribute("aria-disabled", "true");
     this.state.show("measure");
     await attempt(async () => {
-      const capture = await api.captureSimulated(this.state.id, captureStep(this.state.guide?.current.step));
-      did(t("captures.added", { captures: capture.id }), () => api.removeCapture(this.state.id, capture.id));
+      const { id } = this.state;
+      const capture = await api.captureSimulated(id, this.#step);
+      const kept = keep(id, [capture]);
+      did(t("captures.added", { captures: capture.id }), kept.remove, { redo: kept.restore });
       const { verdict, reason } = capture.measured;
       say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: reason ?? "" }));
       if (this.state.selected) this.state.select(null);
@@ -107,16 +158,19 @@ export class ActionsElement extends StateElement {
   async solve() {
     if (this.state.working || !this.state.captures.length || !allowed("capture")) return;
     await attempt(async () => {
-      const job = await api.solve(this.state.id, this.state.guide?.current.stage ?? "tcp");
+      const job = await api.solve(this.state.id, this.#stage);
       this.#followed = job.id;
       this.state.follows(job);
     });
   }
 }
 
-/** The step that captures are taken for now; merging takes none. @param {string | undefined} step */
-function captureStep(step) {
-  return step === "merge" ? "scan" : step;
+/** The step that asks for something while the open one asks for nothing. @param {import("../state/session.js").SessionState} state */
+function nextStep({ now, guide, step }) {
+  if (!guide || (now && now.action !== "review")) return null;
+  if (!now || guide.current.action !== "review") return guide.current.step === step ? null : guide.current.step;
+  const place = guide.steps.findIndex((one) => one.step === step);
+  return guide.steps.slice(place + 1).find(({ status }) => status === "todo" || status === "stale" || status === "working")?.step ?? null;
 }
 
 /** @param {string} text @param {() => void} action */

@@ -1,13 +1,13 @@
 // Who did what, and who was refused what: read a page at a time.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { mark } from "../icons.js";
 import { t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
-/** @import {AuditEntry} from "../model.js" */
+/** @import {AuditEntry} from "../state/model.js" */
 
 const HEADS = /** @type {const} */ (["audit.when", "audit.who", "audit.did", "audit.from", "audit.outcome"]);
 

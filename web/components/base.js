@@ -1,8 +1,8 @@
 // What every component of the session page has in common: it watches the parts of the state that it shows.
 
-import { SessionState } from "../state.js";
+import { SessionState } from "../state/session.js";
 
-/** @import {Part} from "../state.js" */
+/** @import {Part} from "../state/session.js" */
 
 export class StateElement extends HTMLElement {
   /** @type {SessionState | null} */ #state = null;

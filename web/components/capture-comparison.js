@@ -1,6 +1,6 @@
 // Two captures side by side: what was seen in each, and how the flange moved between them.
 
-import { api, Problem } from "../api.js";
+import { api, Problem } from "../state/api.js";
 import { h } from "../dom.js";
 import { fixed, integer, millimetres, small } from "../format.js";
 import { mark } from "../icons.js";
@@ -8,8 +8,8 @@ import { maybe, t } from "../texts.js";
 import { framePlot } from "./frame-plot.js";
 import { profilePlot } from "./profile-plot.js";
 
-/** @import {CaptureOut, Measured} from "../model.js" */
-/** @import {SessionState} from "../state.js" */
+/** @import {CaptureOut, Measured} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
 
 const DEGREE = Math.PI / 180;
 

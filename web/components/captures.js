@@ -1,41 +1,52 @@
-// The captures of the session: what each gave, whether it counts, and the ways to leave it out or take it back.
+// The captures of the step that is open: what each gave, whether it counts, and what can be done with one or several.
 
-import { api } from "../api.js";
+import { did, next, whenDeedsChange } from "../state/undo.js";
 import { h, keyed } from "../dom.js";
-import { fixed, small } from "../format.js";
-import { icon, mark } from "../icons.js";
-import { maybe, plural, t } from "../texts.js";
-import { did, lastDeed, undoLast, whenDeedsChange } from "../undo.js";
-import { isReplaceable, replaceCapture } from "../replace.js";
+import { icon } from "../icons.js";
+import { plural, t } from "../texts.js";
 import { StateElement } from "./base.js";
-import { pointsPlot } from "./frame-plot.js";
-import { profilePlot } from "./profile-plot.js";
+import { columnsFor, status } from "./capture-columns.js";
+import { copy } from "./copy.js";
+import { excludeCapture, excludeCaptures } from "./exclude.js";
+import { keep } from "./keep.js";
+import { isReplaceable, replaceCapture } from "./replace.js";
 import { tableDialog } from "./table-dialog.js";
 import { attempt } from "./toasts.js";
+import { redoLast, undoLast } from "./undo.js";
 
-/** @import {CaptureOut, Residual} from "../model.js" */
+/** @import {Column} from "./capture-columns.js" */
+/** @import {CaptureOut, Residual} from "../state/model.js" */
 
 const ROWS_AT_ONCE = 40;
+const MOST_ROWS = 240;
 
 export class CapturesElement extends StateElement {
   #count = h("h2", { id: "captures-title" });
+  #head = h("tr");
   #body = h("tbody");
-  #table = h(
-    "table", { class: "captures", "aria-labelledby": "captures-title" },
-    h("thead", {}, h("tr", {}, ...columns())), this.#body,
-  );
-
-  #undo = h("button", { type: "button", class: "plain wide", needs: "capture", hidden: true, onclick: () => void undoLast() }, icon("undo"), t("undo.button"));
+  #table = h("table", { class: "captures", "aria-labelledby": "captures-title" }, h("thead", {}, this.#head), this.#body);
+  #filter = h("input", { type: "search", class: "captures-filter", placeholder: t("captures.filter"), "aria-label": t("captures.filter"), oninput: () => this.#changed() });
+  #undo = deed("undo", undoLast);
+  #redo = deed("redo", redoLast);
+  #several = h("div", { class: "several row", role: "group", "aria-label": t("captures.several"), hidden: true });
+  #more = h("button", { type: "button", hidden: true, onclick: () => { this.#most += MOST_ROWS; this.#changed(); } }, t("start.more"));
+  #most = MOST_ROWS;
+  /** @type {Set<string>} */ #chosen = new Set();
+  /** @type {{ name: string, down: boolean }} */ #order = { name: "", down: false };
+  /** @type {Column[]} */ #columns = [];
   /** @type {(() => void) | null} */ #stopDeeds = null;
   /** @type {ReturnType<typeof setTimeout> | undefined} */ #timer;
   /** @type {WeakMap<Element, { capture: CaptureOut, told: string }>} */ #shown = new WeakMap();
 
   get parts() {
-    return /** @type {const} */ (["captures", "results", "selection"]);
+    return /** @type {const} */ (["captures", "results", "selection", "step"]);
   }
 
   build() {
-    this.append(h("div", { class: "row spread" }, this.#count, this.#undo), this.#table);
+    this.append(
+      h("div", { class: "row spread" }, this.#count, h("div", { class: "row" }, this.#filter, this.#undo, this.#redo,
+        h("button", { type: "button", class: "plain wide", onclick: () => void copy(this.#csv()) }, t("captures.csv")))),
+      this.#several, h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-labelledby": "captures-title" }, this.#table), this.#more);
   }
 
   connectedCallback() {
@@ -49,24 +60,36 @@ export class CapturesElement extends StateElement {
   }
 
   #offerUndo() {
-    const last = lastDeed();
-    this.#undo.hidden = last === null;
-    this.hidden = this.state.captures.length === 0 && last === null;
-    this.#table.hidden = this.state.captures.length === 0;
-    this.#table.classList.toggle("with-redo", this.state.captures.some((capture) => isReplaceable(capture, this.state.session?.simulated === true)));
-    const words = t("undo.what", { what: last ?? "" });
-    this.#undo.setAttribute("aria-label", words);
-    this.#undo.title = `${words} (Ctrl+Z)`;
+    const { undo, redo } = next();
+    for (const [button, what] of /** @type {const} */ ([[this.#undo, undo], [this.#redo, redo]])) {
+      button.hidden = what === null;
+      const words = t(button === this.#undo ? "undo.what" : "redo.what", { what: what ?? "" });
+      button.setAttribute("aria-label", words);
+      button.title = `${words} (${button === this.#undo ? "Ctrl+Z" : "Ctrl+Shift+Z"})`;
+    }
+    this.hidden = this.state.stepCaptures.length === 0 && undo === null && redo === null;
+  }
+
+  #changed() {
+    this.update();
   }
 
   update() {
-    const { captures } = this.state;
+    const captures = this.state.stepCaptures;
     this.#offerUndo();
     this.#count.textContent = plural(captures.length, "captures.one", "captures.many");
-    const residuals = this.#residuals();
+    const residuals = residualsOf(this.state);
+    const columns = columnsFor(captures, residuals);
+    const names = (/** @type {Column[]} */ all) => all.map(({ name }) => name).join();
+    const same = names(columns) === names(this.#columns);
+    this.#columns = columns;
+    if (!same || !this.#head.firstChild) this.#drawHead();
+    if (!same) this.#shown = new WeakMap();
+    const found = this.#sorted(captures, residuals);
+    this.#more.hidden = found.length <= this.#most;
     /** @type {(() => void)[]} */ const later = [];
     let filled = 0;
-    keyed(this.#body, captures, (capture) => capture.id, () => h("tr"), (row, capture) => {
+    keyed(this.#body, found.slice(0, this.#most), (capture) => capture.id, () => h("tr"), (row, capture) => {
       const residual = residuals.get(capture.id);
       this.#mark(row, capture);
       if (!this.#differs(row, capture, residual)) return;
@@ -74,6 +97,7 @@ export class CapturesElement extends StateElement {
       else later.push(() => this.#fill(row, capture, residual));
     });
     this.#fillLater(later);
+    this.#offerSeveral();
   }
 
   /** Fill the rest of a long table a few rows at a time, so that the page stays fluid. @param {(() => void)[]} rows */
@@ -86,9 +110,41 @@ export class CapturesElement extends StateElement {
     });
   }
 
-  #residuals() {
-    const rows = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals ?? [])));
-    return new Map(rows.map((row) => [row.capture, row]));
+  /** @param {CaptureOut[]} captures @param {Map<string, Residual>} residuals */
+  #sorted(captures, residuals) {
+    const words = this.#filter.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const found = words.length ? captures.filter((capture) => {
+      const residual = residuals.get(capture.id);
+      const text = [capture.id, capture.mount, residual?.reason, capture.measured.reason, status(capture, residual).textContent].join(" ").toLowerCase();
+      return words.every((word) => text.includes(word));
+    }) : captures;
+    const column = this.#columns.find(({ name }) => name === this.#order.name);
+    if (!column) return found;
+    const value = (/** @type {CaptureOut} */ capture) => column.value(capture, residuals.get(capture.id));
+    const sign = this.#order.down ? -1 : 1;
+    return [...found].sort((a, b) => sign * compare(value(a), value(b)));
+  }
+
+  #drawHead() {
+    const all = h("input", { type: "checkbox", "aria-label": t("captures.select_all"), onchange: () => {
+      this.#chosen = new Set(all.checked ? this.state.stepCaptures.map(({ id }) => id) : []);
+      this.#shown = new WeakMap();
+      this.update();
+    } });
+    const hidden = (/** @type {"column.picture"} */ key) => h("th", { scope: "col" }, h("span", { class: "visually-hidden" }, t(key)));
+    this.#head.replaceChildren(
+      h("th", { scope: "col", class: "select" }, all), hidden("column.picture"),
+      ...this.#columns.map(({ name, title, right }) => h("th", { scope: "col", class: right ? "right" : "", "aria-sort": this.#order.name === name ? (this.#order.down ? "descending" : "ascending") : "none" },
+        h("button", { type: "button", class: "plain sort", onclick: () => this.#sortBy(name) }, title, this.#order.name === name && (this.#order.down ? " ↓" : " ↑")))),
+      h("th", { scope: "col" }, t("column.counts")), hidden(/** @type {"column.picture"} */ ("column.delete")));
+  }
+
+  /** @param {string} name */
+  #sortBy(name) {
+    this.#order = this.#order.name !== name ? { name, down: false } : this.#order.down ? { name: "", down: false } : { name, down: true };
+    this.#drawHead();
+    this.update();
+    this.#head.querySelectorAll("button")[this.#columns.findIndex((one) => one.name === name)]?.focus();
   }
 
   /** @param {Element} row @param {CaptureOut} capture */
@@ -115,109 +171,96 @@ export class CapturesElement extends StateElement {
    * @param {Residual | undefined} residual
    */
   #fill(row, capture, residual) {
-    const told = JSON.stringify(residual ?? null);
-    this.#shown.set(row, { capture, told });
+    this.#shown.set(row, { capture, told: JSON.stringify(residual ?? null) });
     const focused = row.contains(document.activeElement) ? document.activeElement?.className : "";
     row.classList.toggle("out", capture.excluded === true || residual?.used === false);
-    row.replaceChildren(...this.#cells(capture, residual, this.state.selected === capture.id));
+    row.replaceChildren(...this.#cells(capture, residual));
+    this.#mark(row, capture);
     if (focused) /** @type {HTMLElement | null} */ (row.querySelector(`.${focused.split(" ").at(-1)}`))?.focus();
   }
 
-  /**
-   * @param {CaptureOut} capture
-   * @param {Residual | undefined} residual
-   * @param {boolean} picked
-   */
-  #cells(capture, residual, picked) {
-    const { measured } = capture;
-    const rms = residual?.surface_rms_mm ?? residual?.line_rms_mm ?? measured.rms_mm;
+  /** @param {CaptureOut} capture @param {Residual | undefined} residual */
+  #cells(capture, residual) {
+    const { id } = capture;
+    const choose = h("input", { type: "checkbox", class: "choose", "aria-label": t("captures.select", { capture: id }), ".checked": this.#chosen.has(id), onchange: () => {
+      if (choose.checked) this.#chosen.add(id);
+      else this.#chosen.delete(id);
+      this.#offerSeveral();
+    } });
     return [
-      h("td", { class: "thumb" }, (measured.preview ?? []).length > 0 && thumbnail(capture)),
-      h("td", {}, h("button", { type: "button", class: "plain pick", "aria-pressed": String(picked), onclick: () => this.state.select(capture.id) }, capture.id)),
-      h("td", { class: "pose" }, this.#place(capture), pose(capture), residual?.used === false && residual.reason && h("span", { class: "why", title: residual.reason }, residual.reason)),
-      h("td", { class: "right number" }, measured.zone === null || measured.zone === undefined ? "–" : fixed(measured.zone, 2)),
-      h("td", { class: "right number" }, typeof residual?.rms_px === "number" ? `±${fixed(residual.rms_px, 2)} px` : rms === null || rms === undefined ? "–" : `±${small(rms)}`),
-      h("td", { class: "state" }, status(capture, residual)),
-      h("td", { class: "use" }, this.#toggle(capture)),
-      h("td", { class: "right deeds" }, this.#redo(capture), h("button", { type: "button", class: "plain icon remove", needs: "capture", "aria-label": t("captures.remove", { capture: capture.id }), title: t("captures.remove", { capture: capture.id }), onclick: () => this.#remove(capture) }, icon("trash"))),
+      h("td", { class: "select" }, choose),
+      h("td", { class: "thumb" }, columnsFor.picture(capture)),
+      ...this.#columns.map((column) => h("td", { class: `${column.name} ${column.right ? "right number" : ""}` }, this.#cell(column, capture, residual))),
+      h("td", { class: "use" }, h("input", { type: "checkbox", class: "toggle", needs: "capture", "aria-label": t("captures.use", { capture: id }), ".checked": !capture.excluded, onchange: () => excludeCapture(this.state.id, capture) })),
+      h("td", { class: "right deeds" }, this.#again(capture), h("button", { type: "button", class: "plain icon remove", needs: "capture", "aria-label": t("captures.remove", { capture: id }), title: t("captures.remove", { capture: id }), onclick: () => this.#remove([capture]) }, icon("trash"))),
     ];
   }
 
+  /** @param {Column} column @param {CaptureOut} capture @param {Residual | undefined} residual */
+  #cell(column, capture, residual) {
+    if (column.name === "id") return h("button", { type: "button", class: "plain pick", "aria-pressed": "false", onclick: () => this.state.select(capture.id) }, capture.id);
+    if (column.name !== "table") return column.cell(capture, residual);
+    const words = String(column.cell(capture, residual));
+    return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: () => tableDialog(this.state.id, capture) }, words);
+  }
+
   /** The way to take it again from the same pose. @param {CaptureOut} capture */
-  #redo(capture) {
+  #again(capture) {
     const simulated = this.state.session?.simulated === true;
-    if (!isReplaceable(capture, simulated)) return null;
+    if (!isReplaceable(capture, simulated, this.state.shows(capture.step).startsWith("sphere"))) return null;
     const words = t(simulated ? "captures.again" : "captures.redo", { capture: capture.id });
     return h("button", { type: "button", class: "plain icon redo", needs: "capture", "aria-label": words, title: words, onclick: () => replaceCapture(this.state, capture) }, icon("redo"));
   }
 
-  /** Where the table stood, and the way to correct it. @param {CaptureOut} capture */
-  #place(capture) {
-    if (capture.step !== "turntable" && typeof capture.table_deg !== "number") return null;
-    const angle = typeof capture.table_deg === "number" ? `${fixed(capture.table_deg, Number.isInteger(capture.table_deg) ? 0 : 3)}°` : t("captures.no_angle");
-    const words = capture.mount ? `${angle} · ${capture.mount}` : angle;
-    return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: () => tableDialog(this.state.id, capture) }, words);
+  #offerSeveral() {
+    const chosen = this.state.stepCaptures.filter(({ id }) => this.#chosen.has(id));
+    this.#several.hidden = chosen.length === 0;
+    if (!chosen.length) return;
+    const exclude = (/** @type {boolean} */ excluded) => void excludeCaptures(this.state.id, chosen, excluded);
+    this.#several.replaceChildren(
+      h("strong", {}, t("captures.selected", { count: chosen.length })),
+      h("button", { type: "button", needs: "capture", onclick: () => exclude(true) }, t("captures.exclude")),
+      h("button", { type: "button", needs: "capture", onclick: () => exclude(false) }, t("captures.include")),
+      h("button", { type: "button", needs: "capture", onclick: () => void this.#remove(chosen) }, t("captures.delete")));
   }
 
-  /** @param {CaptureOut} capture */
-  #toggle(capture) {
-    const { id } = this.state;
-    const excluded = capture.excluded === true;
-    const change = () => attempt(async () => {
-      await api.changeCapture(id, capture.id, { excluded: !excluded });
-      did(t(excluded ? "captures.taken_in" : "captures.left_out", { capture: capture.id }), () => api.changeCapture(id, capture.id, { excluded: capture.excluded ?? null }));
-    });
-    return h("input", { type: "checkbox", class: "toggle", needs: "capture", "aria-label": t("captures.use", { capture: capture.id }), ".checked": !capture.excluded, onchange: change });
-  }
-
-  /** @param {CaptureOut} capture */
-  async #remove(capture) {
-    const { id } = this.state;
+  /** @param {readonly CaptureOut[]} captures */
+  async #remove(captures) {
+    const { remove, restore } = keep(this.state.id, captures);
+    const [first] = captures;
     await attempt(async () => {
-      const { measured: _, ...record } = capture;
-      const files = await Promise.all((capture.files ?? []).map((name) => api.captureFile(id, capture.id, name)));
-      await api.removeCapture(id, capture.id);
-      did(t("captures.removed", { capture: capture.id }), () => api.addCapture(id, record, files), { tell: true });
+      await remove();
+      for (const { id } of captures) this.#chosen.delete(id);
+      this.#offerSeveral();
+      did(captures.length === 1 && first ? t("captures.removed", { capture: first.id }) : t("captures.removed_many", { count: captures.length }), restore, { tell: true, redo: remove });
     });
+  }
+
+  /** What stands in the table, as a spreadsheet takes it. */
+  #csv() {
+    const residuals = residualsOf(this.state);
+    const quoted = (/** @type {unknown} */ value) => (/[",\n]/.test(String(value ?? "")) ? `"${String(value).replaceAll('"', '""')}"` : String(value ?? ""));
+    const lines = this.#sorted(this.state.stepCaptures, residuals).map((capture) => this.#columns.map((column) => quoted(column.value(capture, residuals.get(capture.id)))));
+    return [this.#columns.map(({ title }) => quoted(title)), ...lines].map((cells) => cells.join(",")).join("\n");
   }
 }
 
-function columns() {
-  const heads = /** @type {const} */ (["picture", "id", "pose", "zone", "rms", "state", "counts", "delete"]);
-  const hidden = new Set(["picture", "delete"]);
-  const right = new Set(["zone", "rms"]);
-  return heads.map((head) => {
-    const text = t(`column.${head}`);
-    return h("th", { scope: "col", class: right.has(head) && "right" }, hidden.has(head) ? h("span", { class: "visually-hidden" }, text) : text);
-  });
+/** What the open step's result says of each capture; what is out of date says nothing. @param {import("../state/session.js").SessionState} state */
+export function residualsOf(state) {
+  const own = state.resultOf(state.step);
+  const results = [...Object.values(state.results), ...(own ? [own] : [])].filter(({ stale }) => !stale || "timeline" in state);
+  return new Map(results.flatMap(({ residuals = [] }) => /** @type {Residual[]} */ (residuals).map((row) => /** @type {const} */ ([row.capture, row]))));
 }
 
-/** @param {CaptureOut} capture */
-export function thumbnail(capture) {
-  const plot = capture.measured.image_size ? pointsPlot(capture) : profilePlot(capture.measured, { width: 48, height: 28, scale: false, most: 60 });
-  plot.removeAttribute("role");
-  plot.removeAttribute("aria-label");
-  plot.setAttribute("aria-hidden", "true");
-  return plot;
+/** @param {string | number | null} a @param {string | number | null} b */
+function compare(a, b) {
+  if (a === null || b === null) return Number(a === null) - Number(b === null);
+  return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true });
 }
 
-/** @param {CaptureOut} capture */
-export function pose({ pose: numbers, step }) {
-  if (!numbers) return step === "camera" || step === "laser-plane" ? null : h("span", { class: "soft" }, t("captures.no_pose"));
-  const text = numbers.map((number) => fixed(number, Math.abs(number) < 4 ? 3 : 1)).join("  ");
-  return h("span", { class: "number", title: numbers.join(" ") }, text);
-}
-
-/**
- * @param {CaptureOut} capture
- * @param {Residual | undefined} residual
- */
-export function status(capture, residual) {
-  if (capture.excluded) return mark("todo", t("captures.excluded"));
-  if (residual?.used === false) return mark("fail", t("captures.rejected"));
-  if (residual) return mark("pass", t("captures.used"));
-  const { verdict } = capture.measured;
-  return mark(verdict, maybe(`quality.${verdict}`, verdict));
+/** @param {"undo" | "redo"} what @param {() => Promise<void>} act */
+function deed(what, act) {
+  return h("button", { type: "button", class: "plain icon", needs: "capture", hidden: true, onclick: () => void act() }, icon(what));
 }
 
 customElements.define("sc-captures", CapturesElement);

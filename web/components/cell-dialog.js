@@ -1,24 +1,20 @@
 // The cell in three fields, for a new session or to correct one; the rest stands under "more".
 
-import { api, Problem } from "../api.js";
+import { api, Problem } from "../state/api.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { go } from "../router.js";
-import { t } from "../texts.js";
-import { did, patchBack } from "../undo.js";
+import { conventions } from "../state/registries.js";
+import { maybe, t } from "../texts.js";
+import { did, patchBack } from "../state/undo.js";
+import { conventionWords } from "./pose-columns.js";
+import { attempt } from "./toasts.js";
 
 /** @import {Cell} from "../api-types.js" */
-/** @import {Kind, PoseConvention, SessionBody, SessionOut} from "../model.js" */
+/** @import {ConventionInfo, Kind, PoseConvention, SessionBody, SessionOut} from "../state/model.js" */
 
 /** Captures that come every moment change the session as well. */
 const MOST_TURNS = 8;
-/** @type {readonly (readonly [string, PoseConvention])[]} */
-const BRANDS = [
-  ["ABB", "abb"], ["FANUC", "fanuc"], ["Kawasaki", "kawasaki"], ["KUKA", "kuka"], ["Mitsubishi", "mitsubishi"], ["Nachi", "nachi"],
-  ["Stäubli", "staubli"], ["Universal Robots", "ur"], ["Yaskawa", "yaskawa"], ["ROS", "ros"],
-];
-/** @type {readonly PoseConvention[]} */
-const NEUTRAL = ["quaternion-xyzw", "quaternion-wxyz", "matrix"];
 /** @type {readonly Kind[]} */
 const KINDS = ["profile", "cloud", "center", "frame"];
 /** @type {readonly NonNullable<Cell["board"]>["kind"][]} */
@@ -40,13 +36,10 @@ function kindField() {
   return h("select", { name: "kind" }, ...KINDS.map((kind) => h("option", { value: kind }, t(/** @type {"kind.profile"} */ (`kind.${kind}`)))));
 }
 
-function brandField() {
-  return h(
-    "select", { name: "convention", required: true },
-    h("option", { value: "" }, t("new.choose")),
-    h("optgroup", { label: t("new.brands") }, ...BRANDS.map(([brand, value]) => h("option", { value }, `${brand} (${t(/** @type {"numbers.abb"} */ (`numbers.${value}`))})`))),
-    h("optgroup", { label: t("new.neutral") }, ...NEUTRAL.map((value) => h("option", { value }, t(/** @type {"convention.matrix"} */ (`convention.${value}`))))),
-  );
+/** @param {ConventionInfo[]} conventions */
+function brandField(conventions) {
+  const options = conventions.map((one) => ({ value: one.name, words: conventionWords(one) })).sort((a, b) => a.words.localeCompare(b.words));
+  return h("select", { name: "convention", required: true }, h("option", { value: "" }, t("new.choose")), ...options.map(({ value, words }) => h("option", { value }, words)));
 }
 
 /** The board's fields; needed only where raw camera frames come in. */
@@ -86,10 +79,10 @@ function typed(form, name) {
 
 /** @param {FormData} form @returns {SessionBody} */
 function bodyOf(form) {
-  const brand = BRANDS.find(([, value]) => value === form.get("convention"))?.[0];
+  const convention = String(form.get("convention"));
   const z = form.get("z_axis");
   return {
-    name: String(form.get("name") ?? "").trim() || t("new.default_name", { robot: brand ?? t("new.any_robot"), date: when(new Date().toISOString()) }),
+    name: String(form.get("name") ?? "").trim() || t("new.default_name", { robot: maybe(`convention.${convention}`, convention), date: when(new Date().toISOString()) }),
     cell: {
       pose_convention: /** @type {PoseConvention} */ (form.get("convention")),
       sphere_diameter_mm: typed(form, "diameter"),
@@ -97,7 +90,7 @@ function bodyOf(form) {
       scanner: { kind: /** @type {Kind} */ (form.get("kind")), point_sigma_mm: typed(form, "point_sigma"), z_axis: z === "away" || z === "toward" ? z : undefined },
       board: boardOf(form),
       turntable: form.get("turntable") ? {} : undefined,
-      robot: { brand, position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma") },
+      robot: { position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma") },
     },
   };
 }
@@ -156,13 +149,16 @@ function asChange(body) {
 }
 
 /** @param {SessionOut} [session] the one to correct; a new one otherwise */
-export function cellDialog(session) {
+export const cellDialog = (session) => attempt(async () => open(await conventions(), session));
+
+/** @param {ConventionInfo[]} conventions @param {SessionOut} [session] */
+function open(conventions, session) {
   const alarm = h("p", { class: "form-problem", role: "alert", hidden: true });
   const form = h(
     "form", { method: "dialog", novalidate: true },
     h("h2", { id: "new-title" }, t(session ? "new.correct" : "new.title")),
     field("new-kind", t("new.kind"), kindField()),
-    field("new-convention", t("new.brand"), brandField(), t("new.brand_hint")),
+    field("new-convention", t("new.brand"), brandField(conventions), t("new.brand_hint")),
     field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
     boardFields(),
     h("details", {}, h("summary", {}, t("new.more")), h("div", { class: "more-fields" },
@@ -237,7 +233,10 @@ async function submit(form, alarm, dialog, base) {
     const stored = base.session ? await changed(base, base.session, asChange(body)) : await api.createSession(body);
     const { session } = base;
     dialog.close();
-    if (session) did(t("cell.changed"), () => api.changeSession(session.id, { name: session.name, cell: patchBack(session.cell, stored.cell) }));
+    if (session) {
+      const set = (/** @type {SessionOut} */ to, /** @type {SessionOut} */ from) => api.changeSession(session.id, { name: to.name, cell: patchBack(to.cell, from.cell) });
+      did(t("cell.changed"), () => set(session, stored), { redo: () => set(stored, session) });
+    }
     else go(`/sessions/${stored.id}`);
   } catch (error) {
     if (!(error instanceof Problem)) throw error;

@@ -1,21 +1,19 @@
 // Two results side by side: what was changed, how far the frames lie apart in units of their uncertainty and at the
 // workpiece in mm, the figures, and the residuals.
 
-import { h, s } from "../dom.js";
+import { h } from "../dom.js";
 import { fixed, integer, plusMinus, significant, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
-import { K } from "../steps/parts.js";
-import { BAND } from "./residual-plot.js";
+import { plot } from "./plot.js";
 
-/** @import {Change, Comparison, FrameDifference, RowDifference} from "../model.js" */
+/** @import {Change, Comparison, FrameDifference, RowDifference} from "../state/model.js" */
 
 const RARE = 0.05;
-const WIDTH = 560;
-const HEIGHT = 184;
-const LEFT = 48;
-const BOTTOM = 26;
-const TOP = 16;
+/** Uncertainties are shown expanded. */
+const K = 2;
+/** The 95 % quantile of the distance of three independent standard normal numbers. */
+const BAND = 2.795;
 
 /**
  * @param {Comparison} comparison
@@ -60,7 +58,6 @@ function frameSection(frame, { shared }, names) {
     }))),
     frame.frame !== "camera_from_laser" && h("p", { class: "workpiece" }, t("comparison.at_workpiece", {
       distance: small(frame.at_workpiece_mm), sigma: small(frame.at_workpiece_sigma_mm * K),
-      point: frame.point_mm.map((value) => fixed(value, 0)).join(", "), where: t(frame.frame === "tool0_from_laser" ? "workpiece.in_laser" : "workpiece.in_table"),
     })),
     h("table", { class: "number compare" },
       head(t("compare.what"), t("comparison.difference", names), t("comparison.combined"), t("comparison.in_sigmas")), h("tbody", {}, ...rows)),
@@ -163,38 +160,10 @@ function valueWords(figure, value) {
 
 /** @param {RowDifference[]} rows @param {{ left: string, right: string }} names */
 function pairPlot(rows, names) {
-  // What was rejected may lie far off; it is drawn at the edge.
-  const values = rows.flatMap((row) => [row.left_used ? row.left?.["mahalanobis"] : 0, row.right_used ? row.right?.["mahalanobis"] : 0]).filter((value) => typeof value === "number");
-  const top = Math.min(12, Math.max(4, Math.ceil(Math.max(0, ...values) + 0.5)));
-  const width = Math.max(WIDTH, LEFT + rows.length * 16);
-  const x = (/** @type {number} */ index) => LEFT + ((index + 0.5) * (width - LEFT)) / rows.length;
-  const y = (/** @type {number} */ value) => TOP + (HEIGHT - TOP - BOTTOM) * (1 - Math.min(value / top, 1));
-  const every = Math.ceil(rows.length / 14);
-  return h(
-    "div", { class: "plot-holder" },
-    s("svg", { class: "residual-plot pair-plot", viewBox: `0 0 ${width} ${HEIGHT}`, style: `max-width: ${width}px`, role: "img", "aria-label": t("comparison.plot", names) },
-      s("rect", { class: "band", x: LEFT, y: y(BAND), width: width - LEFT, height: y(0) - y(BAND) }),
-      ...[0, 2, 4, 6, 8, 10, 12].filter((value) => value <= top).flatMap((value) => [
-        s("path", { class: "grid", d: `M${LEFT} ${y(value).toFixed(1)}H${width}` }),
-        s("text", { class: "tick", x: LEFT - 8, y: y(value) + 4, "text-anchor": "end" }, value ? `${value} σ` : "0"),
-      ]),
-      ...rows.flatMap((row, index) => (index % every ? [] : [s("text", { class: "tick", x: x(index), y: HEIGHT - 8, "text-anchor": "middle" }, row.capture)])),
-      ...rows.flatMap((row, index) => pair(row, x(index), y))),
-    h("p", { class: "legend small" },
-      h("span", { class: "key key-hollow" }, names.left), h("span", { class: "key key-used" }, names.right),
-      h("span", { class: "key key-out" }, t("residuals.out")), h("span", { class: "key key-band" }, t("residuals.band"))),
-  );
-}
-
-/** @param {RowDifference} row @param {number} x @param {(value: number) => number} y */
-function pair(row, x, y) {
-  return /** @type {const} */ (["left", "right"]).flatMap((side) => {
-    const value = row[side]?.["mahalanobis"];
-    if (typeof value !== "number") return [];
-    const at = x + (side === "left" ? -3 : 3);
-    const used = side === "left" ? row.left_used : row.right_used;
-    return [used
-      ? s("circle", { class: side === "left" ? "dot hollow" : "dot", cx: at, cy: y(value), r: 4 })
-      : s("path", { class: "cross", d: `M${at - 4} ${y(value) - 4}l8 8m0 -8l-8 8` })];
-  });
+  const series = /** @type {const} */ (["left", "right"]).map((side) => ({
+    label: names[side], captures: rows.map(({ capture }) => capture),
+    y: rows.map((row) => { const value = row[side]?.["mahalanobis"]; return typeof value === "number" ? value : null; }),
+    reasons: rows.map((row) => (side === "left" ? row.left_used : row.right_used) === false ? (side === "left" ? row.left_reason : row.right_reason) ?? t("captures.rejected") : null),
+  }));
+  return plot({ kind: "plot", shape: "captures", caption: t("comparison.plot", names), x: { label: t("column.id") }, y: { label: t("comparison.in_sigmas"), low: 0, unit: "σ" }, series, band: { low: 0, high: BAND, label: t("comparison.band") } });
 }

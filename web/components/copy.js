@@ -14,7 +14,7 @@ export function copyButton(text, label) {
 }
 
 /** @param {string} text */
-async function copy(text) {
+export async function copy(text) {
   if (navigator.clipboard) {
     await navigator.clipboard.writeText(text);
   } else {

@@ -1,16 +1,16 @@
 // A folder on the server whose files become captures: chosen here, and followed while it is watched.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
 import { StateElement } from "./base.js";
+import { stepName } from "./rail.js";
 import { attempt } from "./toasts.js";
 
-/** @import {FolderState, FolderWatch} from "../model.js" */
+/** @import {FolderState, FolderWatch} from "../state/model.js" */
 
 const LOOK_EVERY_MS = 2000;
-const STEPS = /** @type {const} */ (["camera", "laser-plane", "tcp", "turntable", "verify", "scan"]);
 
 export class FolderWatchElement extends StateElement {
   /** @type {FolderState | null} */ #now = null;
@@ -18,7 +18,7 @@ export class FolderWatchElement extends StateElement {
   #told = "";
   #open = false;
   #folder = h("select", { id: "watch-folder" });
-  #step = h("select", { id: "watch-step" }, ...STEPS.map((step) => h("option", { value: step }, t(`step.${step}`))));
+  #step = h("select", { id: "watch-step" });
   #panel = h(
     "section", { class: "panel", "aria-labelledby": "watch-title", hidden: true },
     h("div", { class: "row spread" }, h("h2", { id: "watch-title" }, t("watch.title")), h("button", { type: "button", class: "plain", onclick: () => this.#close() }, t("close"))),
@@ -50,14 +50,10 @@ export class FolderWatchElement extends StateElement {
   async open() {
     this.#open = true;
     await attempt(() => this.#load());
-    this.#step.value = this.#likelyStep();
+    const { step, captureSteps } = this.state;
+    this.#step.replaceChildren(...captureSteps.map((one) => h("option", { value: one, selected: one === step }, stepName(this.state, one))));
     this.#show();
     if (this.#now?.available) this.#folder.focus();
-  }
-
-  #likelyStep() {
-    const step = this.state.guide?.current.step ?? "tcp";
-    return STEPS.some((one) => one === step) ? step : "tcp";
   }
 
   #close() {

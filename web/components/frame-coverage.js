@@ -4,7 +4,7 @@ import { h, s } from "../dom.js";
 import { fixed } from "../format.js";
 import { t } from "../texts.js";
 
-/** @import {CaptureOut} from "../model.js" */
+/** @import {CaptureOut} from "../state/model.js" */
 
 const CELLS = /** @type {const} */ ([8, 6]);
 const SHARPEST_PX = 1;

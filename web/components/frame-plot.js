@@ -1,10 +1,10 @@
 // A raw frame with what was found in it: the board's corners or the stripe.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { s } from "../dom.js";
 import { t } from "../texts.js";
 
-/** @import {CaptureOut} from "../model.js" */
+/** @import {CaptureOut} from "../state/model.js" */
 
 /**
  * What was found in a frame without the frame itself: for lists, which should not load a picture a row.

@@ -1,19 +1,20 @@
 // One thing to do now: its drawing, its reason, how much of it is left, and when it is enough.
 
 import { h, make } from "../dom.js";
-import { maybe, t } from "../texts.js";
+import { t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { copyButton } from "./copy.js";
 import { DrawingElement } from "./drawing.js";
+import { stepName } from "./rail.js";
 
-/** @import {GuideNow} from "../model.js" */
+/** @import {GuideNow} from "../state/model.js" */
 
 export class GuideElement extends StateElement {
   #drawing = make(DrawingElement);
   #words = h("div", { class: "guide-words", "aria-live": "polite" });
 
   get parts() {
-    return /** @type {const} */ (["guide"]);
+    return /** @type {const} */ (["guide", "step", "results"]);
   }
 
   build() {
@@ -21,22 +22,35 @@ export class GuideElement extends StateElement {
   }
 
   update() {
-    const { guide } = this.state;
+    const { guide, now, step } = this.state;
     if (!guide) return;
-    this.#drawing.name = guide.current.drawing;
-    this.#words.replaceChildren(...words(guide.current));
+    this.#drawing.name = now?.drawing ?? "cell";
+    this.#words.replaceChildren(...(now ? words(now, stepName(this.state, step)) : this.#elsewhere()));
+  }
+
+  /** A step that asks for nothing now: where it stands, and the way on. */
+  #elsewhere() {
+    const { state } = this;
+    const told = state.guide?.steps.find((one) => one.step === state.step);
+    const current = state.guide?.current.step ?? "";
+    return [
+      h("p", { class: "guide-progress" }, stepName(state, state.step)),
+      h("h1", {}, t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
+      h("p", { class: "soft" }, told?.note ?? ""),
+      h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),
+    ];
   }
 }
 
-/** @param {GuideNow} now */
-function words(now) {
+/** @param {GuideNow} now @param {string} name of the step */
+function words(now, name) {
   return [
-    h("p", { class: "guide-progress" }, maybe(`step.${now.step}`, now.step), rest(now)),
+    h("p", { class: "guide-progress" }, name, rest(now)),
     h("h1", {}, now.instruction),
-    reason(t("guide.why"), now.why),
-    reason(t("guide.exit"), now.exit),
+    now.why && h("p", { class: "soft" }, now.why),
+    now.exit && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", now.exit),
     suggestion(now),
-  ].filter((part) => part !== null);
+  ].filter((part) => part instanceof Node);
 }
 
 /** @param {GuideNow} now */
@@ -45,20 +59,13 @@ function rest({ progress, still_needed: needed }) {
   return h("span", { class: "soft" }, ...parts.map((part) => ` · ${part}`));
 }
 
-/** @param {string} name @param {string} text */
-function reason(name, text) {
-  return text ? h("p", { class: "soft" }, h("strong", {}, name), " ", text) : null;
-}
-
 /** A pose that would help, as the controller writes it. @param {GuideNow} now */
 function suggestion({ suggested_pose_numbers: numbers, suggested_note: note }) {
   if (!numbers) return null;
   const text = numbers.join(" ");
-  return h("div", {},
-    h("details", { class: "suggestion" }, h("summary", {}, t("guide.pose")),
-      h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy")))),
-    note ? h("p", { class: "soft small" }, note) : null,
-  );
+  return h("details", { class: "suggestion" }, h("summary", {}, t("guide.pose")),
+    h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
+    note ? h("p", { class: "soft small" }, note) : null);
 }
 
 customElements.define("sc-guide", GuideElement);

@@ -1,13 +1,14 @@
 // All results that a stage ever had, read when it is opened; each beside the latest, and the session as it was then.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
+import { registry } from "../state/registries.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, plural, t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
-/** @import {PastResult} from "../model.js" */
+/** @import {PastResult} from "../state/model.js" */
 
 /**
  * @param {string} sessionId
@@ -46,5 +47,15 @@ export function resultLinks(sessionId, stage) {
     h("a", { class: "button", href: api.reportAddress(sessionId), target: "_blank", rel: "noopener" }, t("result.report")),
     h("a", { class: "button", href: `/sessions/${id}/review` }, t("result.review")),
     h("a", { class: "button", href: `/compare?${new URLSearchParams({ stage, left: sessionId })}` }, t("result.compare")),
-    h("a", { class: "button", href: api.archiveAddress(sessionId), download: "" }, t("review.archive")));
+    h("a", { class: "button", href: api.archiveAddress(sessionId), download: "" }, t("review.archive")), exportMenu(sessionId));
+}
+
+/** The answer in another program's syntax: one entry for each export that the server has. @param {string} sessionId */
+function exportMenu(sessionId) {
+  const list = h("select", { class: "export-menu", "aria-label": t("result.export"), onchange: () => {
+    if (list.value) window.location.assign(api.exportAddress(sessionId, list.value));
+    list.value = "";
+  } }, h("option", { value: "" }, t("result.export")));
+  void attempt(async () => list.append(...(await registry("exports")).map(({ name, title }) => h("option", { value: name }, title))));
+  return list;
 }

@@ -1,26 +1,24 @@
 // Getting captures in: files dropped or chosen, pose lines pasted, both laid side by side before anything is stored.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h, make } from "../dom.js";
-import { chosen, dropped, isMeasurement, kindOf, match, sessionFolder, stemOf } from "../files.js";
+import { chosen, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
-import { did } from "../undo.js";
-import { freeId, send } from "../upload.js";
+import { did } from "../state/undo.js";
+import { freeId, send, takeWaiting } from "../state/upload.js";
 import { StateElement } from "./base.js";
+import { keep } from "./keep.js";
 import { PoseColumnsElement } from "./pose-columns.js";
+import { stepName } from "./rail.js";
 import { attempt, notify } from "./toasts.js";
 
-/** @import {Found} from "../files.js" */
-/** @import {Capture, ParsedPose} from "../model.js" */
-/** @import {Outcome, Parcel} from "../upload.js" */
+/** @import {Found} from "../state/files.js" */
+/** @import {Capture, ParsedPose} from "../state/model.js" */
+/** @import {Outcome, Parcel} from "../state/upload.js" */
 
 const READ_AFTER_MS = 200;
-const ACCEPT = ".csv,.txt,.npy,.ply,.pcd,.xyz,.json,.png,.tif,.tiff,.bmp,.jpg,.jpeg";
-const STEPS = /** @type {const} */ (["camera", "laser-plane", "tcp", "turntable", "verify", "scan"]);
-/** Steps whose captures are of the board: no robot is needed. @type {readonly string[]} */
-const OF_BOARD = ["camera", "laser-plane"];
 
 export class IntakeElement extends StateElement {
   /** @type {Found[]} */ #files = [];
@@ -29,10 +27,10 @@ export class IntakeElement extends StateElement {
   #timer = 0;
   #reading = 0;
   #restored = false;
-  #picker = h("input", { type: "file", multiple: true, accept: ACCEPT, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
+  #picker = h("input", { type: "file", multiple: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
   #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
   #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
-  #step = h("select", { id: "intake-step", onchange: () => this.#draw() }, ...STEPS.map((step) => h("option", { value: step }, t(`step.${step}`))));
+  #step = h("select", { id: "intake-step", onchange: () => this.#draw() });
   #angles = h("textarea", { id: "intake-angles", rows: 2, spellcheck: "false", autocomplete: "off", oninput: () => this.#draw() });
   #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
   #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
@@ -88,7 +86,22 @@ export class IntakeElement extends StateElement {
     this.#columns.convention = convention;
     if (this.#restored) return;
     this.#restored = true;
+    this.#step.replaceChildren(...this.state.captureSteps.map((step) => h("option", { value: step }, stepName(this.state, step))));
     this.#restore();
+    this.#wait(takeWaiting(this.state.id));
+  }
+
+  /** What could not be stored stays in the table, to be given its pose. @param {readonly Parcel[]} parcels */
+  #wait(parcels) {
+    const files = parcels.flatMap(({ record, files: all }) => all.map((file) => ({ path: `${record.id}${/\.[^.]+$/.exec(file.name)?.[0] ?? ""}`, file })));
+    if (!files.length) return;
+    const [first] = parcels;
+    void attempt(knowFormats).then(() => {
+      this.#files.push(...files);
+      this.open();
+      if (first) this.#step.value = first.record.step;
+      this.#draw();
+    });
   }
 
   chooseFiles() {
@@ -104,14 +117,20 @@ export class IntakeElement extends StateElement {
     if (this.#panel.hidden) this.#step.value = this.#likelyStep();
     this.#panel.hidden = false;
     this.#draw();
-    (OF_BOARD.includes(this.#step.value) ? this.#step : this.#text).focus();
+    (this.state.showsBoard(this.#step.value) ? this.#step : this.#text).focus();
   }
 
   /** The guide's step; but boards are seen in frames alone, so other files are captures of the sphere. */
   #likelyStep() {
-    const step = this.state.guide?.current?.step ?? "tcp";
+    const { step, captureSteps } = this.state;
     const frames = this.#files.length > 0 && this.#files.every(({ path }) => kindOf(path, undefined) === "frame");
-    return STEPS.some((one) => one === step) && (frames || !OF_BOARD.includes(step)) ? step : "tcp";
+    const sphere = captureSteps.find((one) => !this.state.showsBoard(one)) ?? step;
+    return captureSteps.includes(step) && (frames || !this.state.showsBoard(step)) ? step : sphere;
+  }
+
+  /** Whether the sphere stands on the table. */
+  get #onTable() {
+    return this.state.shows(this.#step.value) === "sphere-on-table";
   }
 
   close() {
@@ -139,6 +158,8 @@ export class IntakeElement extends StateElement {
 
   /** @param {Found[]} found */
   async #take(found) {
+    let endings = "";
+    if (!await attempt(async () => { endings = (await knowFormats()).join(" "); })) return;
     const folder = await sessionFolder(found).catch(() => undefined);
     if (folder === undefined) {
       notify(t("intake.bad_json"), { bad: true });
@@ -146,10 +167,13 @@ export class IntakeElement extends StateElement {
       const { cell, name } = /** @type {{cell?: unknown, name?: string}} */ (folder.record);
       // A session that holds nothing yet becomes the one in the folder; a filled one keeps its cell.
       const taken = this.state.captures.length > 0 || await attempt(() => api.changeSession(this.state.id, { cell, ...(name ? { name } : {}) }));
-      if (taken) this.#tell(await send(this.state.id, folder.captures, this.#progress));
+      if (!taken) return;
+      const outcome = await send(this.state.id, folder.captures, this.#progress);
+      this.#tell(outcome);
+      this.#wait(outcome.left);
     } else {
       const measurements = found.filter(isMeasurement);
-      if (measurements.length < found.length) notify(t("intake.unknown", { names: found.filter((one) => !isMeasurement(one)).map((one) => one.path).slice(0, 3).join(", ") }), { bad: true });
+      if (measurements.length < found.length) notify(t("intake.unknown", { names: found.filter((one) => !isMeasurement(one)).map((one) => one.path).slice(0, 3).join(", "), endings }), { bad: true });
       if (!measurements.length) return;
       this.#files.push(...measurements);
       this.open();
@@ -191,8 +215,8 @@ export class IntakeElement extends StateElement {
   /** Frames of the board: one a capture, or the lit board and then its stripe. @returns {Parcel[]} */
   #boards() {
     const taken = new Set(this.state.captures.map((capture) => capture.id));
-    const step = /** @type {"camera" | "laser-plane"} */ (this.#step.value);
-    const count = step === "laser-plane" && this.#pairs.checked ? 2 : 1;
+    const step = /** @type {Capture["step"]} */ (this.#step.value);
+    const count = this.#pairs.checked && !this.#paired.hidden ? 2 : 1;
     const groups = Array.from({ length: Math.floor(this.#files.length / count) }, (_, index) => this.#files.slice(index * count, (index + 1) * count));
     return groups.filter((group) => !group.some(({ file }) => this.#stored.has(file))).map((group) => {
       const id = freeId(taken, stemOf(group[0]?.path ?? ""));
@@ -204,7 +228,7 @@ export class IntakeElement extends StateElement {
 
   /** What can be sent: a file with a pose that could be read, and with the table's angle where it turns. @returns {Parcel[]} */
   #parcels() {
-    if (OF_BOARD.includes(this.#step.value)) return this.#boards();
+    if (this.state.showsBoard(this.#step.value)) return this.#boards();
     const taken = new Set(this.state.captures.map((capture) => capture.id));
     const step = /** @type {Capture["step"]} */ (this.#step.value);
     const angles = this.#tableAngles();
@@ -212,14 +236,14 @@ export class IntakeElement extends StateElement {
       const found = file === null ? undefined : this.#files[file];
       const pose = line === null ? undefined : this.#poses[line];
       const angle = (pose && this.#columns.angle(pose.line)) ?? (file === null ? undefined : angles[file]);
-      const turns = step === "turntable" || (step === "scan" && angle !== undefined);
+      const turns = this.#onTable || (this.state.shows(step) === "object" && angle !== undefined);
       if (!found || this.#stored.has(found.file) || !pose?.matrix || (turns && !Number.isFinite(angle))) return [];
       const id = freeId(taken, stemOf(found.path));
       taken.add(id);
       const kind = kindOf(found.path, this.state.session?.cell.scanner?.kind);
       const ending = found.path.slice(found.path.lastIndexOf("."));
       const mount = this.#mount.value.trim();
-      const table = turns ? { table_deg: Number(angle), ...(mount && step === "turntable" ? { mount } : {}) } : {};
+      const table = turns ? { table_deg: Number(angle), ...(mount && this.#onTable ? { mount } : {}) } : {};
       const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose) };
       return [{ record, files: [found.file] }];
     });
@@ -228,10 +252,10 @@ export class IntakeElement extends StateElement {
   #draw() {
     this.#keep();
     const step = this.#step.value;
-    const boards = OF_BOARD.includes(step);
-    this.#turning.hidden = step !== "turntable" && step !== "scan";
+    const boards = this.state.showsBoard(step);
+    this.#turning.hidden = !this.#onTable && this.state.shows(step) !== "object";
     this.#poseField.hidden = boards;
-    this.#paired.hidden = step !== "laser-plane";
+    this.#paired.hidden = !boards || step === this.state.captureSteps[0]; // the camera alone needs no stripe
     const rows = boards ? this.#files.map((_, file) => ({ file, line: null })) : this.#rows();
     const ready = this.#parcels().length;
     this.#add.textContent = ready ? plural(ready, "intake.add_one", "intake.add_many") : t("intake.add_none");
@@ -271,14 +295,15 @@ export class IntakeElement extends StateElement {
     const now = this.#columns.convention;
     if (before === now || this.#poseField.hidden) return;
     await api.changeSession(this.state.id, { cell: { pose_convention: now } });
-    did(t("cell.changed"), () => api.changeSession(this.state.id, { cell: { pose_convention: before } }));
+    const set = (/** @type {string | undefined} */ convention) => api.changeSession(this.state.id, { cell: { pose_convention: convention } });
+    did(t("cell.changed"), () => set(before), { redo: () => set(now) });
   }
 
   /** @param {Outcome} outcome */
   #tell({ sent, problems }) {
     if (sent.length) {
-      const remove = async () => { for (const capture of sent) await api.removeCapture(this.state.id, capture); };
-      did(plural(sent.length, "intake.sent_one", "intake.sent_many"), remove, { tell: true });
+      const { remove, restore } = keep(this.state.id, sent);
+      did(plural(sent.length, "intake.sent_one", "intake.sent_many"), remove, { tell: true, redo: restore });
     }
     for (const problem of problems.slice(0, 2)) notify(problem, { bad: true });
     if (problems.length > 2) notify(t("intake.more_problems", { count: problems.length - 2 }), { bad: true });

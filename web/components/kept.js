@@ -1,11 +1,11 @@
 // What an imported archive held beside session and results: its scene, report, truth, notes, as they came.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { bytes } from "../format.js";
 import { t } from "../texts.js";
 
-/** @import {KeptFile} from "../model.js" */
+/** @import {KeptFile} from "../state/model.js" */
 
 const PAGES = ["scene.html", "report.html"];
 

@@ -1,10 +1,10 @@
 // What lies behind ⋯: who one is, logging out, and the way to the API's documentation.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
-import { may, me } from "../me.js";
-import { t } from "../texts.js";
+import { may, me } from "../state/me.js";
+import { chooseLanguage, language, LANGUAGES, t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
 async function logOut() {
@@ -20,10 +20,19 @@ function who() {
   ];
 }
 
+/** Names of languages stand in their own language. */
+function languages() {
+  const select = h("select", { id: "language", onchange: () => chooseLanguage(select.value) }, ...LANGUAGES.map((one) =>
+    h("option", { value: one, lang: one, selected: one === language }, new Intl.DisplayNames([one], { type: "language" }).of(one) ?? one)));
+  return h("div", { class: "field" }, h("label", { for: "language" }, t("menu.language")), select);
+}
+
 /** The button and what it opens. */
 export function menu() {
   const panel = h("div", { id: "menu", class: "menu", popover: "auto", role: "group", "aria-label": t("menu.title") },
-    ...who(), may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
+    ...who(), h("button", { type: "button", class: "plain", onclick: async () => (await import("./keys.js")).keysDialog() }, t("menu.keys"), h("kbd", { "aria-hidden": "true" }, "?")),
+    languages(),
+    may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
   const button = h("button", { type: "button", class: "plain icon", popovertarget: "menu", "aria-label": t("menu.open"), title: t("menu.open") }, icon("more"));
   return [button, panel];
 }

@@ -1,11 +1,12 @@
 // How pasted poses are read: the convention, and what each column of the table is.
 
 import { h } from "../dom.js";
-import { angleIn, guessRoles, NUMBERS, OTHERS, poseLines, tableOf } from "../pose-table.js";
+import { angleIn, guessRoles, knowConventions, NUMBERS, OTHERS, poseLines, tableOf } from "../state/pose-table.js";
 import { maybe, t } from "../texts.js";
+import { attempt } from "./toasts.js";
 
-/** @import {PoseConvention} from "../model.js" */
-/** @import {Role, Table} from "../pose-table.js" */
+/** @import {ConventionInfo, PoseConvention} from "../state/model.js" */
+/** @import {Role, Table} from "../state/pose-table.js" */
 
 const SHOWN_ROWS = 3;
 
@@ -15,21 +16,29 @@ export class PoseColumnsElement extends HTMLElement {
   /** @type {Table | null} */ #table = null;
   /** @type {Role[]} */ #roles = [];
   #chosen = "";
-  #convention = h("select", { id: "pose-convention", onchange: () => this.#convene() }, ...Object.keys(NUMBERS).map((name) => h("option", { value: name }, conventionWords(name))));
+  #convention = h("select", { id: "pose-convention", onchange: () => this.#convene() });
+  #wanted = "";
   #columns = h("div", { class: "columns", role: "region", tabindex: 0, "aria-label": t("columns.label"), hidden: true });
 
   connectedCallback() {
     if (this.firstChild) return;
     this.append(h("div", { class: "field" }, h("label", { for: "pose-convention" }, t("columns.convention")), this.#convention), this.#columns);
+    void attempt(async () => {
+      const known = await knowConventions();
+      this.#convention.replaceChildren(...known.map((one) => h("option", { value: one.name }, conventionWords(one))));
+      this.#convention.value = this.#chosen || this.#wanted;
+      this.#guess();
+    });
   }
 
   /** The convention that the cell has, until another is chosen here. @param {PoseConvention} name */
   set convention(name) {
+    this.#wanted = name;
     if (!this.#chosen) this.#convention.value = name;
   }
 
   get convention() {
-    return /** @type {PoseConvention} */ (this.#convention.value);
+    return /** @type {PoseConvention} */ (this.#convention.value || this.#wanted);
   }
 
   /** @param {string} text as it was pasted */
@@ -51,7 +60,7 @@ export class PoseColumnsElement extends HTMLElement {
   }
 
   get #usable() {
-    return this.#table !== null && NUMBERS[this.convention].every((name) => this.#roles.includes(name));
+    return this.#table !== null && (NUMBERS[this.convention] ?? []).every((name) => this.#roles.includes(name)) && this.convention in NUMBERS;
   }
 
   #convene() {
@@ -67,7 +76,7 @@ export class PoseColumnsElement extends HTMLElement {
 
   #draw() {
     const table = this.#table;
-    this.#columns.hidden = !table || (table.rows[0]?.length ?? 0) < NUMBERS[this.convention].length;
+    this.#columns.hidden = !table || (table.rows[0]?.length ?? 0) < (NUMBERS[this.convention]?.length ?? 0);
     if (!table || this.#columns.hidden) return this.#columns.replaceChildren();
     const heads = this.#roles.map((role, column) => h("th", { scope: "col" }, this.#select(role, column)));
     this.#columns.replaceChildren(h("table", { class: "number" },
@@ -77,7 +86,7 @@ export class PoseColumnsElement extends HTMLElement {
 
   /** @param {Role} role @param {number} column */
   #select(role, column) {
-    const roles = [...OTHERS.map((one) => [one, t(`columns.${one}`)]), ...NUMBERS[this.convention].map((name) => [name, name])];
+    const roles = [...OTHERS.map((one) => [one, t(`columns.${one}`)]), ...(NUMBERS[this.convention] ?? []).map((name) => [name, name])];
     const pick = (/** @type {Event} */ event) => this.#assign(column, /** @type {HTMLSelectElement} */ (event.currentTarget).value);
     return h("select", { "aria-label": t("columns.column", { number: column + 1 }), onchange: pick }, ...roles.map(([value, words]) => h("option", { value, selected: value === role }, words)));
   }
@@ -93,10 +102,10 @@ export class PoseColumnsElement extends HTMLElement {
   }
 }
 
-/** `FANUC, x y z W P R`. @param {string} convention */
-function conventionWords(convention) {
-  const numbers = maybe(`numbers.${convention}`, "");
-  return maybe(`convention.${convention}`, convention) + (numbers ? ` (${numbers})` : "");
+/** `FANUC (x y z W P R)`. @param {ConventionInfo} convention */
+export function conventionWords({ name, title, numbers }) {
+  const words = maybe(`convention.${name}`, title);
+  return numbers.length < 10 ? `${words} (${numbers.join(" ")})` : words;
 }
 
 customElements.define("sc-pose-columns", PoseColumnsElement);

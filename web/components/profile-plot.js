@@ -4,7 +4,7 @@ import { h, s } from "../dom.js";
 import { fixed } from "../format.js";
 import { t } from "../texts.js";
 
-/** @import {Measured} from "../model.js" */
+/** @import {Measured} from "../state/model.js" */
 /** @typedef {{ left: number, right: number, low: number, high: number }} Frame */
 
 const STEPS = [1, 2, 5];

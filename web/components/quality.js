@@ -7,10 +7,9 @@ import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { frameCoverage, sharpness } from "./frame-coverage.js";
 import { framePlot } from "./frame-plot.js";
-import { compareCaptures } from "./capture-comparison.js";
 import { profilePlot, zoneBar } from "./profile-plot.js";
 
-/** @import {CaptureOut, Residual} from "../model.js" */
+/** @import {CaptureOut, Residual} from "../state/model.js" */
 
 export class QualityElement extends StateElement {
   /** @type {string | null} the capture that the shown one is compared with */ #other = null;
@@ -30,9 +29,18 @@ export class QualityElement extends StateElement {
       h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
       body(capture, left?.reason ?? null, this.state.id),
       ...frameCoverage(this.state.captures, capture),
-      ...(other ? [compareCaptures(this.state, capture, other)] : []),
     );
+    if (other) void this.#compare(capture, other);
     if (focused) this.querySelector("select")?.focus();
+  }
+
+  /** @param {CaptureOut} capture @param {CaptureOut} other */
+  async #compare(capture, other) {
+    const { compareCaptures } = await import("./capture-comparison.js");
+    if (this.state.shown === capture && this.#other === other.id) {
+      this.querySelector(".both")?.remove();
+      this.append(compareCaptures(this.state, capture, other));
+    }
   }
 
   /** Which capture to set beside this one. @param {CaptureOut} capture */
@@ -69,7 +77,8 @@ function body(capture, rejected, sessionId) {
   const { measured } = capture;
   return h(
     "div", { class: "quality-body" },
-    (measured.image_size || (measured.preview ?? []).length > 0) && h("figure", {}, measured.image_size ? framePlot(capture, sessionId) : profilePlot(measured, { width: 232, height: 152 })),
+    (measured.image_size || (measured.preview ?? []).length > 0) && h("figure", {}, measured.image_size ? framePlot(capture, sessionId) : profilePlot(measured, { width: 232, height: 152 }),
+      h("button", { type: "button", class: "plain wide small", onclick: async () => (await import("./full-size.js")).fullSize(capture, sessionId) }, t("full.open"))),
     h("div", { class: "quality-words" }, rejected ? said("fail", rejected) : reason(capture), figures(capture)),
   );
 }

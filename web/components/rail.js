@@ -1,12 +1,12 @@
-// The steps with their status, and below them the answer as far as it is known.
+// The steps as places: each opens its guide, captures, result and scene. Below a step's name stands its answer, where there is one.
 
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
-import { steps } from "../steps/index.js";
+import { figureWords } from "../blocks/figure.js";
 import { StateElement } from "./base.js";
 
-/** @import {GuideStep} from "../model.js" */
+/** @import {FigureBlock, StageResult} from "../state/model.js" */
 
 const SIGNS = /** @type {Record<string, string>} */ ({
   done: "pass", working: "working", todo: "todo", stale: "stale", failing: "fail", later: "todo", known: "pass", "not-needed": "skipped",
@@ -14,38 +14,56 @@ const SIGNS = /** @type {Record<string, string>} */ ({
 
 export class RailElement extends StateElement {
   #list = h("ol", { class: "rail-steps" });
-  #answer = h("div", { class: "rail-answer" });
 
   get parts() {
-    return /** @type {const} */ (["guide", "results", "captures", "view"]);
+    return /** @type {const} */ (["guide", "results", "captures", "step"]);
   }
 
   build() {
-    this.append(
-      h("nav", { "aria-label": t("rail.steps") }, this.#list),
-      h("section", { "aria-labelledby": "rail-answer" }, h("h2", { id: "rail-answer" }, t("rail.result")), this.#answer),
-    );
+    this.append(h("nav", { "aria-label": t("rail.steps") }, this.#list));
   }
 
   update() {
-    const current = this.state.guide?.current?.step;
-    this.#list.replaceChildren(...(this.state.guide?.steps ?? []).map((step) => item(step, step.step === current)));
-    const summaries = Object.entries(this.state.results).flatMap(([stage, result]) => steps[stage]?.summary(result, this.state) ?? []);
-    this.#answer.replaceChildren(...(summaries.length ? summaries : [h("p", { class: "soft small answer-none" }, t("rail.nothing"))]));
+    const focused = this.contains(document.activeElement) ? document.activeElement?.getAttribute("data-step") : null;
+    this.#list.replaceChildren(...this.state.steps.map((step) => this.#item(step)));
+    if (focused) /** @type {HTMLElement | null} */ (this.#list.querySelector(`[data-step="${focused}"]`))?.focus();
+  }
+
+  /** @param {string} step */
+  #item(step) {
+    const told = this.state.guide?.steps.find((one) => one.step === step);
+    const result = this.state.resultOf(step);
+    const status = told?.status ?? (result ? statusOf(result) : "todo");
+    const open = step === this.state.step;
+    const next = this.state.guide?.current.step === step;
+    return h("li", {}, h(
+      "button", { type: "button", class: `rail-step status-${status}`, "data-step": step, "aria-current": open && "step", title: told?.note ?? false, onclick: () => this.state.open(step) },
+      mark(SIGNS[status] ?? "todo", stepName(this.state, step)),
+      h("span", { class: "status" }, maybe(`status.${status}`, status), next && !open && h("span", { class: "visually-hidden" }, ` ${t("rail.next")}`)),
+      result && this.state.stageOf(step) === step && answer(result)));
   }
 }
 
-/**
- * @param {GuideStep} step
- * @param {boolean} current
- */
-function item(step, current) {
-  const name = maybe(`step.${step.step}`, step.step);
-  return h(
-    "li", { class: `rail-step status-${step.status}`, "aria-current": current && "step" },
-    mark(SIGNS[step.status] ?? "todo", name),
-    h("span", { class: "status", title: step.note ?? false }, maybe(`status.${step.status}`, step.status)),
-  );
+/** @param {import("../state/session.js").SessionState} state @param {string} step */
+export function stepName(state, step) {
+  return maybe(`step.${step}`, state.stages.find(({ name }) => name === step)?.title ?? step);
+}
+
+/** @param {StageResult} result */
+function statusOf({ stale, verdict }) {
+  if (stale) return "stale";
+  return verdict === "fail" ? "failing" : "done";
+}
+
+/** The figures that stand first. @param {StageResult} result @returns {FigureBlock[]} */
+export function headlines({ evidence = [] }) {
+  return /** @type {FigureBlock[]} */ ((evidence ?? []).filter((block) => block.kind === "figure" && block.headline));
+}
+
+/** @param {StageResult} result */
+function answer(result) {
+  const found = headlines(result);
+  return found.length > 0 && h("span", { class: "answer number" }, ...found.slice(0, 2).map((figure) => h("span", {}, figureWords(figure))));
 }
 
 customElements.define("sc-rail", RailElement);

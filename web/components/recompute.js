@@ -1,6 +1,6 @@
 // Recomputing: every stage solved afresh, and the stored numbers beside the new ones. Nothing stored is changed.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { significant } from "../format.js";
 import { mark } from "../icons.js";
@@ -8,7 +8,7 @@ import { maybe, t } from "../texts.js";
 import { comparisonSections } from "./comparison.js";
 import { attempt, say } from "./toasts.js";
 
-/** @import {Comparison, Job, Recomputed, StageReplay} from "../model.js" */
+/** @import {Comparison, Job, Recomputed, StageReplay} from "../state/model.js" */
 
 const ASK_MS = 300;
 

@@ -1,31 +1,36 @@
-// The answer: the frame, what it is worth, how we know.
+// The result of the step that is open: the answer, then how we know, drawn from its evidence.
 
+import { sections } from "../blocks/index.js";
 import { h } from "../dom.js";
-import { steps, STEPS } from "../steps/index.js";
-import { maybe, t } from "../texts.js";
+import { t } from "../texts.js";
+import { answer, evidenceOf, leading } from "./answer.js";
 import { StateElement } from "./base.js";
 import { historySection, resultLinks } from "./history.js";
+import { truthSection } from "./truth.js";
+
+/** @import {StageResult} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
+/** @import {Renderer} from "../blocks/index.js" */
+/** @typedef {{ blocks?: Record<string, Renderer>, after?: (context: import("../blocks/index.js").Context) => HTMLElement[], settings?: HTMLElement }} StageElements what a stage draws itself */
 
 const SLICE_MS = 16;
 
 export class ResultElement extends StateElement {
-  /** @type {string | null} */ #picked = null;
   #ended = "";
   #due = true;
   #drawing = 0;
 
   get parts() {
-    return /** @type {const} */ (["results", "selection", "job", "view"]);
+    return /** @type {const} */ (["results", "guide", "selection", "job", "view", "step"]);
   }
 
-  /** @param {ReadonlySet<import("../state.js").Part>} changed */
+  /** @param {ReadonlySet<import("../state/session.js").Part>} changed */
   update(changed) {
     const { job } = this.state;
     if (job?.status === "done" && job.id !== this.#ended) {
       this.#ended = job.id;
-      this.#picked = job.stage;
       this.#due = true;
-    } else if (changed.has("results")) this.#due = true;
+    } else if (changed.has("results") || changed.has("step") || changed.has("guide")) this.#due = true;
     // What nobody looks at is drawn once somebody does.
     if (this.closest("[hidden]")) return;
     if (this.#due) void this.#show();
@@ -36,24 +41,25 @@ export class ResultElement extends StateElement {
   async #show() {
     this.#due = false;
     const drawing = ++this.#drawing;
-    const { results } = this.state;
-    const solved = STEPS.filter((stage) => steps[stage] && results[stage]);
-    const stage = solved.find((one) => one === this.#picked) ?? solved.at(-1);
-    const result = stage && results[stage];
-    if (!stage || !result) {
+    const { state } = this;
+    const stage = state.stageOf(state.step);
+    const result = state.results[stage];
+    if (!result) {
       this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
       return;
     }
+    const own = await elementsOf(state, stage);
     /** @type {HTMLElement[]} */
-    const drawn = solved.length > 1 ? [this.#stages(solved, stage)] : [];
+    const drawn = [];
     let start = performance.now();
-    for (const section of this.#sections(stage, result)) {
-      if (section) drawn.push(section);
+    for (const section of this.#sections(stage, result, own)) {
+      drawn.push(section);
       if (performance.now() - start < SLICE_MS) continue;
       await new Promise((resolve) => setTimeout(resolve));
       if (drawing !== this.#drawing) return;
       start = performance.now();
     }
+    if (drawing !== this.#drawing) return;
     const open = new Set(this.#details().filter((one) => one.open).map(title));
     this.replaceChildren(...drawn);
     for (const one of this.#details()) one.open ||= open.has(title(one)); // what somebody has opened stays open
@@ -65,30 +71,33 @@ export class ResultElement extends StateElement {
     return [...this.querySelectorAll("details")];
   }
 
-  /** @param {string} stage @param {import("../model.js").StageResult} result @returns {Generator<HTMLElement | null>} */
-  *#sections(stage, result) {
-    yield* steps[stage]?.result(result, this.state) ?? [];
-    if ("timeline" in this.state) return; // the review itself has these
-    yield resultLinks(this.state.id, stage);
-    yield historySection(this.state.id, stage);
-  }
-
-  /** @param {string[]} solved @param {string} shown */
-  #stages(solved, shown) {
-    const pick = async (/** @type {string} */ stage) => {
-      this.#picked = stage;
-      await this.#show();
-      this.querySelector(/** @type {"button"} */ (".stages [aria-pressed=true]"))?.focus();
-    };
-    return h("div", { class: "stages row", role: "group", "aria-label": t("result.stages") }, ...solved.map((stage) =>
-      h("button", { type: "button", "aria-pressed": String(stage === shown), onclick: () => void pick(stage) }, maybe(`step.${stage}`, stage))));
+  /** @param {string} stage @param {StageResult} result @param {StageElements} own @returns {Generator<HTMLElement>} */
+  *#sections(stage, result, own) {
+    const { state } = this;
+    const context = { state, stage };
+    yield answer(result, state, stage);
+    if (state.session?.simulated && !("timeline" in state)) yield truthSection(state.id, stage);
+    yield* sections(evidenceOf(result).slice(leading(result).length), context, own.blocks);
+    if (!("timeline" in state)) {
+      yield* own.after?.(context) ?? [];
+      if (own.settings) yield own.settings;
+    }
+    if ("timeline" in state) return; // the review itself has these
+    yield resultLinks(state.id, stage);
+    yield historySection(state.id, stage);
   }
 
   #markPicked() {
-    for (const point of this.querySelectorAll(".mark-point")) {
-      point.classList.toggle("picked", point.getAttribute("data-capture") === this.state.selected);
-    }
+    for (const row of this.querySelectorAll("tr[data-capture]")) row.classList.toggle("picked", row.getAttribute("data-capture") === this.state.selected);
   }
+}
+
+/** What a stage draws itself, and the form of its settings; most have neither. @param {SessionState} state @param {string} stage @returns {Promise<StageElements>} */
+async function elementsOf(state, stage) {
+  const info = state.stages.find(({ name }) => name === stage);
+  /** @type {StageElements} */
+  const own = info?.element ? (await import(info.element)).elements : {};
+  return info?.settings_field && !("timeline" in state) ? { ...own, settings: (await import("./solve-settings.js")).solveSettings(state, info) } : own;
 }
 
 /** @param {HTMLDetailsElement} details */

@@ -2,13 +2,13 @@
 
 import { h } from "../dom.js";
 import { when } from "../format.js";
-import { ReviewState } from "../review-state.js";
+import { ReviewState } from "../state/review.js";
 import { t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { itemWords } from "./timeline.js";
 import { attempt } from "./toasts.js";
 
-/** @import {TimelineItem} from "../model.js" */
+/** @import {TimelineItem} from "../state/model.js" */
 
 const MOST_LINES = 300;
 

@@ -1,6 +1,6 @@
 // The 3-D scene beside everything: its own document from the same server, in this page's theme, with its controls above.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
@@ -8,12 +8,18 @@ import { t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { attempt } from "./toasts.js";
 
-/** @import {SceneControls} from "../model.js" */
+/** @import {SceneControls} from "../state/model.js" */
 
 const STEP_MS = 900;
 const LARGEST_PX = 4096;
 /** Where the scene's client stores what was clicked in it; its own beginning of the key is not ours. */
 const PICKED_KEY = "scancell-picked";
+
+/** What the camera looks at while measuring and at the result, by what a step's captures show. @type {Record<string, { measure: string, result: string }>} */
+const STORIES = {
+  "board": { measure: "Camera", result: "Camera" }, "sphere": { measure: "Captures", result: "Sphere" },
+  "sphere-on-table": { measure: "Table", result: "Table" }, "object": { measure: "Table", result: "Object" },
+};
 
 export class SceneElement extends StateElement {
   #frame = h("iframe", { title: t("scene.title") });
@@ -24,13 +30,14 @@ export class SceneElement extends StateElement {
   #page = h("a", { class: "button", download: "" }, t("scene.page"));
   #viewer = randomName();
   #shown = "";
+  #told = "";
   #timer = 0;
   #place = -1;
   /** @type {(() => void) | null} */ #stopTheme = null;
   /** @type {string | null} */ #lit = null;
 
   get parts() {
-    return /** @type {const} */ (["session", "selection", "place"]);
+    return /** @type {const} */ (["session", "selection", "place", "step", "view"]);
   }
 
   build() {
@@ -59,9 +66,11 @@ export class SceneElement extends StateElement {
     window.clearInterval(this.#timer);
   }
 
-  update() {
+  /** @param {ReadonlySet<import("../state/session.js").Part>} changed */
+  update(changed) {
     this.#move();
     this.#show();
+    if (changed.has("step") || changed.has("view")) this.#tellStory();
     if (this.#lit === this.state.selected) return;
     this.#lit = this.state.selected;
     // The scene is an extra: where it cannot light the capture up, the list and the plot still do.
@@ -75,6 +84,16 @@ export class SceneElement extends StateElement {
   /** @param {string} what @param {Record<string, unknown>} body */
   #tell(what, body) {
     return api.tellScene(this.#scene, what, body);
+  }
+
+  /** Choosing a step or its result sets the camera to what it is about. */
+  #tellStory() {
+    const { state } = this;
+    if (!this.#shown || !state.session) return;
+    const views = STORIES[state.shows(state.stages.find(({ name }) => name === state.stageOf(state.step))?.steps?.[0] ?? state.step)];
+    const view = views?.[state.view];
+    // The scene is an extra, and may not be there yet.
+    if (view && view !== this.#told) void this.#tell(`viewers/${this.#viewer}/view`, { view, if_open: true }).then(() => { this.#told = view; }).catch(() => undefined);
   }
 
   /** A page that reviews the past takes its own scene along. */

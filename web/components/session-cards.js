@@ -1,7 +1,7 @@
 // The sessions that there are, as cards: searched, filtered by how far they came, opened, removed.
 
-import { api } from "../api.js";
-import { cellWords } from "../cell-words.js";
+import { api } from "../state/api.js";
+import { cellWords } from "./cell-words.js";
 import { h, keyed, make } from "../dom.js";
 import { when } from "../format.js";
 import { icon, mark } from "../icons.js";
@@ -9,7 +9,7 @@ import { maybe, plural, t } from "../texts.js";
 import { DrawingElement } from "./drawing.js";
 import { attempt, notify } from "./toasts.js";
 
-/** @import {SessionSummary} from "../model.js" */
+/** @import {SessionSummary} from "../state/model.js" */
 
 const FILTERS = /** @type {const} */ (["all", "pass", "warn", "fail", "unsolved"]);
 const AT_ONCE = 48;

@@ -1,12 +1,12 @@
 // Where the table stood in one capture: its angle, and the name of the sphere's mounting.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";
-import { did } from "../undo.js";
+import { did } from "../state/undo.js";
 import { attempt } from "./toasts.js";
 
-/** @import {CaptureOut} from "../model.js" */
+/** @import {CaptureOut} from "../state/model.js" */
 
 /**
  * @param {string} sessionId

@@ -3,12 +3,12 @@
 import { h, s } from "../dom.js";
 import { when } from "../format.js";
 import { icon } from "../icons.js";
-import { ReviewState } from "../review-state.js";
+import { ReviewState } from "../state/review.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { attempt } from "./toasts.js";
 
-/** @import {TimelineItem} from "../model.js" */
+/** @import {TimelineItem} from "../state/model.js" */
 
 const STEP_MS = 700;
 const MOST_MARKS = 400;

@@ -1,6 +1,6 @@
 // Tokens: made here, shown once, listed and revoked.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { mark } from "../icons.js";
@@ -8,7 +8,7 @@ import { t } from "../texts.js";
 import { copyButton } from "./copy.js";
 import { attempt, notify } from "./toasts.js";
 
-/** @import {TokenRecord} from "../model.js" */
+/** @import {TokenRecord} from "../state/model.js" */
 
 const ROLES = /** @type {const} */ (["read", "capture", "admin"]);
 const HEADS = /** @type {const} */ (["tokens.name", "tokens.role", "tokens.created", "tokens.expires", "tokens.state"]);

@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 import { t } from "../texts.js";
 
-/** @import {SessionState} from "../state.js" */
+/** @import {SessionState} from "../state/session.js" */
 
 const VIEWS = /** @type {const} */ (["measure", "result"]);
 

@@ -3,7 +3,7 @@
 import { AuditLogElement } from "../components/audit-log.js";
 import { TokensElement } from "../components/tokens.js";
 import { h, make } from "../dom.js";
-import { may, me } from "../me.js";
+import { may, me } from "../state/me.js";
 import { t } from "../texts.js";
 
 export class AccessPage extends HTMLElement {

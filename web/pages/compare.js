@@ -1,15 +1,15 @@
 // Two results side by side: two sessions, or two solves of one. What is compared stands in the address.
 
-import { api, Problem } from "../api.js";
+import { api, Problem } from "../state/api.js";
 import { comparisonSections } from "../components/comparison.js";
 import { attempt } from "../components/toasts.js";
+import { stages } from "../state/registries.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { maybe, t } from "../texts.js";
 
-/** @import {Comparison, PastResult, SessionSummary} from "../model.js" */
+/** @import {Comparison, PastResult, SessionSummary} from "../state/model.js" */
 
-const STAGES = ["tcp", "turntable", "chain", "camera", "laser-plane", "merge"];
 const SIDES = /** @type {const} */ (["left", "right"]);
 
 export class ComparePage extends HTMLElement {
@@ -22,7 +22,6 @@ export class ComparePage extends HTMLElement {
 
   connectedCallback() {
     document.title = t("comparison.page_title");
-    this.#stage.append(...STAGES.map((stage) => h("option", { value: stage, selected: stage === this.#value("stage", "tcp") }, maybe(`step.${stage}`, stage))));
     this.append(
       h("h1", {}, t("comparison.title")), h("p", { class: "soft" }, t("comparison.lead")),
       h("form", { class: "compare-form panel", onsubmit: (/** @type {Event} */ event) => event.preventDefault() },
@@ -32,7 +31,9 @@ export class ComparePage extends HTMLElement {
           field(`compare-${side}-solve`, t(`comparison.${side}_solve`), this.#chosen[side].solve)])),
       this.#answer);
     void attempt(async () => {
-      const sessions = await api.sessions();
+      const [sessions, known] = await Promise.all([api.sessions(), stages()]);
+      const wanted = this.#value("stage") || known.find(({ is_answer }) => is_answer)?.name;
+      this.#stage.append(...known.map(({ name, title }) => h("option", { value: name, selected: name === wanted }, maybe(`step.${name}`, title ?? name))));
       for (const side of SIDES) this.#offer(side, sessions);
       await this.#refresh();
     });
@@ -70,7 +71,7 @@ export class ComparePage extends HTMLElement {
   }
 
   async #refresh() {
-    const stage = this.#value("stage", "tcp");
+    const stage = this.#stage.value;
     await Promise.all(SIDES.map((side) => this.#offerSolves(side, stage)));
     const [left, right] = SIDES.map((side) => this.#value(side));
     this.#answer.replaceChildren(h("p", { class: "soft" }, t("comparison.wait")));

@@ -1,6 +1,6 @@
 // A session as it was: its time line on top, and below it what was known at the place that is chosen. Read-only.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { KeptElement } from "../components/kept.js";
 import { RailElement } from "../components/rail.js";
 import { RecomputeElement } from "../components/recompute.js";
@@ -12,9 +12,9 @@ import { TimelineElement } from "../components/timeline.js";
 import { attempt } from "../components/toasts.js";
 import { h, make } from "../dom.js";
 import { mark } from "../icons.js";
-import { ReviewState } from "../review-state.js";
+import { ReviewState } from "../state/review.js";
 import { t } from "../texts.js";
-import { cellWords } from "../cell-words.js";
+import { cellWords } from "../components/cell-words.js";
 
 export class ReviewPage extends HTMLElement {
   sessionId = "";

@@ -12,11 +12,12 @@ import { ResultElement } from "../components/result.js";
 import { SceneElement } from "../components/scene.js";
 import { attempt } from "../components/toasts.js";
 import { h, make } from "../dom.js";
-import { allowed } from "../me.js";
-import { SessionState } from "../state.js";
+import { allowed } from "../state/me.js";
+import { SessionState } from "../state/session.js";
 import { t } from "../texts.js";
-import { cellWords } from "../cell-words.js";
-import { forgetDeeds, undoLast } from "../undo.js";
+import { cellWords } from "../components/cell-words.js";
+import { forgetDeeds } from "../state/undo.js";
+import { redoLast, undoLast } from "../components/undo.js";
 import { viewTabs } from "../components/view-tabs.js";
 
 const INTERACTIVE = "a, button, input, select, textarea, summary, dialog, [role=button], [role=tab], [tabindex='0']";
@@ -36,7 +37,7 @@ export class SessionPage extends HTMLElement {
     const state = new SessionState(this.sessionId);
     this.#state = state;
     const toured = window.location.hash === "#tour";
-    state.view = window.location.hash === "#result" ? "result" : "measure";
+    Object.assign(state, placeIn(window.location.hash));
     const intake = make(IntakeElement, { state });
     const watch = make(FolderWatchElement, { state });
     this.#actions = make(ActionsElement, { state, intake, watch });
@@ -44,7 +45,7 @@ export class SessionPage extends HTMLElement {
     document.addEventListener("keydown", this.#key);
     window.addEventListener("hashchange", this.#hash);
     state.watch(["session", "problem"], () => this.#update(state));
-    state.watch(["view"], () => this.#address(state));
+    state.watch(["view", "step"], () => this.#address(state));
     void attempt(() => state.start()).then(() => {
       performance.mark("scancell:ready");
       if (toured && state.session) void import("../components/tour.js").then(({ SESSION_STOPS, tour }) => tour(SESSION_STOPS));
@@ -65,13 +66,14 @@ export class SessionPage extends HTMLElement {
    */
   #build(state, sources, actions) {
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
-      make(GuideElement, { state }), make(QualityElement, { state }), actions, ...sources, make(CapturesElement, { state }));
+      make(GuideElement, { state }), make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
     const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" }, make(ResultElement, { state }));
     state.watch(["view"], () => {
       measure.hidden = state.view !== "measure";
       result.hidden = state.view !== "result";
     });
-    const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result);
+    const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result, actions);
+    state.watch(["step", "view"], () => { work.scrollTop = 0; });
     this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit), make(LiveElement, { state }));
     this.append(this.#loading, this.#problem, h("div", { class: "session" }, make(RailElement, { state }), work, make(SceneElement, { state })));
     this.#listenForDrops(sources[0]);
@@ -119,13 +121,17 @@ export class SessionPage extends HTMLElement {
     if (session) (await import("../components/cell-dialog.js")).cellDialog(session);
   }
 
-  /** @param {SessionState} state */
-  #address(state) {
-    const hash = state.view === "result" ? "#result" : "";
+  /** What is open stands in the address: `#tcp`, `#tcp.result`, `#result`. @param {SessionState} state */
+  #address({ chosen, view }) {
+    const words = [chosen, view === "result" && "result"].filter(Boolean).join(".");
+    const hash = words && `#${words}`;
     if (window.location.hash !== hash) window.history.replaceState(null, "", window.location.pathname + hash);
   }
 
-  #hash = () => this.#state?.show(window.location.hash === "#result" ? "result" : "measure");
+  #hash = () => {
+    const { chosen, view } = placeIn(window.location.hash);
+    this.#state?.open(chosen, view);
+  };
 
   /** @param {KeyboardEvent} event */
   #key = (event) => {
@@ -133,12 +139,27 @@ export class SessionPage extends HTMLElement {
     const target = event.target instanceof Element ? event.target : document.body;
     const typing = target.closest("input:not([type=checkbox]), textarea, select") !== null;
     if (typing) return;
-    if ((event.ctrlKey || event.metaKey) && event.key === "z") return act(event, () => void undoLast());
-    if (event.ctrlKey || event.metaKey) return;
+    const key = event.key.toLowerCase();
+    if (event.ctrlKey || event.metaKey) {
+      if (key === "z") act(event, () => void (event.shiftKey ? redoLast() : undoLast()));
+      else if (key === "y") act(event, () => void redoLast());
+      return;
+    }
+    const state = this.#state;
     const free = target.closest(INTERACTIVE) === null;
-    if (event.key === " " && free && this.#state?.session?.simulated) act(event, () => void this.#actions?.capture());
-    else if (event.key.toLowerCase() === "s" || (event.key === "Enter" && free)) act(event, () => void this.#actions?.solve());
+    if (key === " " && free && state?.session?.simulated) act(event, () => void this.#actions?.capture());
+    else if (key === "s" || (key === "enter" && free)) act(event, () => void this.#actions?.solve());
+    else if (key === "?") act(event, () => void import("../components/keys.js").then(({ keysDialog }) => keysDialog()));
+    else if (key === "m") act(event, () => state?.show("measure"));
+    else if (key === "r") act(event, () => state?.show("result"));
+    else if (/^[1-9]$/.test(key) && state?.steps[Number(key) - 1]) act(event, () => state.open(state.steps[Number(key) - 1] ?? null));
   };
+}
+
+/** @param {string} hash @returns {{ chosen: string | null, view: "measure" | "result" }} */
+function placeIn(hash) {
+  const [, step = "", result] = /^#(?!tour$|result$)([a-z-]+)(\.result)?$/.exec(hash) ?? [];
+  return { chosen: step || null, view: result || hash === "#result" ? "result" : "measure" };
 }
 
 /** @param {KeyboardEvent} event @param {() => void} action */

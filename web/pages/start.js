@@ -1,6 +1,6 @@
 // The first page: the sessions there are, and the ways to begin one.
 
-import { api } from "../api.js";
+import { api } from "../state/api.js";
 import { cellDialog } from "../components/cell-dialog.js";
 import { copyButton } from "../components/copy.js";
 import { DrawingElement } from "../components/drawing.js";
@@ -9,13 +9,13 @@ import { SessionCardsElement } from "../components/session-cards.js";
 import { attempt, notify } from "../components/toasts.js";
 import { isFirstVisit, noteVisit } from "../components/tour.js";
 import { h, make } from "../dom.js";
-import { chosen, dropped, isArchive, isMeasurement, sessionFolder } from "../files.js";
-import { allowed, me } from "../me.js";
+import { chosen, dropped, isArchive, isMeasurement, knowFormats, sessionFolder } from "../state/files.js";
+import { allowed, me } from "../state/me.js";
 import { go } from "../router.js";
 import { t } from "../texts.js";
-import { createFromFolder } from "../upload.js";
+import { createFromFolder } from "../state/upload.js";
 
-/** @import {Found} from "../files.js" */
+/** @import {Found} from "../state/files.js" */
 
 const SEEDS = 10000;
 
@@ -107,13 +107,15 @@ export class StartPage extends HTMLElement {
   async #takeFolder(found) {
     const folder = await sessionFolder(found).catch(() => undefined);
     if (!folder) {
+      await attempt(knowFormats);
       notify(t(folder === undefined ? "intake.bad_json" : found.some(isMeasurement) ? "start.files_first" : "start.no_session"), { bad: true });
       return;
     }
     await attempt(async () => {
       const { session, outcome } = await createFromFolder(folder, (sent, all) => this.#progress.show(t("intake.sending", { sent, all }), sent / all));
       go(`/sessions/${session.id}`);
-      for (const problem of outcome.problems.slice(0, 3)) notify(problem, { bad: true });
+      for (const problem of outcome.problems.slice(0, 1)) notify(problem, { bad: true });
+      if (outcome.left.length > 1) notify(t("intake.waiting", { count: outcome.left.length }), { bad: true });
     });
   }
 }

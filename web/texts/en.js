@@ -6,12 +6,10 @@ import { common } from "./en/common.js";
 import { compare } from "./en/compare.js";
 import { intake } from "./en/intake.js";
 import { merge } from "./en/merge.js";
-import { optics } from "./en/optics.js";
 import { problems } from "./en/problems.js";
 import { result } from "./en/result.js";
 import { review } from "./en/review.js";
 import { session } from "./en/session.js";
 import { start } from "./en/start.js";
-import { table } from "./en/table.js";
 
-export const en = Object.freeze({ ...common, ...problems, ...start, ...cell, ...session, ...intake, ...result, ...optics, ...table, ...merge, ...review, ...compare, ...access });
+export const texts = Object.freeze({ ...common, ...problems, ...start, ...cell, ...session, ...intake, ...result, ...merge, ...review, ...compare, ...access });

@@ -9,28 +9,27 @@ export const common = {
   "key.space": "Space",
 
   "undo": "Undo",
-  "undo.button": "Take back",
-  "undo.what": "Take back: {what}",
-  "undo.done": "Taken back: {what}",
-  "undo.nothing": "There is nothing to take back.",
+  "undo.what": "Undo: {what}",
+  "undo.done": "Undone: {what}",
+  "undo.nothing": "There is nothing to undo.",
 
   "theme.to_dark": "Switch to the dark theme",
   "theme.to_light": "Switch to the light theme",
 
   "login.title": "Log in",
   "login.token": "Token",
-  "login.hint": "It begins with scancell_ and came from an admin of this server.",
+  "login.hint": "It starts with scancell_ and was given to you by an administrator.",
   "login.go": "Log in",
   "login.how": "I have no token",
-  "login.how_words": "An admin makes one on the server with this command; the role is read, capture or admin.",
+  "login.how_words": "An administrator creates one on the server with this command. The role is read, capture or admin.",
 
   "menu.open": "More",
   "menu.title": "More",
-  "menu.who_machine": "Without login: this server answers on its own machine alone.",
+  "menu.who_machine": "No login: this server only answers its own machine.",
   "menu.who": "{name}",
-  "menu.role_read": "may look at everything",
-  "menu.role_capture": "may look, capture and solve",
-  "menu.role_admin": "may do everything",
+  "menu.role_read": "can view everything",
+  "menu.role_capture": "can view, capture and solve",
+  "menu.role_admin": "can do everything",
   "menu.docs": "API",
   "menu.log_out": "Log out",
 
@@ -44,4 +43,10 @@ export const common = {
   "step.verify": "Verify",
   "step.scan": "Scan",
   "step.merge": "Merge",
+
+  "redo.what": "Redo: {what}",
+  "redo.done": "Redone: {what}",
+  "redo.nothing": "There is nothing to redo.",
+  "menu.language": "Language",
+  "menu.keys": "Keys",
 };

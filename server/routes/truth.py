@@ -1,0 +1,41 @@
+"""What a simulated cell knows of itself: how far its results lie from the truth."""
+
+from fastapi import APIRouter, Response
+from fastapi.responses import JSONResponse
+
+from calib_core.errors import ConflictError
+from calib_core.records import Record
+from calib_core.review.compare import FrameDifference
+from server.http.dependencies import SessionId, StoreDep
+from server.http.strict_json import StrictRoute
+from server.store.sessions import load_session, session_row
+
+router = APIRouter(prefix="/sessions/{session_id}/truth", tags=["results"], route_class=StrictRoute)
+
+
+class OffTheTruth(Record):
+    """How far a result's frames lie from the simulated cell's true ones, beside the uncertainty that it states."""
+
+    frames: list[FrameDifference]
+
+
+@router.get("/{stage}", response_model=OffTheTruth)
+def off_the_truth(session_id: SessionId, stage: str, store: StoreDep) -> Response:
+    """Return how far the result of a simulated cell lies from the truth."""
+    from calib_core.review.compare import Compared, differences_from_truth
+    from server.sources.simulated import simulated_session
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+        device = session_row(db, session_id).simulated
+    result = stored.results_with_stale().get(stage)
+    if device is None or result is None:
+        raise ConflictError(
+            "a result of the simulated cell",
+            "a real cell, whose truth nobody knows" if device is None else f"no result of {stage} yet",
+            "Ask for the truth of a simulated session that is solved.",
+            session_id,
+        )
+    truth = simulated_session(str(device["scenario"]), int(device["seed"])).truth
+    frames = differences_from_truth(Compared(session_id, dict(result), stored.session), truth)
+    return JSONResponse(OffTheTruth(frames=frames).model_dump(mode="json"))

@@ -1,0 +1,78 @@
+// The columns of a table of captures: those that its captures have something to say in, whatever their step.
+
+import { h } from "../dom.js";
+import { fixed, integer, small } from "../format.js";
+import { mark } from "../icons.js";
+import { maybe, t } from "../texts.js";
+import { thumbnail } from "./thumbnail.js";
+
+/** @import {CaptureOut, Residual} from "../state/model.js" */
+/** @typedef {(capture: CaptureOut, residual: Residual | undefined) => string | number | null} Value */
+/**
+ * @typedef {object} Column
+ * @property {string} name
+ * @property {string} title
+ * @property {boolean} [right]
+ * @property {Value} value what it is sorted and copied by
+ * @property {(capture: CaptureOut, residual: Residual | undefined) => Node | string | null} cell
+ */
+
+/** @param {unknown} value */
+const number = (value) => (typeof value === "number" ? value : null);
+/** A column of plain numbers. @param {string} name @param {Value} value @param {(value: number) => string} words @returns {Column} */
+const plain = (name, value, words) => ({
+  name, title: maybe(`column.${name}`, name), right: true, value,
+  cell: (capture, residual) => { const found = value(capture, residual); return typeof found === "number" ? words(found) : "–"; },
+});
+
+/** @type {readonly Column[]} */
+const COLUMNS = [
+  { name: "id", title: t("column.id"), value: ({ id }) => id, cell: ({ id }) => id },
+  { name: "table", title: t("column.table"), right: true, value: ({ mount, table_deg }) => number(table_deg) ?? (mount ? "" : null), cell: place },
+  { name: "pose", title: t("column.pose"), value: ({ pose, measured }) => pose?.join(" ") ?? (measured.image_size ? null : ""), cell: (capture, residual) => poseCell(capture, residual) },
+  plain("zone", ({ measured }) => number(measured.zone), (value) => fixed(value, 2)),
+  plain("extent", ({ measured }) => number(measured.extent_deg), (value) => `${fixed(value, 0)}°`),
+  plain("points", ({ measured }) => number(measured.on_sphere) || number(measured.points), integer),
+  plain("edge", ({ measured }) => number(measured.edge_width_px), (value) => `${fixed(value, 1)} px`),
+  plain("rms", ({ measured }, residual) => number(residual?.surface_rms_mm) ?? number(residual?.line_rms_mm) ?? number(measured.rms_mm), (value) => `±${small(value)}`),
+  plain("rms_px", (_, residual) => number(residual?.rms_px), (value) => `±${fixed(value, 2)} px`),
+  plain("off", (_, residual) => number(residual?.mahalanobis), (value) => `${fixed(value, 1)} σ`),
+  { name: "state", title: t("column.state"), value: (capture, residual) => status(capture, residual).textContent ?? "", cell: (capture, residual) => status(capture, residual) },
+];
+
+/**
+ * @param {readonly CaptureOut[]} captures
+ * @param {ReadonlyMap<string, Residual>} residuals
+ * @returns {Column[]}
+ */
+export function columnsFor(captures, residuals) {
+  return COLUMNS.filter(({ value }) => captures.some((capture) => value(capture, residuals.get(capture.id)) !== null));
+}
+
+/** @param {CaptureOut} capture */
+columnsFor.picture = (capture) => (capture.measured.preview ?? []).length > 0 && thumbnail(capture);
+
+/** @param {CaptureOut} capture */
+function place({ table_deg, mount }) {
+  const angle = typeof table_deg === "number" ? `${fixed(table_deg, Number.isInteger(table_deg) ? 0 : 3)}°` : t("captures.no_angle");
+  return mount ? `${angle} · ${mount}` : angle;
+}
+
+/** @param {CaptureOut} capture @param {Residual | undefined} residual */
+function poseCell({ pose }, residual) {
+  const numbers = pose?.map((value) => fixed(value, Math.abs(value) < 4 ? 3 : 1)).join("  ");
+  return h("span", {}, numbers ? h("span", { class: "number", title: pose?.join(" ") ?? "" }, numbers) : h("span", { class: "soft" }, t("captures.no_pose")),
+    residual?.used === false && residual.reason && h("span", { class: "why", title: residual.reason }, residual.reason));
+}
+
+/**
+ * @param {CaptureOut} capture
+ * @param {Residual | undefined} residual
+ */
+export function status(capture, residual) {
+  const { verdict } = capture.measured;
+  if (capture.excluded) return mark("skipped", t("captures.excluded"));
+  if (residual?.used === false) return verdict === "fail" ? mark("fail", t("quality.fail")) : mark("warn", t("captures.rejected"));
+  if (residual) return mark("pass", t("captures.used"));
+  return mark(verdict, maybe(`quality.${verdict}`, verdict));
+}

@@ -1,0 +1,65 @@
+// A form from a JSON Schema, as the registries give it: a field for each plain property, with what the schema says of it.
+
+import { h } from "../dom.js";
+import { maybe, t } from "../texts.js";
+
+/** @typedef {{ type?: string, title?: string, description?: string, default?: unknown, enum?: unknown[], anyOf?: Schema[], properties?: Record<string, Schema>, exclusiveMinimum?: number, minimum?: number }} Schema */
+
+/**
+ * @param {Schema} schema
+ * @param {Record<string, unknown>} values what is set now
+ * @param {{ prefix: string, go: string, submit: (values: Record<string, unknown>) => Promise<unknown> }} options `prefix` begins the keys of labels and the fields' ids
+ */
+export function schemaForm(schema, values, { prefix, go, submit }) {
+  const fields = Object.entries(schema.properties ?? {}).flatMap(([name, one]) => {
+    const made = field(name, plainOf(one), values[name] ?? one.default, prefix);
+    return made ? [{ name, ...made }] : [];
+  });
+  const send = async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    const read = fields.map(({ name, read: one }) => /** @type {const} */ ([name, one()]));
+    if (read.some(([, value]) => value === undefined)) return;
+    await submit(Object.fromEntries(read));
+  };
+  return h("form", { class: "schema-form", novalidate: true, onsubmit: send }, ...fields.map(({ element }) => element),
+    h("div", { class: "row end" }, h("button", { type: "submit", needs: "capture" }, go)));
+}
+
+/** What a property is beside null. @param {Schema} schema @returns {Schema} */
+const plainOf = (schema) => ({ ...schema.anyOf?.find(({ type }) => type !== "null"), ...schema });
+
+/**
+ * @param {string} name
+ * @param {Schema} schema
+ * @param {unknown} value
+ * @param {string} prefix
+ */
+function field(name, { type, enum: choices, title, description, exclusiveMinimum, minimum }, value, prefix) {
+  const id = `${prefix}-${name.replaceAll("_", "-")}`;
+  const label = maybe(`settings.${prefix}.${name}`, title ?? name);
+  const hint = maybe(`settings.${prefix}.${name}_hint`, description ?? "");
+  const said = hint ? { "aria-describedby": `${id}-hint` } : {};
+  const below = hint ? h("span", { class: "hint", id: `${id}-hint` }, hint) : null;
+  if (type === "boolean") {
+    const input = h("input", { id, type: "checkbox", checked: value === true, ...said });
+    return { element: h("div", { class: "field" }, h("div", { class: "row" }, input, h("label", { for: id }, label)), below), read: () => input.checked };
+  }
+  const wrap = (/** @type {HTMLElement} */ control) => h("div", { class: "field" }, h("label", { for: id }, label), control, below);
+  if (choices) {
+    const select = h("select", { id, ...said }, ...choices.map((one) => h("option", { value: String(one), selected: one === value }, maybe(`settings.${prefix}.${name}_${one}`, String(one)))));
+    return { element: wrap(select), read: () => select.value };
+  }
+  const numeric = type === "number" || type === "integer";
+  if (!numeric && type !== "string") return null;
+  const input = h("input", { id, autocomplete: "off", inputmode: numeric ? "decimal" : "text", value: value ?? "", ...said });
+  input.addEventListener("input", () => input.setCustomValidity(""));
+  const read = () => {
+    if (!numeric) return input.value.trim() || null;
+    if (!input.value.trim()) return null;
+    const number = Number(input.value.replace(",", ".").replace("\u2212", "-"));
+    const good = Number.isFinite(number) && !(exclusiveMinimum !== undefined && number <= exclusiveMinimum) && !(minimum !== undefined && number < minimum);
+    input.setCustomValidity(good ? "" : t("form.need_number"));
+    return input.reportValidity() ? number : undefined;
+  };
+  return { element: wrap(input), read };
+}

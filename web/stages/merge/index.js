@@ -1,0 +1,36 @@
+// What the merge draws itself: the files to download, the settings to merge with again, and looking into the cloud.
+
+import { api } from "../../state/api.js";
+import { h, make } from "../../dom.js";
+import { registry } from "../../state/registries.js";
+import { t } from "../../texts.js";
+import { attempt } from "../../components/toasts.js";
+import { MergedElement } from "./merged.js";
+
+/** @import {Context} from "../../blocks/index.js" */
+/** @import {MergeResult} from "../../state/model.js" */
+
+export const elements = {
+  /** @param {Context} context */
+  after: ({ state, stage }) => {
+    const result = /** @type {MergeResult} */ (/** @type {unknown} */ (state.results[stage]));
+    return [files(result, state.id), ...(result.cloud ? [make(MergedElement, { state, stage })] : [])];
+  },
+};
+
+/** @param {MergeResult} result @param {string} sessionId */
+function files(result, sessionId) {
+  const link = (/** @type {string} */ stem, /** @type {string} */ format) =>
+    h("a", { class: "file", href: api.cloudAddress(sessionId, `${stem}.${format}`), download: `${sessionId}-${stem}.${format}` }, format.toUpperCase());
+  const row = (/** @type {string} */ name, /** @type {string} */ stem, /** @type {string} */ what) => {
+    const made = h("div", { class: "files-row" }, h("h3", {}, name));
+    void attempt(async () => made.append(...(await registry("formats")).filter(({ writes }) => writes.includes(what)).map((format) => link(stem, format.name))));
+    return made;
+  };
+  return h(
+    "section", { class: "panel", "aria-labelledby": "merge-files" },
+    h("h2", { id: "merge-files" }, t("merge.files")),
+    result.cloud ? row(t("merge.cloud"), "merged", "cloud") : h("p", {}, t("merge.no_cloud")),
+    result.mesh && row(t("merge.mesh_file"), "mesh", "mesh"),
+    h("p", { class: "soft small" }, t(result.frame === "turntable" ? "merge.in_table" : "merge.in_base"), " ", t("merge.units")));
+}

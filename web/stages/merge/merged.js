@@ -1,0 +1,178 @@
+// Looking into the merged cloud: colours, sections, deviations. What is set here is seen in the scene, too.
+
+import { api, Problem } from "../../state/api.js";
+import { h } from "../../dom.js";
+import { fixed, integer, small } from "../../format.js";
+import { mark } from "../../icons.js";
+import { may } from "../../state/me.js";
+import { t } from "../../texts.js";
+import { StateElement } from "../../components/base.js";
+import { histogramPlot, sectionPlot } from "./section-plot.js";
+import { attempt, say } from "../../components/toasts.js";
+
+/** @import {CloudView, MergeResult} from "../../state/model.js" */
+
+const COLORS = /** @type {const} */ (["height", "scan", "deviation"]);
+const AXES = /** @type {const} */ (["", "x", "y", "z"]);
+const SETTLE_MS = 120;
+const STEPS = 400;
+
+/** How each session's cloud was looked at last: a new result draws this part of the page afresh. @type {Map<string, CloudView>} */
+const views = new Map();
+
+export class MergedElement extends StateElement {
+  stage = "";
+  #timer = 0;
+  #asked = 0;
+  #colors = COLORS.map((color) => h("input", { type: "radio", name: "cloud-colors", value: color, id: `cloud-${color}`, onchange: () => this.#changed() }));
+  #axis = h("select", { id: "cloud-axis", onchange: () => this.#changed() }, ...AXES.map((axis) => h("option", { value: axis }, axis ? t("merged.across", { axis }) : t("merged.no_section"))));
+  #at = h("input", { type: "range", id: "cloud-at", oninput: () => this.#changed() });
+  #place = h("output", { for: "cloud-at", class: "number" });
+  #keep = h("input", { type: "checkbox", id: "cloud-keep", onchange: () => this.#changed() });
+  #against = h("select", { id: "cloud-against", onchange: () => this.#changed() }, h("option", { value: "mesh" }, t("merged.mesh")), h("option", { value: "sphere" }, t("merged.sphere")));
+  #diameter = h("input", { id: "cloud-diameter", inputmode: "decimal", autocomplete: "off", "aria-describedby": "cloud-diameter-hint", oninput: () => this.#changed() });
+  #file = h("input", { type: "file", accept: ".stl,.ply", class: "visually-hidden", tabindex: -1, "aria-label": t("merged.add"), onchange: () => void this.#upload() });
+  #add = h("button", { type: "button", needs: "capture", onclick: () => this.#file.click() }, t("merged.add"));
+  #forget = h("button", { type: "button", class: "plain", needs: "capture", hidden: true, onclick: () => void this.#remove() }, t("merged.remove"));
+  #cut = h("div", { class: "field cut" }, h("label", { for: "cloud-at" }, t("merged.where")), h("div", { class: "row" }, this.#at, this.#place), h("div", { class: "row" }, this.#keep, h("label", { for: "cloud-keep" }, t("merged.other_side"))));
+  #known = h("div", { class: "field" }, h("label", { for: "cloud-diameter" }, t("merged.diameter")), this.#diameter, h("span", { class: "hint", id: "cloud-diameter-hint" }, t("merged.diameter_hint")));
+  #reference = h("div", { class: "field" }, h("div", { class: "row" }, this.#add, this.#forget, this.#file), h("span", { class: "hint" }, t("merged.mesh_hint")));
+  #compared = h("div", { class: "field" }, h("label", { for: "cloud-against" }, t("merged.against")), this.#against);
+  #section = h("div", { class: "merged-answer" });
+  #deviation = h("div", { class: "merged-answer", "aria-live": "polite" });
+
+  get parts() {
+    return /** @type {const} */ ([]);
+  }
+
+  build() {
+    const view = this.#view;
+    for (const input of this.#colors) input.checked = input.value === view.colors;
+    this.#axis.value = view.axis;
+    this.#against.value = view.against;
+    this.#keep.checked = view.keep === "above";
+    this.#diameter.value = view.diameter_mm === null ? "" : String(view.diameter_mm);
+    this.#reach();
+    this.append(h(
+      "section", { class: "panel", "aria-labelledby": "merged-title" },
+      h("h2", { id: "merged-title" }, t("merged.title")),
+      h("p", { class: "soft small" }, t("merged.what")),
+      h("fieldset", { class: "row choices" }, h("legend", {}, t("merged.colors")), ...this.#colors.map((input) => h("span", {}, input, h("label", { for: input.id }, t(/** @type {"merged.height"} */ (`merged.${input.value}`)))))),
+      this.#compared, this.#known, this.#reference, this.#deviation,
+      h("div", { class: "field" }, h("label", { for: "cloud-axis" }, t("merged.section")), this.#axis), this.#cut, this.#section,
+    ));
+    this.#changed();
+  }
+
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    window.clearTimeout(this.#timer);
+  }
+
+  /** @returns {CloudView} */
+  get #view() {
+    const { low } = this.#ends();
+    return views.get(this.state.id) ?? { colors: "height", axis: "", at_mm: low, keep: "below", against: "mesh", diameter_mm: null };
+  }
+
+  /** Where the cloud begins and ends along the axis that is chosen. */
+  #ends() {
+    const merge = /** @type {MergeResult | undefined} */ (this.state.results[this.stage]);
+    const axis = Math.max(0, ["x", "y", "z"].indexOf(this.#axis.value));
+    return { low: merge?.low_mm[axis] ?? 0, high: merge?.high_mm[axis] ?? 1 };
+  }
+
+  /** Let the slider reach from one end of the cloud to the other. */
+  #reach() {
+    const { low, high } = this.#ends();
+    Object.assign(this.#at, { min: String(low), max: String(high), step: String((high - low) / STEPS) });
+    const { axis, at_mm } = this.#view;
+    this.#at.value = String(axis === this.#axis.value && axis ? at_mm : (low + high) / 2);
+  }
+
+  #changed() {
+    const view = this.#view;
+    const axis = AXES.find((one) => one === this.#axis.value) ?? "";
+    if (axis !== view.axis) this.#reach();
+    const typed = Number(this.#diameter.value.replace(",", "."));
+    const next = {
+      colors: COLORS.find((color) => this.#colors.some((input) => input.checked && input.value === color)) ?? "height",
+      axis, at_mm: Number(this.#at.value), keep: /** @type {"below" | "above"} */ (this.#keep.checked ? "above" : "below"),
+      against: /** @type {"mesh" | "sphere"} */ (this.#against.value), diameter_mm: typed > 0 ? typed : null,
+    };
+    views.set(this.state.id, next);
+    this.#cut.hidden = axis === "";
+    this.#place.textContent = `${fixed(next.at_mm, 1)} mm`;
+    const compares = next.colors === "deviation";
+    this.#compared.hidden = !compares;
+    this.#known.hidden = !compares || next.against !== "sphere";
+    this.#reference.hidden = !compares || next.against !== "mesh";
+    window.clearTimeout(this.#timer);
+    this.#timer = window.setTimeout(() => void this.#show(next), SETTLE_MS);
+  }
+
+  /** @param {CloudView} view */
+  async #show(view) {
+    const asked = ++this.#asked;
+    // The scene is an extra: where it does not answer, section and deviations are still here.
+    void api.showCloud(this.state.id, view).catch(() => undefined);
+    const known = view.colors !== "deviation" || view.against === "sphere" || await api.hasReference(this.state.id).catch(() => false);
+    this.#forget.hidden = view.against !== "mesh" || !known || !may("capture");
+    const [deviation, section] = await Promise.all([
+      known ? this.#deviations(view) : [h("p", {}, t("merged.no_mesh"))],
+      this.#slice(known ? view : { ...view, colors: "height" }),
+    ]);
+    if (asked !== this.#asked) return;
+    this.#deviation.replaceChildren(...deviation);
+    this.#section.replaceChildren(...section);
+  }
+
+  /** @param {CloudView} view @returns {Promise<Node[]>} */
+  async #deviations(view) {
+    if (view.colors !== "deviation") return [];
+    const found = await api.cloudDeviations(this.state.id, view).catch(refused);
+    if (found instanceof Problem) return [mark("warn", found.message)];
+    const pairs = /** @type {const} */ ([["rms", found.rms_mm], ["mean", found.mean_mm], ["p95", found.p95_mm], ["largest", found.largest_mm]]);
+    return [
+      h("p", {}, t("merged.off", { reference: found.reference, points: integer(found.counted) })),
+      histogramPlot(found.histogram, found.limit_mm),
+      h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(`merged.${name}`)), h("dd", {}, small(value)))),
+        found.diameter_mm ? h("div", {}, h("dt", {}, t("merged.found_diameter")), h("dd", {}, `${fixed(found.diameter_mm, 3)} mm`)) : null),
+      h("p", { class: "soft small" }, t("merged.signs")),
+    ];
+  }
+
+  /** @param {CloudView} view @returns {Promise<Node[]>} */
+  async #slice(view) {
+    if (!view.axis) return [];
+    const found = await api.cloudSection(this.state.id, view).catch(refused);
+    // Without the sphere that is compared with, the section is still worth its points.
+    const section = found instanceof Problem ? await api.cloudSection(this.state.id, { ...view, colors: "height" }).catch(refused) : found;
+    if (section instanceof Problem) return [mark("warn", section.message)];
+    return [sectionPlot(section), h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];
+  }
+
+  async #upload() {
+    const file = this.#file.files?.[0];
+    if (!file) return;
+    await attempt(async () => {
+      const { triangles } = await api.putReference(this.state.id, file);
+      say(t("merged.added", { triangles: integer(triangles) }));
+    });
+    this.#file.value = "";
+    this.#changed();
+  }
+
+  async #remove() {
+    await attempt(() => api.removeReference(this.state.id));
+    this.#changed();
+  }
+}
+
+/** @param {unknown} error */
+function refused(error) {
+  if (error instanceof Problem) return error;
+  throw error;
+}
+
+customElements.define("sc-merged", MergedElement);

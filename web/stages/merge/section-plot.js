@@ -1,0 +1,90 @@
+// A thin slice of the merged cloud in true proportion, and the colours of deviations.
+
+import { s } from "../../dom.js";
+import { fixed } from "../../format.js";
+import { t } from "../../texts.js";
+
+/** @import {CloudSection} from "../../state/model.js" */
+
+/** Blue – grey – red, zero in the middle, as in the scene. */
+const DIVERGING = [[20, 70, 190], [95, 145, 225], [172, 172, 172], [232, 125, 95], [190, 20, 35]];
+const BINS = 9;
+const SIZE = { width: 560, height: 360, margin: 34 };
+
+/** @param {number} share from −1 (inside) to 1 (outside) */
+export function deviationColor(share) {
+  const at = (Math.min(1, Math.max(-1, share)) + 1) * 2;
+  const low = Math.min(3, Math.floor(at));
+  const mix = (/** @type {number} */ channel) => Math.round((DIVERGING[low]?.[channel] ?? 0) * (low + 1 - at) + (DIVERGING[low + 1]?.[channel] ?? 0) * (at - low));
+  return `rgb(${mix(0)} ${mix(1)} ${mix(2)})`;
+}
+
+/** @param {CloudSection} section */
+export function sectionPlot(section) {
+  const { points } = section;
+  const { low, high, across } = ends(section);
+  const scale = Math.min((SIZE.width - 2 * SIZE.margin) / (high[0] - low[0] || 1), (SIZE.height - 2 * SIZE.margin) / (high[1] - low[1] || 1));
+  const height = (high[1] - low[1]) * scale + 2 * SIZE.margin;
+  const place = (/** @type {readonly number[]} */ [u = 0, v = 0]) => `${fixedPlain(SIZE.margin + (u - low[0]) * scale)} ${fixedPlain(height - SIZE.margin - (v - low[1]) * scale)}`;
+  /** @type {Map<string, string[]>} */
+  const dots = new Map();
+  points.forEach((point, index) => {
+    const color = colorOf(section, index);
+    const list = dots.get(color) ?? [];
+    list.push(`M${place(point)}h0`);
+    dots.set(color, list);
+  });
+  const label = t("merged.section_label", { axis: section.axis, at: fixed(section.at_mm, 1), points: section.count, u: across[0], v: across[1] });
+  return s(
+    "svg", { class: "section-plot", viewBox: `0 0 ${SIZE.width} ${fixedPlain(height)}`, role: "img", "aria-label": label },
+    ...[...dots].map(([color, list]) => s("path", { class: "dots", d: list.join(""), ...(color ? { stroke: color } : {}) })),
+    ...frame(section, scale, height),
+  );
+}
+
+/** @param {CloudSection} section @param {number} index */
+function colorOf({ deviations_mm: deviations, limit_mm: limit }, index) {
+  const value = deviations?.[index];
+  if (value === null || value === undefined || !limit) return "";
+  return deviationColor(Math.round((value / limit) * ((BINS - 1) / 2)) / ((BINS - 1) / 2));
+}
+
+/** Ends and names of both axes. @param {CloudSection} section */
+function ends({ low_mm: [u0 = 0, v0 = 0], high_mm: [u1 = 1, v1 = 1], across: [u = "", v = ""] }) {
+  return { low: /** @type {const} */ ([u0, v0]), high: /** @type {const} */ ([u1, v1]), across: /** @type {const} */ ([u, v]) };
+}
+
+/** Both axes with their ends. @param {CloudSection} section @param {number} scale @param {number} height */
+function frame(section, scale, height) {
+  const { low, high, across } = ends(section);
+  const left = SIZE.margin;
+  const bottom = height - SIZE.margin + 6;
+  const right = left + (high[0] - low[0]) * scale;
+  const tick = (/** @type {number} */ x, /** @type {number} */ y, /** @type {string} */ text, anchor = "middle") => s("text", { class: "tick", x, y, "text-anchor": anchor }, text);
+  return [
+    s("path", { class: "axis", d: `M${left} ${SIZE.margin}V${bottom}H${right}` }),
+    tick(left, bottom + 14, fixed(low[0], 0)), tick(right, bottom + 14, `${fixed(high[0], 0)} mm`, "end"), tick((left + right) / 2, bottom + 14, across[0]),
+    tick(left - 4, bottom - 6, fixed(low[1], 0), "end"), tick(left - 4, SIZE.margin + 4, fixed(high[1], 0), "end"), tick(left - 4, (SIZE.margin + bottom) / 2, across[1], "end"),
+  ];
+}
+
+/** @param {number} value */
+const fixedPlain = (value) => Number(value.toFixed(1));
+
+/**
+ * How many points lie how far off, as bars in the colours of the scene.
+ * @param {number[]} counts
+ * @param {number} limit_mm
+ */
+export function histogramPlot(counts, limit_mm) {
+  const most = Math.max(...counts, 1);
+  const width = 560 / counts.length;
+  const middle = (counts.length - 1) / 2;
+  return s(
+    "svg", { class: "section-plot", viewBox: "0 0 560 96", role: "img", "aria-label": t("merged.histogram_label", { limit: fixed(limit_mm, 3) }) },
+    ...counts.map((count, index) => s("rect", { x: index * width + 0.5, width: width - 1, y: 76 - (72 * count) / most, height: (72 * count) / most, fill: deviationColor((index - middle) / middle) })),
+    s("path", { class: "axis", d: "M0 76.5H560M280 76V4" }),
+    s("text", { class: "tick", x: 0, y: 91 }, `${fixed(-limit_mm, 3)} mm`), s("text", { class: "tick", x: 280, y: 91, "text-anchor": "middle" }, "0"),
+    s("text", { class: "tick", x: 560, y: 91, "text-anchor": "end" }, `+${fixed(limit_mm, 3)} mm`),
+  );
+}

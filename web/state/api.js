@@ -1,0 +1,368 @@
+// The one file that speaks HTTP. Types come from the server's OpenAPI document (api-types.d.ts).
+
+import { t } from "../texts.js";
+
+/** @import {OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
+
+const ROOT = "/api/v1";
+const LOGIN = "/login";
+const PATIENCE_MS = [400, 1200, 3000];
+/** Who is asked to wait for longer than this is told so. */
+const LONGEST_WAIT_S = 5;
+
+/** As a sentence begins; the server's may stand behind a name. @param {string} text */
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** A request that the server refused, or that never reached it; `message` says what to do. */
+export class Problem extends Error {
+  /** @param {ProblemBody} body */
+  constructor(body) {
+    super(sentence(body.detail ?? body.title ?? ""));
+    this.name = "Problem";
+    this.body = body;
+  }
+
+  get status() {
+    return this.body.status;
+  }
+}
+
+/** A key that lets the server recognise the same request sent twice. Works without a secure context, too. */
+function idempotencyKey() {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+/** @param {number} milliseconds */
+const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
+
+/** @param {Response} response */
+async function problemOf(response) {
+  const fallback = { type: "about:blank", title: response.statusText, status: response.status };
+  if (!(response.headers.get("content-type") ?? "").includes("json")) {
+    return new Problem({ ...fallback, detail: t("problem.unreadable", { status: response.status }) });
+  }
+  return new Problem({ ...fallback, ...(await response.json()) });
+}
+
+/** The login is over, or there was none: the login page leads back to here. */
+export function toLogin() {
+  const { pathname, search, hash } = window.location;
+  window.location.assign(`/login?ended=1&next=${encodeURIComponent(pathname + search + hash)}`);
+}
+
+/**
+ * Ask, and ask again while the server cannot be reached; a POST carries its key, so that it counts once.
+ * @param {string} path
+ * @param {RequestInit} [init]
+ * @param {string} [root] what the path is under
+ * @returns {Promise<Response>}
+ */
+async function request(path, init = {}, root = ROOT) {
+  const headers = new Headers(init.headers);
+  if (init.method === "POST") headers.set("Idempotency-Key", idempotencyKey());
+  for (const wait of [...PATIENCE_MS, 0]) {
+    try {
+      const response = await fetch(root + path, { ...init, headers });
+      if (response.ok) return response;
+      const rest_s = Number(response.headers.get("Retry-After") ?? 1);
+      if (response.status === 429 && path !== LOGIN && wait && rest_s <= LONGEST_WAIT_S) {
+        await pause(1000 * rest_s);
+        continue;
+      }
+      if (response.status === 401 && path !== LOGIN) toLogin();
+      throw await problemOf(response);
+    } catch (error) {
+      if (error instanceof Problem) throw error;
+      if (wait === 0) break;
+      await pause(wait);
+    }
+  }
+  throw unreachable();
+}
+
+/** What is thrown where the server does not answer. */
+export function unreachable() {
+  return new Problem({ type: "about:blank", title: t("problem.unreachable_title"), status: 0, detail: t("problem.unreachable") });
+}
+
+/**
+ * Send a large file; `progress` hears which share of it has gone out. fetch cannot tell that, so this is the older way.
+ * @param {string} path
+ * @param {File} file
+ * @param {string} type
+ * @param {(share: number) => void} progress
+ * @returns {Promise<any>}
+ */
+function sendFile(path, file, type, progress) {
+  return new Promise((resolve, reject) => {
+    const sending = new XMLHttpRequest();
+    sending.open("POST", ROOT + path);
+    sending.setRequestHeader("Content-Type", type);
+    sending.setRequestHeader("Idempotency-Key", idempotencyKey());
+    sending.upload.onprogress = ({ loaded, total }) => progress(total ? loaded / total : 0);
+    sending.onerror = () => reject(unreachable());
+    sending.onload = () => {
+      const answer = new Response(sending.response || null, { status: sending.status, headers: { "content-type": sending.getResponseHeader("content-type") ?? "" } });
+      if (answer.ok) resolve(answer.json());
+      else void problemOf(answer).then(reject);
+    };
+    sending.send(file);
+  });
+}
+
+/**
+ * @param {string} method
+ * @param {unknown} [body]
+ * @returns {RequestInit}
+ */
+function json(method, body) {
+  if (body === undefined) return { method };
+  return { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+}
+
+/** @param {number | undefined} revision @param {RequestInit} init @returns {RequestInit} */
+function madeAgainst(revision, init) {
+  return revision === undefined ? init : { ...init, headers: { ...init.headers, "If-Match": `"${revision}"` } };
+}
+
+/**
+ * @template T
+ * @param {string} path
+ * @returns {Promise<T>}
+ */
+async function get(path) {
+  return (await request(path)).json();
+}
+
+/**
+ * All pages of a list.
+ * @template T
+ * @param {string} path
+ * @returns {Promise<T[]>}
+ */
+async function all(path) {
+  /** @type {T[]} */
+  const items = [];
+  let cursor = "";
+  do {
+    const glue = path.includes("?") ? "&" : "?";
+    /** @type {Page<T>} */
+    const page = await get(cursor ? `${path}${glue}cursor=${encodeURIComponent(cursor)}` : path);
+    items.push(...page.items);
+    cursor = page.next ?? "";
+  } while (cursor);
+  return items;
+}
+
+/** @param {string} id */
+const session = (id) => `/sessions/${encodeURIComponent(id)}`;
+
+/**
+ * @param {string} id
+ * @param {string} captureId
+ */
+const capture = (id, captureId) => `${session(id)}/captures/${encodeURIComponent(captureId)}`;
+
+/** @param {Record<string, string | number>} values */
+const query = (values) => new URLSearchParams(Object.entries(values).map(([name, value]) => [name, String(value)])).toString();
+
+/** What the merged cloud is compared with. @param {CloudView} view @returns {Record<string, string | number>} */
+const compared = ({ against, diameter_mm }) => ({ against, ...(against === "sphere" && diameter_mm ? { diameter_mm } : {}) });
+
+export const api = {
+  /** Who asks, and what they may. @returns {Promise<Me>} */
+  me: () => get("/me"),
+
+  /** @param {string} token @returns {Promise<Me>} */
+  logIn: async (token) => (await request(LOGIN, json("POST", { token }))).json(),
+
+  logOut: async () => void (await request("/logout", json("POST"))),
+
+  /** What the server says that there is of one sort. @param {"stages" | "formats" | "conventions" | "exports" | "sources"} sort @returns {Promise<any[]>} */
+  registry: async (sort) => (await get(`/${sort}`)).items,
+
+  /** @returns {Promise<SessionSummary[]>} */
+  sessions: () => all("/sessions"),
+
+  /** @param {SessionBody} body @returns {Promise<SessionOut>} */
+  createSession: async (body) => (await request("/sessions", json("POST", body))).json(),
+
+  /** @param {File} file @param {(share: number) => void} progress @returns {Promise<SessionOut>} */
+  importArchive: (file, progress) => sendFile("/archives", file, "application/zip", progress),
+
+  /** @param {string} id @returns {Promise<SessionOut>} */
+  session: (id) => get(session(id)),
+
+  /** Refused with 412 where a `revision` is given and the session is no longer that one. @param {string} id @param {Record<string, unknown>} change @param {number} [revision] @returns {Promise<SessionOut>} */
+  changeSession: async (id, change, revision) => (await request(session(id), madeAgainst(revision, json("PATCH", change)))).json(),
+
+  /** @param {string} id */
+  removeSession: async (id) => void (await request(session(id), json("DELETE"))),
+
+  /** @param {string} id @returns {Promise<Guide>} */
+  guide: (id) => get(`${session(id)}/guide`),
+
+  /** @param {string} id @returns {Promise<Results>} */
+  results: (id) => get(`${session(id)}/results`),
+
+  /** @param {string} id @returns {Promise<CaptureOut[]>} */
+  captures: (id) => all(`${session(id)}/captures`),
+
+  /** @param {string} id @param {string} captureId @returns {Promise<CaptureOut>} */
+  capture: (id, captureId) => get(capture(id, captureId)),
+
+  /**
+   * @param {string} id
+   * @param {Capture} record
+   * @param {File[]} files
+   * @returns {Promise<CaptureOut>}
+   */
+  addCapture: async (id, record, files) => {
+    const form = new FormData();
+    form.append("record", JSON.stringify(record));
+    files.forEach((file, index) => form.append("files", file, record.files?.[index] ?? file.name));
+    return (await request(`${session(id)}/captures`, { method: "POST", body: form })).json();
+  },
+
+  /** @param {string} id @param {string} captureId @param {Record<string, unknown>} change @returns {Promise<CaptureOut>} */
+  changeCapture: async (id, captureId, change) => (await request(capture(id, captureId), json("PATCH", change))).json(),
+
+  /** @param {string} id @param {string} captureId */
+  removeCapture: async (id, captureId) => void (await request(capture(id, captureId), json("DELETE"))),
+
+  /** @param {string} id @param {string} captureId @param {string} name @returns {Promise<File>} */
+  captureFile: async (id, captureId, name) => {
+    const short = name.split("/").at(-1) ?? name;
+    const response = await request(`${capture(id, captureId)}/files/${encodeURIComponent(short)}`);
+    return new File([await response.blob()], short);
+  },
+
+  /** The simulated cell goes to a capture's pose again. @param {string} id @param {string} captureId @returns {Promise<CaptureOut>} */
+  captureAgain: async (id, captureId) => (await request(`${session(id)}/sources/simulated/capture?again=${encodeURIComponent(captureId)}`, json("POST"))).json(),
+
+  /** One of `step` where the simulated cell has some left. @param {string} id @param {string} [step] @returns {Promise<CaptureOut>} */
+  captureSimulated: async (id, step) => (await request(`${session(id)}/sources/simulated/capture${step ? `?step=${encodeURIComponent(step)}` : ""}`, json("POST"))).json(),
+
+  /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<ParsedPose[]>} */
+  readPoseLines: async (id, text, convention) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json()).items,
+
+  /** Poses that are looked at before they are used, in the scene of who looks; none takes them away. @param {string} id @param {number[][][]} poses */
+  tryPoses: (id, poses) => {
+    // The scene is an extra: where it shows nothing, the numbers still do.
+    void fetch(`/scenes/${encodeURIComponent(id)}/trial`, json("POST", { poses })).catch(() => undefined);
+  },
+
+  /** @param {string} id @returns {Promise<FolderState>} */
+  folder: (id) => get(`${session(id)}/sources/folder`),
+
+  /** @param {string} id @param {string} folder @param {string} step @returns {Promise<FolderState>} */
+  watchFolder: async (id, folder, step) => (await request(`${session(id)}/sources/folder`, json("PUT", { folder, step }))).json(),
+
+  /** @param {string} id */
+  endWatching: async (id) => void (await request(`${session(id)}/sources/folder`, json("DELETE"))),
+
+  /** @param {string} id @param {string} stage @returns {Promise<Job>} */
+  solve: async (id, stage) => (await request(`${session(id)}/solve/${stage}`, json("POST"))).json(),
+
+  /** @param {string} jobId @returns {Promise<Job>} */
+  job: (jobId) => get(`/jobs/${encodeURIComponent(jobId)}`),
+
+  /** @param {string} jobId */
+  cancelJob: async (jobId) => void (await request(`/jobs/${encodeURIComponent(jobId)}/cancel`, json("POST"))),
+
+  /** What can be set in a scene. @param {string} scene its address @returns {Promise<SceneControls>} */
+  sceneControls: async (scene) => (await request("controls", {}, scene)).json(),
+
+  /** @param {string} scene its address @param {string} what @param {Record<string, unknown>} body */
+  tellScene: async (scene, what, body) => void (await request(what, json("POST", body), scene)),
+
+  /** What one page sees of a scene. @param {string} scene its address @param {string} viewer @param {number} width @param {number} height @returns {Promise<Blob>} */
+  scenePicture: async (scene, viewer, width, height) => (await request(`viewers/${viewer}/picture?width=${width}&height=${height}`, {}, scene)).blob(),
+
+  /** How far a simulated cell's result lies from the truth. @param {string} id @param {string} stage @returns {Promise<OffTheTruth>} */
+  truth: (id, stage) => get(`${session(id)}/truth/${encodeURIComponent(stage)}`),
+
+  /** What happened, in order. @param {string} id @returns {Promise<TimelineItem[]>} */
+  timeline: async (id) => (await get(`${session(id)}/timeline`)).items,
+
+  /** The session as it stood then. @param {string} id @param {number} place @returns {Promise<Moment>} */
+  moment: (id, place) => get(`${session(id)}/timeline/${place}`),
+
+  /** All results that a stage ever had. @param {string} id @param {string} stage @returns {Promise<PastResult[]>} */
+  history: async (id, stage) => (await get(`${session(id)}/results/${encodeURIComponent(stage)}/history`)).items,
+
+  /** Each side is a session, or `session:number` of a result. @param {string} stage @param {string} left @param {string} right @returns {Promise<Comparison>} */
+  compare: (stage, left, right) => get(`/compare/${encodeURIComponent(stage)}?${new URLSearchParams({ left, right })}`),
+
+  /** Solve everything afresh to compare. @param {string} id @returns {Promise<Job>} */
+  recompute: async (id) => (await request(`${session(id)}/replay`, json("POST"))).json(),
+
+  /** @param {string} jobId @returns {Promise<Recomputed>} */
+  jobAnswer: (jobId) => get(`/jobs/${encodeURIComponent(jobId)}/answer`),
+
+  /** What came with the archive that a session was imported from. @param {string} id @returns {Promise<KeptFile[]>} */
+  kept: async (id) => (await get(`${session(id)}/kept`)).items,
+
+  /** @param {string} id @param {string} name */
+  keptAddress: (id, name) => `${ROOT}${session(id)}/kept/${name.split("/").map(encodeURIComponent).join("/")}`,
+
+  /** @returns {Promise<TokenRecord[]>} */
+  tokens: async () => (await get("/tokens")).items,
+
+  /** The answer alone holds the token itself. @param {NewToken} body @returns {Promise<MadeToken>} */
+  makeToken: async (body) => (await request("/tokens", json("POST", body))).json(),
+
+  /** @param {string} tokenId */
+  revokeToken: async (tokenId) => void (await request(`/tokens/${encodeURIComponent(tokenId)}`, json("DELETE"))),
+
+  /** Who did what, the newest first, from a place on. @param {string | null} cursor @returns {Promise<Page<AuditEntry>>} */
+  audit: (cursor) => get(cursor ? `/audit?limit=100&cursor=${encodeURIComponent(cursor)}` : "/audit?limit=100"),
+
+  /** @param {string} id */
+  reportAddress: (id) => `${ROOT}${session(id)}/report`,
+
+  /** @param {string} id */
+  archiveAddress: (id) => `${ROOT}${session(id)}/archive`,
+
+  /** @param {string} id @param {string} format */
+  exportAddress: (id, format) => `${ROOT}${session(id)}/exports/${encodeURIComponent(format)}`,
+
+  /** @param {string} id @param {string} captureId @param {string} name */
+  fileAddress: (id, captureId, name) => `${ROOT}${capture(id, captureId)}/files/${encodeURIComponent(name.split("/").at(-1) ?? name)}`,
+
+  /** @param {string} id @param {string} name such as `merged.pcd` */
+  cloudAddress: (id, name) => `${ROOT}${session(id)}/clouds/${encodeURIComponent(name)}`,
+
+  /** Whether the session has a mesh to compare its cloud with. @param {string} id @returns {Promise<boolean>} */
+  hasReference: async (id) => {
+    /** @type {{ items: { name: string }[] }} */
+    const { items } = await get(`${session(id)}/clouds`);
+    return items.some(({ name }) => name === "reference.ply");
+  },
+
+  /** A thin slice of the merged cloud. @param {string} id @param {CloudView} view @returns {Promise<CloudSection>} */
+  cloudSection: (id, view) => get(`${session(id)}/merged/section?${query({ axis: view.axis, at_mm: view.at_mm, ...(view.colors === "deviation" ? compared(view) : {}) })}`),
+
+  /** @param {string} id @param {CloudView} view @returns {Promise<CloudDeviations>} */
+  cloudDeviations: (id, view) => get(`${session(id)}/merged/deviation?${query(compared(view))}`),
+
+  /** @param {string} id @param {File} file @returns {Promise<ReferenceMesh>} */
+  putReference: async (id, file) => {
+    const form = new FormData();
+    form.append("file", file, file.name);
+    return (await request(`${session(id)}/merged/reference`, { method: "PUT", body: form })).json();
+  },
+
+  /** @param {string} id */
+  removeReference: async (id) => void (await request(`${session(id)}/merged/reference`, json("DELETE"))),
+
+  /** Show the merged cloud in the scene this way, for all who look. @param {string} id @param {CloudView} view */
+  showCloud: async (id, { colors, axis, at_mm, keep, against, diameter_mm }) => {
+    const section = axis ? { axis, at_mm, keep } : null;
+    await fetch(`/scenes/${encodeURIComponent(id)}/cloud`, json("POST", { colors, section, against, diameter_mm }));
+  },
+
+  /** @param {string} id */
+  eventsAddress: (id) => `${ROOT}${session(id)}/events`,
+};

@@ -1,0 +1,87 @@
+// The names that the page uses for what the API gives and takes.
+
+import type {
+  AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord,
+  CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
+  CameraResult as CameraRecord, Capture, Cell, FolderState, Guide, GuideNow, GuideStep, Job, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
+  Figure, Frame, Note, Picture, Plot, Quantity, Table,
+  Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
+} from "../api-types.js";
+
+export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
+export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TcpResidual, TurntableResidual };
+export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
+export type Moment = MomentOfSession;
+/** A folder that is watched, and what came of it. */
+export type FolderWatch = NonNullable<FolderState["watch"]>;
+export type CaptureOut = StoredCapture;
+export type SessionOut = StoredSession;
+export type SessionBody = NewSession;
+export type ParsedPose = PoseLine;
+export type Kind = Capture["kind"];
+export type PoseConvention = Cell["pose_convention"];
+export type ProblemBody = Pick<Problem, "type" | "title" | "status" | "detail"> & Partial<Problem>;
+
+export interface Page<T> {
+  items: T[];
+  next: string | null;
+}
+
+/** A stored result, and whether captures or cell have changed since. */
+type Stored<T> = T & { stale?: boolean };
+/** What all results have; the rest is told by their evidence. */
+export type StageResult = Pick<Stored<TcpRecord>, "stage" | "method" | "software" | "inputs_sha256" | "verdict" | "warnings" | "notes" | "evidence" | "stale"> & { residuals: Residual[] };
+export type MergeResult = Stored<MergeRecord>;
+export type CameraResult = Stored<CameraRecord>;
+/** A row of any stage's residuals. */
+export type Residual = Pick<TcpResidual, "capture" | "used" | "reason"> & Partial<TcpResidual & TurntableResidual & CameraResidual & LaserPlaneResidual>;
+export type Results = Record<string, StageResult>;
+
+/** Blocks of evidence, as their kinds tell them apart. */
+export type Block = FigureBlock | FrameBlock | TableBlock | PlotBlock | PictureBlock | NoteBlock;
+export type FigureBlock = Figure & { kind: "figure" };
+export type FrameBlock = Frame & { kind: "frame" };
+export type TableBlock = Table & { kind: "table" };
+export type PlotBlock = Plot & { kind: "plot" };
+export type PictureBlock = Picture & { kind: "picture" };
+export type NoteBlock = Note & { kind: "note" };
+export type { Quantity };
+export type AxisOf = Plot["x"];
+export type SeriesOf = Plot["series"][number];
+export type ColumnOf = Table["columns"][number];
+export type RowOf = Table["rows"][number];
+export type CellOf = RowOf["cells"][number];
+
+/** What the server says that there is: a stage, a format, a convention, an export, a source. */
+export interface StageInfo {
+  name: string;
+  title?: string;
+  steps?: string[];
+  guided?: string[];
+  /** What the captures of its own step show. */
+  shows?: string | null;
+  /** Where the page's own elements of the stage lie, if it has any. */
+  element?: string | null;
+  is_answer?: boolean;
+  settings?: Record<string, any> | null;
+  settings_field?: string | null;
+}
+
+export interface ConventionInfo {
+  name: PoseConvention;
+  title: string;
+  brand: string | null;
+  numbers: string[];
+  units: string;
+}
+
+/** How the merged cloud is looked at. */
+export interface CloudView {
+  colors: "height" | "scan" | "deviation";
+  axis: "" | "x" | "y" | "z";
+  at_mm: number;
+  keep: "below" | "above";
+  against: "mesh" | "sphere";
+  diameter_mm: number | null;
+}

@@ -1,0 +1,26 @@
+// What exists, asked for once: stages, formats, conventions, exports and sources with the schemas of their settings.
+
+import { api } from "./api.js";
+
+/** @import {ConventionInfo, StageInfo} from "./model.js" */
+/** @typedef {Parameters<typeof api.registry>[0]} Sort */
+
+/** @type {Map<Sort, Promise<any[]>>} */
+const asked = new Map();
+
+/** @param {Sort} sort */
+export function registry(sort) {
+  let answer = asked.get(sort);
+  if (!answer) {
+    answer = api.registry(sort);
+    asked.set(sort, answer);
+    answer.catch(() => asked.delete(sort));
+  }
+  return answer;
+}
+
+/** In the order of the way. @returns {Promise<StageInfo[]>} */
+export const stages = () => registry("stages");
+
+/** The most common first. @returns {Promise<ConventionInfo[]>} */
+export const conventions = () => registry("conventions");
