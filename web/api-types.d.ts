@@ -18,6 +18,23 @@ export interface ArchiveFacts {
   report: boolean;
 }
 
+export interface ArmJoint {
+  a_mm?: number;
+  alpha_deg?: number;
+  d_mm?: number;
+  theta_deg?: number;
+  kind?: "revolute" | "prismatic";
+  sign?: 1 | -1;
+}
+
+export interface ArmTable {
+  joints: ArmJoint[];
+  convention?: "standard" | "modified";
+  couples?: Record<string, number>;
+  base_from_first?: number[][] | null;
+  last_from_tool0?: number[][] | null;
+}
+
 export interface AtWorkpiece {
   of: "tool" | "table" | "both";
   where?: string;
@@ -159,6 +176,14 @@ export interface Capture {
   excluded?: boolean;
   side?: 1 | -1 | null;
   board_of?: string | null;
+  scanner?: string | null;
+  joints_deg?: (number | null)[] | null;
+  joints_mm?: (number | null)[] | null;
+  device_time_s?: number | null;
+  active_tool?: number | string | null;
+  active_frame?: number | string | null;
+  moving?: boolean | null;
+  source?: string | null;
 }
 
 export interface CaptureChanges {
@@ -192,10 +217,13 @@ export interface CaptureUpload {
 }
 
 export interface Cell {
+  id?: string | null;
+  arrangement?: "scanner-on-robot" | "sphere-on-robot" | null;
   pose_convention: "matrix" | "quaternion-xyzw" | "quaternion-wxyz" | "abb" | "kuka" | "fanuc" | "ur" | "staubli" | "kawasaki" | "mitsubishi" | "yaskawa" | "nachi" | "ros";
   sphere_diameter_mm?: number | null;
   sphere_diameter_sigma_mm?: number | null;
   scanner?: Scanner;
+  scanners?: Record<string, unknown> | null;
   robot?: Robot;
   turntable?: Turntable;
   board?: Board | null;
@@ -632,7 +660,7 @@ export interface MergeResult {
   registration_shift_rms_mm?: number | null;
   self_calibration?: SharedShift | null;
   surface_sigma_mm?: number | null;
-  calibrated_by?: "known" | "tcp" | "turntable" | "chain" | null;
+  calibrated_by?: string | null;
   tool0_from_laser?: number[][] | null;
   base_from_turntable?: number[][] | null;
   mesh: string | null;
@@ -658,7 +686,7 @@ export interface MomentOfSession {
   place: number;
   session: Session;
   captures: StoredCapture[];
-  results: Record<string, StoredCameraResult | StoredLaserPlaneResult | StoredTcpResult | StoredTurntableResult | StoredChainResult | StoredMergeResult>;
+  results: Record<string, StoredCameraResult | StoredLaserPlaneResult | StoredTcpResult | StoredTurntableResult | StoredChainResult | StoredVerifyResult | StoredMergeResult>;
   numbers: Record<string, number>;
   guide: Guide;
   frames: Record<string, unknown> | null;
@@ -833,6 +861,7 @@ export interface Robot {
   position_sigma_mm?: number | null;
   orientation_sigma_deg?: number | null;
   brand?: string | null;
+  arm?: string | ArmTable | null;
 }
 
 export interface Row {
@@ -949,11 +978,12 @@ export interface StageOfCell {
   title: string;
   settings: Record<string, unknown>;
   steps: string[];
-  guided?: string[];
-  shows?: string | null;
-  is_answer?: boolean;
-  settings_field?: string | null;
-  element?: string | null;
+  after: string[];
+  guided: string[];
+  step: StepOfCaptures | null;
+  settings_field: string | null;
+  layers: string[];
+  element: string | null;
 }
 
 export interface StageReplay {
@@ -968,6 +998,13 @@ export interface StageReplay {
 
 export interface StagesOfCell {
   items: StageOfCell[];
+}
+
+export interface StepOfCaptures {
+  name: string;
+  title: string;
+  shows: string;
+  to_capture: string;
 }
 
 export interface Still {
@@ -1022,6 +1059,14 @@ export interface StoredCapture {
   excluded?: boolean;
   side?: 1 | -1 | null;
   board_of?: string | null;
+  scanner?: string | null;
+  joints_deg?: (number | null)[] | null;
+  joints_mm?: (number | null)[] | null;
+  device_time_s?: number | null;
+  active_tool?: number | string | null;
+  active_frame?: number | string | null;
+  moving?: boolean | null;
+  source?: string | null;
   measured: Measured;
 }
 
@@ -1130,7 +1175,7 @@ export interface StoredMergeResult {
   registration_shift_rms_mm?: number | null;
   self_calibration?: SharedShift | null;
   surface_sigma_mm?: number | null;
-  calibrated_by?: "known" | "tcp" | "turntable" | "chain" | null;
+  calibrated_by?: string | null;
   tool0_from_laser?: number[][] | null;
   base_from_turntable?: number[][] | null;
   mesh: string | null;
@@ -1212,6 +1257,31 @@ export interface StoredTurntableResult {
   undetermined?: Undetermined[];
   variance_components: VarianceComponents;
   residuals: TurntableResidual[];
+}
+
+export interface StoredVerifyResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
+  stage?: "verify";
+  verified: string;
+  tool0_from_laser: number[][];
+  sphere_center_in_base_mm: number[];
+  sphere_center_covariance: number[][];
+  surface_rms_mm: number | null;
+  held_out_scatter_rms_mm: number;
+  expected_scatter_rms_mm: number | null;
+  chi_squared: number | null;
+  degrees_of_freedom: number;
+  chance: number | null;
+  residuals: VerifyResidual[];
 }
 
 export interface Table {
@@ -1406,6 +1476,43 @@ export interface VarianceComponents {
   orientation_sigma_rad: number;
   orientation_sigma_deg: number;
   estimated?: string[];
+}
+
+export interface VerifyResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  points?: number;
+  surface_rms_mm?: number | null;
+  center_offset_in_base_mm?: number[] | null;
+  center_distance_mm?: number | null;
+  expected_center_distance_mm?: number | null;
+  mahalanobis?: number | null;
+  side?: number | null;
+  zone?: number | null;
+  profiles?: number | null;
+}
+
+export interface VerifyResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  warnings?: string[];
+  notes?: string[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
+  stage?: "verify";
+  verified: string;
+  tool0_from_laser: number[][];
+  sphere_center_in_base_mm: number[];
+  sphere_center_covariance: number[][];
+  surface_rms_mm: number | null;
+  held_out_scatter_rms_mm: number;
+  expected_scatter_rms_mm: number | null;
+  chi_squared: number | null;
+  degrees_of_freedom: number;
+  chance: number | null;
+  residuals: VerifyResidual[];
 }
 
 export interface ViewChange {

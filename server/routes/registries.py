@@ -3,11 +3,13 @@
 The page builds its choices, its accepted file endings and its forms from these lists.
 """
 
+from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
+from server.http.dependencies import SettingsDep
 from server.http.strict_json import StrictRoute
 
 router = APIRouter(tags=["registries"], route_class=StrictRoute)
@@ -70,7 +72,8 @@ class StepOfCaptures(BaseModel):
 class StageOfCell(_Entry):
     """A stage: the steps whose captures it takes, the stages that it may rest on, and the guide's steps for it.
 
-    `step` are the captures that are its own; its settings stand in the cell's field `settings_field`.
+    `step` are the captures that are its own; its settings stand in the cell's field `settings_field`; `element` is
+    where the page's own elements of it lie, null where it has none.
     """
 
     steps: list[str]
@@ -79,6 +82,7 @@ class StageOfCell(_Entry):
     step: StepOfCaptures | None
     settings_field: str | None
     layers: list[str]
+    element: str | None
 
 
 class FileFormats(BaseModel):
@@ -158,8 +162,15 @@ def sources() -> CaptureSources:
 
 
 @router.get("/stages", response_model=StagesOfCell)
-def stages() -> StagesOfCell:
+def stages(settings: SettingsDep) -> StagesOfCell:
     """List the stages: the names that `POST …/solve/{stage}` takes; `all` solves them in their order."""
     from calib_core.stages.registry import stages as all_stages
 
-    return StagesOfCell(items=[StageOfCell.model_validate(stage.describe()) for stage in all_stages()])
+    items = [{**stage.describe(), "element": _element(settings.web, stage.name)} for stage in all_stages()]
+    return StagesOfCell(items=[StageOfCell.model_validate(item) for item in items])
+
+
+def _element(web: Path, stage: str) -> str | None:
+    """Return the address of what a stage draws itself in the page; most draw nothing."""
+    script = web / "stages" / stage / "index.js"
+    return f"/web/stages/{stage}/index.js" if script.is_file() else None

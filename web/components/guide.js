@@ -28,6 +28,13 @@ export class GuideElement extends StateElement {
     this.#words.replaceChildren(...(now ? words(now, stepName(this.state, step)) : this.#elsewhere()));
   }
 
+  /** What to do in a step that can be worked on though another comes first. @param {string | undefined} status */
+  #open(status) {
+    const { state } = this;
+    const stage = state.stages.find(({ name }) => name === state.stageOf(state.step));
+    return status === "todo" || status === "working" || status === "stale" ? stage?.step?.to_capture : undefined;
+  }
+
   /** A step that asks for nothing now: where it stands, and the way on. */
   #elsewhere() {
     const { state } = this;
@@ -35,7 +42,7 @@ export class GuideElement extends StateElement {
     const current = state.guide?.current.step ?? "";
     return [
       h("p", { class: "guide-progress" }, stepName(state, state.step)),
-      h("h1", {}, t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
+      h("h1", {}, this.#open(told?.status) ?? t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
       h("p", { class: "soft" }, told?.note ?? ""),
       h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),
     ];

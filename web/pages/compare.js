@@ -32,7 +32,7 @@ export class ComparePage extends HTMLElement {
       this.#answer);
     void attempt(async () => {
       const [sessions, known] = await Promise.all([api.sessions(), stages()]);
-      const wanted = this.#value("stage") || known.find(({ is_answer }) => is_answer)?.name;
+      const wanted = this.#value("stage") || known.find(({ name }) => sessions.some(({ verdicts }) => verdicts[name]))?.name;
       this.#stage.append(...known.map(({ name, title }) => h("option", { value: name, selected: name === wanted }, maybe(`step.${name}`, title ?? name))));
       for (const side of SIDES) this.#offer(side, sessions);
       await this.#refresh();

@@ -5,7 +5,7 @@ import type {
   CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
   CameraResult as CameraRecord, Capture, Cell, FolderState, Guide, GuideNow, GuideStep, Job, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
-  Figure, Frame, Note, Picture, Plot, Quantity, Table,
+  Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
 
@@ -53,28 +53,9 @@ export type ColumnOf = Table["columns"][number];
 export type RowOf = Table["rows"][number];
 export type CellOf = RowOf["cells"][number];
 
-/** What the server says that there is: a stage, a format, a convention, an export, a source. */
-export interface StageInfo {
-  name: string;
-  title?: string;
-  steps?: string[];
-  guided?: string[];
-  /** What the captures of its own step show. */
-  shows?: string | null;
-  /** Where the page's own elements of the stage lie, if it has any. */
-  element?: string | null;
-  is_answer?: boolean;
-  settings?: Record<string, any> | null;
-  settings_field?: string | null;
-}
-
-export interface ConventionInfo {
-  name: PoseConvention;
-  title: string;
-  brand: string | null;
-  numbers: string[];
-  units: string;
-}
+/** What the server says of a stage. */
+export type StageInfo = StageOfCell;
+export type ConventionInfo = PoseConventionEntry & { name: PoseConvention };
 
 /** How the merged cloud is looked at. */
 export interface CloudView {

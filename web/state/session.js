@@ -144,7 +144,7 @@ export class SessionState extends EventTarget {
 
   /** What a step's captures show: the board, the sphere, the sphere on the table, or an object. @param {string} step */
   shows(step) {
-    return this.stages.find(({ steps = [] }) => steps[0] === step)?.shows ?? "sphere";
+    return this.stages.find((stage) => stage.step?.name === step)?.step?.shows ?? "sphere";
   }
 
   /** Whether a step's captures show the board, for which no robot is needed. @param {string} step */
