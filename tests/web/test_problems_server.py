@@ -91,7 +91,7 @@ def test_a_file_of_no_use_is_refused_and_the_good_one_beside_it_is_kept_once(
         visitor.picture("input")
         expect(visitor.rows).to_have_count(1)
         # What was stored is not sent twice; what was refused is still there with its pose.
-        expect(visitor.page.locator(".match tbody tr").first).to_contain_text("added already")
+        expect(visitor.page.locator(".match tbody tr").first).to_contain_text("already added")
         again = visitor.page.get_by_role("button", name="Add 1 capture")
         expect(again).to_be_visible()
         again.click()
