@@ -78,6 +78,7 @@ export class ResultElement extends StateElement {
     yield answer(result, state, stage);
     if (state.session?.simulated && !("timeline" in state)) yield truthSection(state.id, stage);
     yield* sections(evidenceOf(result).slice(leading(result).length), context, own.blocks);
+    if (!evidenceOf(result).length) yield h("p", { class: "soft" }, t("result.no_evidence"));
     if (!("timeline" in state)) {
       yield* own.after?.(context) ?? [];
       if (own.settings) yield own.settings;
@@ -97,7 +98,9 @@ async function elementsOf(state, stage) {
   const info = state.stages.find(({ name }) => name === stage);
   /** @type {StageElements} */
   const own = info?.element ? (await import(info.element)).elements : {};
-  return info?.settings_field && !("timeline" in state) ? { ...own, settings: (await import("./solve-settings.js")).solveSettings(state, info) } : own;
+  // What must be known from the start (a board) belongs to the cell.
+  const required = /** @type {string[] | undefined} */ (info?.settings["required"]);
+  return info?.settings_field && !required?.length && !("timeline" in state) ? { ...own, settings: (await import("./solve-settings.js")).solveSettings(state, info) } : own;
 }
 
 /** @param {HTMLDetailsElement} details */

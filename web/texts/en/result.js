@@ -65,4 +65,5 @@ export const result = {
   "remedy.convention": "Read poses as {convention}",
   "result.export": "Export …",
   "answer.wanted": "wanted {limit}",
+  "result.no_evidence": "This result was stored without its evidence. Solve again to see it.",
 };
