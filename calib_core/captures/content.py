@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from calib_core.chain.observations import SphereSize
 from calib_core.errors import InputError
-from calib_core.formats.points import parse_cloud, parse_profile
+from calib_core.formats.format import PointKind, Reading
+from calib_core.formats.points import known_points, read_file
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell
 from calib_core.robots import parse_pose
@@ -27,6 +28,11 @@ def shows_board(capture: Capture) -> bool:
     return capture.step in steps_that_show("board")
 
 
+def read_as(capture: Capture, name: str, read: ReadFile, kind: PointKind) -> Reading:
+    """Return the reading of one of a capture's files, in the format and with the settings that it names."""
+    return read_file(read(name), name, kind, capture.format, capture.format_settings)
+
+
 def read_points(capture: Capture, read: ReadFile) -> FloatArray:
     """Return the points of a profile or cloud capture, (N, 2) or (N, 3), in L.
 
@@ -39,10 +45,8 @@ def read_points(capture: Capture, read: ReadFile) -> FloatArray:
         got = f"{len(capture.files)} files"
         raise InputError(f"one file in a {capture.kind} capture", got, "Give each its own capture.", capture.id)
     name = capture.files[0]
-    if capture.kind == "profile":
-        return parse_profile(read(name), name)
-    if capture.kind == "cloud":
-        return parse_cloud(read(name), name)
+    if capture.kind in ("profile", "cloud"):
+        return known_points(read_as(capture, name, read, capture.kind), name)
     raise InputError(
         "a capture of kind profile, cloud or center",
         f"kind '{capture.kind}', which this version cannot turn into points",

@@ -6,11 +6,11 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from calib_core.captures.content import pose_of
+from calib_core.captures.content import pose_of, read_as
 from calib_core.captures.stripe_frames import read_profile_frame
 from calib_core.captures.sweep import IMAGES, read_sweep, sweep_poses
 from calib_core.errors import InputError
-from calib_core.formats.points import known_points, read_file
+from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, as_rows
 from calib_core.records import Capture, Session
@@ -144,7 +144,7 @@ def _cloud(capture: Capture, read: ReadFile) -> tuple[np.ndarray, bool]:
     if len(capture.files) != 1:
         raise InputError("one file in a cloud", f"{len(capture.files)}", "Give each its own capture.", capture.id)
     name = capture.files[0]
-    reading = read_file(read(name), name, "cloud")
+    reading = read_as(capture, name, read, "cloud")
     known = known_points(reading, name)
     if reading.grid is not None and min(reading.grid) >= 3:
         return reading.points.reshape(*reading.grid, 3).astype(np.float32), True
@@ -162,7 +162,7 @@ def _profiles(
         raw = [PurePosixPath(name).suffix.lower() not in IMAGES for name in capture.files]
         names += capture.files
         if all(raw):
-            profiles += [read_file(read(name), name, "profile").points for name in capture.files]
+            profiles += [read_as(capture, name, read, "profile").points for name in capture.files]
             continue
         of_frames = True
         if capture.kind == "sweep":

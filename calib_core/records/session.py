@@ -1,7 +1,7 @@
 """A session as its file tells it: the cell, and the captures in it."""
 
 from pathlib import PurePosixPath
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -179,6 +179,7 @@ class Capture(Record):
     `scanner` is a name in the cell's `scanners`; `joints_deg` are the robot's joints at `pose`, in order, those of
     prismatic ones in `joints_mm`; `active_tool` and `active_frame` are those that the controller gave `pose` in;
     `moving` says that the robot was; `source` is the file and line, or the device, that it came from.
+    `format` names the files' format where it is not recognised, `format_settings` says what they do not.
     """
 
     id: Identifier
@@ -203,6 +204,8 @@ class Capture(Record):
     active_frame: int | str | None = None
     moving: bool | None = None
     source: str | None = None
+    format: str | None = None
+    format_settings: dict[str, Any] | None = None
 
     @field_validator("files")
     @classmethod

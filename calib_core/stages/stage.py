@@ -31,7 +31,7 @@ FRAME_FIELDS = ("kind", "files", "excluded")
 """What is read of a capture that shows the board."""
 
 SCAN_FIELDS = (
-    *FRAME_FIELDS, "scanner", "pose", "poses", "timestamps_s", "pose_track",
+    *FRAME_FIELDS, "format", "format_settings", "scanner", "pose", "poses", "timestamps_s", "pose_track",
     "joints_deg", "joints_mm", "active_tool", "active_frame", "moving",
 )  # fmt: skip
 """What is read of a capture that the robot's pose gives its place."""

@@ -254,3 +254,16 @@ def test_mutated_tables_give_the_right_points_or_a_sentence(seed: int) -> None:
 def test_the_mutations_reach_both_verdicts() -> None:
     found = [verdict_of(random.Random(seed))[0] for seed in range(200)]
     assert min(found.count("right"), found.count("refused")) > 30
+
+
+def test_a_capture_says_what_its_file_does_not() -> None:
+    from calib_core.captures.content import read_points
+    from calib_core.records import parse_capture
+
+    file = next(f for f in scanner_files() if f.variant == "16-bit grey with stamps")
+    record = {"id": "s", "step": "scan", "kind": "cloud", "files": ["captures/s.png"], "pose": [0] * 6}
+    capture = parse_capture({**record, "format": "height-image", "format_settings": file.settings})
+    points = read_points(capture, lambda _: file.data)
+    np.testing.assert_allclose(points, known(file.truth_mm), atol=file.digits_mm)
+    with pytest.raises(InputError, match="x_pitch_mm"):
+        read_points(parse_capture(record), lambda _: file.data)
