@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import calib_core.chain.tcp
+from calib_core.archive.folder import write_result
 from calib_core.errors import ConflictError, InputError, MeasurementError
 from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
@@ -183,18 +184,18 @@ def test_run_writes_elsewhere_when_asked(folder, tmp_path, capsys):
         assert words in out
 
 
-def test_export_takes_the_stored_result_only_while_it_is_current(folder, tmp_path, capsys):
+def test_export_refuses_a_stored_result_that_is_not_current(folder, result, tmp_path, capsys):
     copy = shutil.copytree(folder, tmp_path / "cell", ignore=shutil.ignore_patterns("results"))
     assert main(["export", str(copy), "--format", "json"]) == 0
-    fresh = json.loads(capsys.readouterr().out)
+    capsys.readouterr()
     assert not (copy / "results").exists()
-    (copy / "results").mkdir()
-    stale = {"tool0_from_laser": np.eye(4).tolist(), "inputs_sha256": "0" * 64}
-    (copy / "results" / "tcp.json").write_text(json.dumps(stale))
-    assert main(["export", str(copy), "--format", "json"]) == 0
-    assert json.loads(capsys.readouterr().out) == fresh
+    write_result(copy, "tcp", result.model_copy(update={"inputs_sha256": "0" * 64}))
+    assert main(["export", str(copy), "--format", "json"]) == 1
+    assert "stale" in capsys.readouterr().err
+    assert main(["export", str(copy), "--format", "json", "--allow", "stale"]) == 0
+    assert json.loads(capsys.readouterr().out)
     assert main(["export", str(copy), "--format", "robodk"]) == 2
-    assert "an export format among json" in capsys.readouterr().err
+    assert "an export format among " in capsys.readouterr().err
 
 
 def test_demo_ends_after_printing_when_asked(capsys):
