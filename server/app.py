@@ -22,6 +22,7 @@ from server.http.access_log import AccessLog
 from server.http.body_draining import BodyDraining
 from server.http.disconnects import Disconnects
 from server.http.events import Hub
+from server.http.head_requests import HeadRequests
 from server.http.security_headers import SecurityHeaders
 from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
@@ -79,7 +80,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.metrics.watch_store(store, settings.data)
         measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
         measuring_queue = MeasuringQueue(store, measuring)
-        jobs = Jobs(settings, store, measuring_queue.wake)
+        jobs = Jobs(settings, store, hub, measuring_queue.wake)
         past_scenes = PastScenes(store)
         scenes = SceneManager(past_scenes.load, partial(follow_scene, hub))
         app.state.past_scenes = past_scenes
@@ -153,6 +154,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(trials_router)
     app.include_router(cloud_router)
     app.mount("/web", GZipMiddleware(StaticFiles(directory=settings.web, check_dir=False), minimum_size=500))
+    app.add_middleware(HeadRequests)
     app.add_middleware(Timeouts, settings=settings)
     app.add_middleware(AuthMiddleware, settings=settings)
     app.add_middleware(SecurityHeaders, settings=settings)

@@ -37,14 +37,24 @@ def run(
                 "stage",
             )
         return {stage: solve_stage(session, stage, read, progress, store)}
-    if not any(stage_captures(session, other.name) for other in stages()):
-        _require_captures([], answer_stages()[-1])
     results: dict[str, Result] = {}
     kept = Kept(results=results)
-    for other in stages():
-        if not other.is_brought(session) and _has_captures(session, other):
-            results[other.name] = solve_stage(session, other.name, read, progress, store, kept)
+    for name in stages_to_solve(session):
+        results[name] = solve_stage(session, name, read, progress, store, kept)
     return results
+
+
+def stages_to_solve(session: Session) -> list[str]:
+    """Return the stages that `all` means, in their order: with captures, and not brought by the user.
+
+    Raises
+    ------
+    InputError
+        If no stage has captures.
+    """
+    if not any(stage_captures(session, stage.name) for stage in stages()):
+        _require_captures([], answer_stages()[-1])
+    return [s.name for s in stages() if not s.is_brought(session) and _has_captures(session, s)]
 
 
 def solve_stage(

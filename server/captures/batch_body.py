@@ -11,6 +11,7 @@ from typing import Any
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
 from calib_core.records import Capture, Session, parse_capture
+from server.http.known_fields import require_known_fields
 from server.http.strict_json import parse_json
 from server.jobs.measuring import check_poses
 
@@ -37,6 +38,7 @@ class CaptureInBody:
             if not len(set(capture.files)) == len(self.contents) == len(capture.files):
                 got, to_do = f"{len(capture.files)} for {len(self.contents)}", "Name each file once, in its order."
                 raise InputError("as many different `files` as `sizes`", got, to_do, self.where)
+            require_known_fields(capture, self.where)
             check_poses(session, capture)
         except CalibrationError as error:
             return error

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 from calib_core.errors import ConflictError, DamagedError, InputError
 from calib_core.records import Capture, Measured, parse_capture, parse_session
+from server.captures.known import require_rigid
 from server.captures.measurer import Measurer
 from server.captures.measuring_queue import to_wait
+from server.http.known_fields import require_known_fields, unknown_fields
 from server.jobs.measuring import Measure, check_poses
 from server.store.calibrations import calibrated
 from server.store.captures import capture_data, capture_row, change_capture
@@ -90,6 +92,9 @@ def corrected_session(
     captures = before.session.captures
     record: Data = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
     session = parse_session({**record, "captures": [capture.to_json() for capture in captures]}, "request")
+    require_known_fields(session, "request", {path for path, _ in unknown_fields(before.session)})
+    if session.cell.known != before.session.cell.known:
+        require_rigid(session.cell)
     for capture in captures:
         check_poses(session, capture)
     anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
@@ -112,7 +117,10 @@ def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
         if name in changes and changes[name] != record.get(name):
             to_do = "Remove the capture and upload it again."
             raise InputError(f"the '{name}' that the capture came with", "another", to_do, name)
-    return parse_capture(merge_patch(record, changes), "request")
+    before = {path for path, _ in unknown_fields(parse_capture(record, "record"))}
+    changed = parse_capture(merge_patch(record, changes), "request")
+    require_known_fields(changed, "request", before)
+    return changed
 
 
 def _changed_meanwhile(what: str) -> ConflictError:

@@ -25,6 +25,10 @@ class Download(StreamingResponse):
         self._file = file
         super().__init__(pieces or chunks_to_end(file), media_type=media_type, headers=headers)
 
+    def discard(self) -> None:
+        """Close the file: something else is answered."""
+        self._file.close()
+
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer; a broken-off download leaves its pieces half given, so they cannot be what closes the file."""
         try:

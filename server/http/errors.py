@@ -13,6 +13,7 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from sqlalchemy.exc import DBAPIError, OperationalError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
+from starlette.routing import Match, Mount
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
@@ -35,6 +36,7 @@ _TITLES = {
     "forbidden": "Refused",
     "login": "Login needed",
     "too-many": "Too many requests",
+    "media-type": "Body of another type",
 }
 _TO_DO = {
     400: "Correct the request.",
@@ -61,6 +63,13 @@ class ForbiddenError(CalibrationError):
 
     code = "forbidden"
     status = 403
+
+
+class MediaTypeError(CalibrationError):
+    """A body of a type that the route does not read."""
+
+    code = "media-type"
+    status = 415
 
 
 class LoginError(CalibrationError):
@@ -166,6 +175,18 @@ def _is_persons(request: Request) -> bool:
     )
 
 
+def _methods(request: Request) -> list[str]:
+    """Return the methods that an address takes, whichever route takes each."""
+    found = {
+        method
+        for method in ("GET", "POST", "PUT", "PATCH", "DELETE")
+        for route in request.app.routes
+        if route.matches({**request.scope, "method": method})[0] == Match.FULL
+        and (method == "GET" or not isinstance(route, Mount))  # a folder of files
+    }
+    return sorted(found | ({"HEAD"} if "GET" in found else set()))
+
+
 def install(app: FastAPI) -> None:
     """Make an application answer every error with problem details."""
 
@@ -186,7 +207,10 @@ def install(app: FastAPI) -> None:
             404: f"there is nothing at {request.url.path}",
             405: f"{request.url.path} does not take {request.method}",
         }.get(error.status_code, str(error.detail).rstrip("."))
-        return problem_response(problem_of_status(error.status_code, got), error.headers)
+        headers = dict(error.headers or {})
+        if error.status_code == 405:
+            headers["Allow"] = ", ".join(_methods(request))
+        return problem_response(problem_of_status(error.status_code, got), headers)
 
     async def storage(request: Request, error: Exception) -> JSONResponse:
         method = request.scope.get("method", "WebSocket")  # of a stream, too: its browser may be cut off

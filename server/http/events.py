@@ -8,13 +8,15 @@ import asyncio
 import logging
 import threading
 from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 
 from fastapi.sse import ServerSentEvent
 from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
 from server.store.database import Store
-from server.store.models import EventRow, SessionRow
+from server.store.models import Data, EventRow, SessionRow
+from server.store.solves import ENDED, job_data, job_row
 
 log = logging.getLogger("scancell")
 Listener = Callable[[EventRow], None]
@@ -99,6 +101,30 @@ async def follow(store: Store, hub: Hub, session_id: str, after: int | None) -> 
     finally:
         for end in endings:
             end()
+
+
+async def ended_job(store: Store, hub: Hub, job_id: str, seconds: float) -> Data:
+    """Return a job once it has ended, or as it is after so many seconds, or when the server stops.
+
+    Raises
+    ------
+    NotFoundError
+        If it has gone with its session.
+    """
+    job = await run_in_threadpool(_job, store, job_id)
+    if job["status"] in ENDED or seconds <= 0:
+        return job
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            async for event in follow(store, hub, job["session"], 0):
+                if event.kind == "job" and event.data["id"] == job_id and event.data["status"] in ENDED:
+                    break
+    return await run_in_threadpool(_job, store, job_id)
+
+
+def _job(store: Store, job_id: str) -> Data:
+    with store.read() as db:
+        return job_data(job_row(db, job_id))
 
 
 def _events_after(store: Store, session_id: str, after: int | None) -> list[EventRow] | None:

@@ -12,6 +12,8 @@ from starlette.responses import Response
 
 from calib_core.archive.plain_json import require_plain, too_deep
 from calib_core.errors import CalibrationError, InputError, TooLargeError
+from server.http.errors import MediaTypeError
+from server.http.preferences import applied
 
 
 def parse_json(text: str | bytes, where: str) -> Any:
@@ -55,6 +57,22 @@ class StrictRequest(Request):
         return parse_json(body, "request")
 
 
+def require_media_type(route: APIRoute, request: Request) -> None:
+    """Refuse a body of another type than a route reads; raises MediaTypeError, which names the types."""
+    has_body = request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
+    body = route.body_field
+    if not has_body or body is None:
+        return
+    needed: str = getattr(body.field_info, "media_type", "application/json")
+    given = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    is_json = given == "application/json" or (given.startswith("application/") and given.endswith("+json"))
+    if given != needed and not (needed == "application/json" and is_json):
+        to_do = f"Send it with `Content-Type: {needed}`."
+        raise MediaTypeError(
+            f"a body of the type {needed}", given or "one without a Content-Type", to_do, "request"
+        )
+
+
 class StrictRoute(APIRoute):
     """A route whose requests are `StrictRequest`s."""
 
@@ -64,7 +82,9 @@ class StrictRoute(APIRoute):
 
         async def strict(request: Request) -> Response:
             try:
-                return await handle(StrictRequest(request.scope, request.receive))
+                require_media_type(self, request)
+                strict_request = StrictRequest(request.scope, request.receive)
+                return applied(request, await handle(strict_request))
             except HTTPException as error:
                 # FastAPI turns errors of reading a body into 400s without their words.
                 if isinstance(error.__cause__, CalibrationError):

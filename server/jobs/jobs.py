@@ -1,10 +1,12 @@
 """Solves in worker processes: queued, followed, cancelled, and honest about how they ended."""
 
+import asyncio
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -12,6 +14,7 @@ from typing import Any
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
 from calib_core.stages.registry import optics_stages
 from server.http.errors import problem, problem_of_status
+from server.http.events import Hub, ended_job
 from server.jobs import worker
 from server.jobs.pool import Pool
 from server.jobs.pools import open_pool
@@ -19,11 +22,12 @@ from server.settings import Settings
 from server.store.calibrations import measure_frames_anew
 from server.store.database import Store
 from server.store.models import Data
-from server.store.sessions import load_session, unused
+from server.store.sessions import load_session, locked_session, unused
 from server.store.solves import (
     REPLAY,
     add_answer,
     add_result,
+    create_job,
     fail_job,
     job_data,
     job_row,
@@ -51,11 +55,12 @@ class _Running:
 class Jobs:
     """The jobs of all sessions."""
 
-    def __init__(self, settings: Settings, store: Store, captures_wait: Callable[[], None]) -> None:
+    def __init__(self, settings: Settings, store: Store, hub: Hub, captures_wait: Callable[[], None]) -> None:
         self._settings = settings
-        self._store = store
+        self._store, self._hub = store, hub
         self._captures_wait = captures_wait
         self._running: dict[str, _Running] = {}
+        self._children: dict[str, str] = {}  # of a job that solves all stages: the one that runs
         self._lock = threading.RLock()
         self._ready: Future[bool] | None = None
         self._pool: Pool | None = None
@@ -110,6 +115,37 @@ class Jobs:
             self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
         future.add_done_callback(lambda done: self._ended(job_id, done))
 
+    def submit_all(self, job_id: str, stages: Sequence[str]) -> None:
+        """Solve stages one after the other for a stored job, which ends with the last or with one that fails."""
+        threading.Thread(target=self._solve_all, args=(job_id, stages), name="all stages", daemon=True).start()
+
+    def _solve_all(self, job_id: str, stages: Sequence[str]) -> None:
+        try:
+            for number, stage in enumerate(stages):
+                with self._store.write() as db:
+                    if self._pool is None or not update_job(db, job_id, "running", stage, number / len(stages)):
+                        return
+                    child = create_job(db, locked_session(db, job_row(db, job_id).session_id), stage).id
+                with self._lock:
+                    self._children[job_id] = child
+                self.submit(child)
+                ended = asyncio.run(ended_job(self._store, self._hub, child, self._settings.job_timeout_s))
+                if ended["status"] != "done":
+                    error = ended["error"] or problem_of_status(503, f"{stage}: {ended['message']}")
+                    with self._store.write() as db:
+                        fail_job(db, job_id, error)  # unless it was cancelled itself
+                    return
+            with self._store.write() as db:
+                update_job(db, job_id, "done", "done", 1.0)
+        except NotFoundError:
+            log.info("job %s went with its session", job_id)
+        except Exception as error:
+            with self._store.write() as db:
+                fail_job(db, job_id, _explain(error))
+        finally:
+            with self._lock:
+                self._children.pop(job_id, None)
+
     def cancel(self, job_id: str) -> Data:
         """End a job that waits or runs, and return it.
 
@@ -131,7 +167,11 @@ class Jobs:
     def end(self, job_id: str) -> None:
         """End what a job does, if it still does something; the store is not told."""
         with self._lock:
+            child = self._children.pop(job_id, None)
             running = self._running.get(job_id)
+            if child is not None:
+                with suppress(ConflictError, NotFoundError):  # it has ended by itself, or gone with its session
+                    self.cancel(child)
             if running is None:
                 return
             has_begun = running.place is not None

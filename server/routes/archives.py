@@ -15,6 +15,7 @@ from calib_core.archive.folder import to_json_bytes
 from calib_core.errors import CalibrationError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.review.answer import ANSWER_FILE, answer_record
+from server.http.created import created
 from server.http.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredSession
@@ -122,7 +123,7 @@ def import_archive(
         return session_data(db, add_import(db, found))
 
     answer, _ = idempotency.run(store, content, 201, act)
-    return answer
+    return created(answer, "/api/v1/sessions/{id}")
 
 
 @router.post("/archives/verify", response_model=ArchiveFacts, openapi_extra=_BODY)

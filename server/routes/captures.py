@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.errors import InputError, TooLargeError
 from calib_core.records import StepName, parse_capture
 from server.captures.changes import corrected_capture
+from server.http.created import created
 from server.http.dependencies import (
     Again,
     CaptureId,
@@ -26,6 +27,7 @@ from server.http.dependencies import (
     UploadMemoryDep,
 )
 from server.http.downloads import Download
+from server.http.known_fields import require_known_fields
 from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.http.strict_json import StrictRoute, parse_json
 from server.http.uploads import named_files
@@ -84,7 +86,8 @@ async def add(
     async with memory.taken(sum(file.size or 0 for file in files)):
         contents = named_files(data, [(file.filename or "", await file.read()) for file in files])
         capture = await run_in_threadpool(parse_capture, data, "record")
-        return await intake.take(session_id, capture, contents, idempotency)
+        require_known_fields(capture, "record")
+        return _created(session_id, await intake.take(session_id, capture, contents, idempotency), capture.id)
 
 
 @router.post("/sources/simulated/capture", status_code=201, response_model=StoredCapture)
@@ -103,10 +106,14 @@ async def take_simulated(
     content = f"again {again}" if again else f"next {step}" if step else "next"
     answered = await run_in_threadpool(idempotency.answered, store, content)
     if answered is not None:
-        return answered
+        return created(answered, f"/api/v1/sessions/{session_id}/captures/{{id}}")
     chosen = SimulatedSettings(step=step, again=again)
     capture, contents = await run_in_threadpool(_triggered, store, session_id, SIMULATED, chosen)
-    return await intake.take(session_id, capture, contents, idempotency, content)
+    return _created(session_id, await intake.take(session_id, capture, contents, idempotency, content), capture.id)
+
+
+def _created(session_id: str, answer: Response, capture_id: str) -> Response:
+    return created(answer, f"/api/v1/sessions/{session_id}/captures/{capture_id}", '"1"')
 
 
 def _triggered(store: Store, session_id: str, source: Source, settings: Settings) -> Taken:

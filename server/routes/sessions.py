@@ -10,6 +10,8 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from calib_core.errors import InputError
 from calib_core.records import Guide, parse_session
 from server.captures.changes import corrected_session
+from server.captures.known import require_rigid
+from server.http.created import created
 from server.http.dependencies import (
     Cursor,
     HubDep,
@@ -24,6 +26,7 @@ from server.http.dependencies import (
     StoreDep,
 )
 from server.http.events import follow, to_sse
+from server.http.known_fields import require_known_fields
 from server.http.schemas import (
     Findings,
     NewSession,
@@ -66,14 +69,17 @@ def create(body: NewSession, idempotency: IdempotencyDep, store: StoreDep) -> Re
         record = {**device.to_json(), **record, "captures": []}
     elif record.get("captures"):
         raise InputError("a session without captures", "some", "Post each capture by itself.", "captures")
-    session = parse_session({**record, "captures": []}, "request").to_json()
+    require_known_fields(body, "request", STORE_FIELDS | {"captures"})
+    parsed = parse_session({**record, "captures": []}, "request")
+    require_rigid(parsed.cell)
+    session = parsed.to_json()
     del session["captures"]
 
     def act(db: Any) -> Data:
         return session_data(db, create_session(db, session, simulated))
 
     answer, _ = idempotency.run(store, body.to_json(), 201, act)
-    return answer
+    return created(answer, "/api/v1/sessions/{id}")
 
 
 @router.get("", response_model=SessionPage)

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
+from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import NotFoundError
 from server.http.dependencies import (
@@ -22,32 +23,68 @@ from server.http.dependencies import (
     StageName,
     StoreDep,
 )
-from server.http.events import follow, to_sse
+from server.http.events import ended_job, follow, to_sse
+from server.http.idempotency import Idempotency
 from server.http.schemas import Job, JobPage, JobStatus
 from server.http.schemas_results import StoredResult
 from server.http.strict_json import StrictRoute
+from server.jobs.jobs import Jobs
+from server.store.database import Store
 from server.store.history import latest_numbers
 from server.store.models import Data
 from server.store.sessions import load_session, locked_session, session_row
-from server.store.solves import ENDED, create_job, job_data, job_row, list_jobs
+from server.store.solves import ALL, ENDED, create_job, job_data, job_row, list_jobs
 
 router = APIRouter(tags=["solves"], route_class=StrictRoute)
 
 
-@router.post("/sessions/{session_id}/solve/{stage}", status_code=202, response_model=Job)
-def solve(
-    session_id: SessionId, stage: StageName, idempotency: IdempotencyDep, store: StoreDep, jobs: JobsDep
+@router.post(
+    "/sessions/{session_id}/solve/{stage}",
+    status_code=202,
+    response_model=Job,
+    responses={200: {"model": Job, "description": "It has ended within `wait` seconds."}},
+)
+async def solve(
+    session_id: SessionId,
+    stage: StageName,
+    idempotency: IdempotencyDep,
+    store: StoreDep,
+    jobs: JobsDep,
+    hub: HubDep,
+    wait: Annotated[float, Query(ge=0, le=120, description="Answer when it has ended, or after so many s.")] = 0,
 ) -> Response:
-    """Start solving a stage; answers at once with the job, whose end brings the result."""
+    """Start solving a stage, or `all` that there are captures for; the job's end brings the results."""
+    answer = await run_in_threadpool(_start, session_id, stage, idempotency, store, jobs)
+    job_id = json.loads(bytes(answer.body))["id"]
+    headers = {"Location": f"/api/v1/jobs/{job_id}"}
+    if not wait:
+        answer.headers.update(headers)
+        return answer
+    job = await ended_job(store, hub, job_id, wait)
+    return JSONResponse(job, 200 if job["status"] in ENDED else 202, headers)
+
+
+def _start(session_id: str, stage: str, idempotency: Idempotency, store: Store, jobs: Jobs) -> Response:
     from calib_core.stages.graph import stage_captures
+    from calib_core.stages.pipeline import stages_to_solve
+
+    stages: list[str] = []
 
     def act(db: Transaction) -> Data:
-        stage_captures(load_session(db, store.blobs, session_id).session, stage)  # refuses an unknown stage
+        session = load_session(db, store.blobs, session_id).session
+        if stage == ALL:
+            stages.extend(stages_to_solve(session))
+        else:
+            stage_captures(session, stage)  # refuses an unknown stage
         return job_data(create_job(db, locked_session(db, session_id), stage))
 
     answer, first = idempotency.run(store, "solve", 202, act)
     if first:
-        jobs.submit(json.loads(bytes(answer.body))["id"])
+        job_id = json.loads(bytes(answer.body))["id"]
+        if stage == ALL:
+            jobs.submit_all(job_id, stages)
+        else:
+            jobs.submit(job_id)
     return answer
 
 

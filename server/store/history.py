@@ -12,7 +12,7 @@ from calib_core.records import Capture, Measured, Session, parse_session
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, JobRow, ResultRow
 from server.store.sessions import StoredSession, load_session, session_row
-from server.store.solves import REPLAY
+from server.store.solves import ALL, REPLAY
 
 _REMOVED = "Its files were removed since."
 
@@ -172,7 +172,7 @@ def _results(past: Sequence[PastResult]) -> Iterator[_Item]:
 
 def _ended_without_result(db: Transaction, session_id: str) -> Iterator[_Item]:
     query = select(JobRow).where(JobRow.session_id == session_id, JobRow.status.in_(("failed", "cancelled")))
-    for row in db.scalars(query.where(JobRow.stage != REPLAY)):
+    for row in db.scalars(query.where(JobRow.stage.not_in((ALL, REPLAY)))):
         at = row.finished or row.created
         data = {"kind": row.status, "at": at, "stage": row.stage}
         yield (at, 2, 0), {**data, "message": row.error["detail"] if row.error else row.message}

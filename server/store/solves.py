@@ -12,6 +12,8 @@ from server.store.paging import Page, after_cursor, page_of
 from server.store.sessions import Output, locked_session, new_id
 
 ENDED = ("done", "failed", "cancelled")
+ALL = "all"
+"""The same: a job that solves the session's stages one after the other, each by a job of its own."""
 REPLAY = "replay"
 """Where others have the stage that they solve: a job that solves all stages afresh and compares."""
 

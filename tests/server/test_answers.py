@@ -61,7 +61,8 @@ def test_a_stale_answer_is_refused_unless_allowed_and_then_marked(client: httpx.
             assert "stale" not in given.json()["got"]
             continue
         assert given.headers["Scancell-Stale"] == "true"
-        assert "stale" in given.text.lower(), export["name"]
+        said = given.text.lower().replace("-", " ")
+        assert "stale" in said or "do not use" in said, export["name"]
     assert client.get(f"/sessions/{stale}/answer").json()["faults"] == ["stale"]
     assert_problem(client.get(f"/sessions/{stale}/exports/json", params={"allow": "old"}), 422, "allow")
 

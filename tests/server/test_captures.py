@@ -31,7 +31,7 @@ def arc_csv(radius_mm: float = 15.0, seed: int = 0) -> bytes:
 def test_a_capture_is_stored_byte_for_byte_and_measured(client: httpx.Client) -> None:
     session = make_session(client)
     content = arc_csv()
-    answer = upload(client, session, record(files=["captures/p01.csv"], note="by hand"), content)
+    answer = upload(client, session, record(files=["captures/p01.csv"], mount="by hand"), content)
     assert answer.status_code == 201, answer.text
     measured = answer.json()["measured"]
     assert measured["verdict"] == "pass", measured
@@ -40,7 +40,7 @@ def test_a_capture_is_stored_byte_for_byte_and_measured(client: httpx.Client) ->
     assert measured["center_mm"] == pytest.approx([0.0, 150.0], abs=0.05)
     stored = client.get(f"/sessions/{session}/captures/p01")
     assert stored.json() == answer.json()
-    assert stored.json()["note"] == "by hand"
+    assert stored.json()["mount"] == "by hand"
     for name in ("captures/p01.csv", "p01.csv"):
         file = client.get(f"/sessions/{session}/captures/p01/files/{name}")
         assert file.content == content
