@@ -231,6 +231,30 @@ export interface Cell {
   merge?: MergeSettings;
 }
 
+export interface CellHistory {
+  id: string;
+  sessions: CellSession[];
+  releases: Release[];
+}
+
+export interface CellSession {
+  id: string;
+  name: string;
+  created: string;
+}
+
+export interface CellSummary {
+  id: string;
+  sessions: number;
+  newest_session: string | null;
+  newest_created: string | null;
+  released: Release | null;
+}
+
+export interface Cells {
+  items: CellSummary[];
+}
+
 export interface ChainResult {
   base_from_turntable: number[][];
   axis_direction_in_base: number[];
@@ -692,6 +716,11 @@ export interface MomentOfSession {
   frames: Record<string, unknown> | null;
 }
 
+export interface NewRelease {
+  why?: string;
+  allow?: string;
+}
+
 export interface NewSession {
   format?: "scancell-session/1";
   name?: string;
@@ -838,6 +867,18 @@ export interface RefusedFile {
   reason: string;
 }
 
+export interface Release {
+  number: number;
+  cell: string;
+  session: string;
+  action: "release" | "rollback";
+  who: string;
+  why: string;
+  created: string;
+  verdict: "pass" | "warn" | "fail";
+  solved: string | null;
+}
+
 export interface Replay {
   session: string;
   software: string;
@@ -862,6 +903,11 @@ export interface Robot {
   orientation_sigma_deg?: number | null;
   brand?: string | null;
   arm?: string | ArmTable | null;
+}
+
+export interface Rollback {
+  why?: string;
+  number?: number | null;
 }
 
 export interface Row {

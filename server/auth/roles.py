@@ -85,6 +85,9 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_API}/jobs/{{job_id}}/answer",
         f"GET {_SESSION}/exports/{{name}}",
         f"GET {_SESSION}/answer",
+        f"GET {_API}/cells",
+        f"GET {_API}/cells/{{cell_id}}/history",
+        f"GET {_API}/cells/{{cell_id}}/answer",
         f"GET {_SESSION}/report",
         f"GET {_SESSION}/archive",
         f"GET {_API}/jobs/{{job_id}}",
@@ -133,6 +136,8 @@ RULES: dict[Role, tuple[str, ...]] = {
     ),
     Role.ADMIN: (
         f"DELETE {_SESSION}",
+        f"POST {_SESSION}/release",
+        f"POST {_API}/cells/{{cell_id}}/rollback",
         f"GET {_API}/tokens",
         f"POST {_API}/tokens",
         f"DELETE {_API}/tokens/{{token_id}}",

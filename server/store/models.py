@@ -168,3 +168,19 @@ class AnswerRow(Base):
     status: Mapped[int]
     body: Mapped[Data]
     created: Mapped[str] = mapped_column(String(32), index=True)
+
+
+class ReleaseRow(Base):
+    """An answer that somebody released for a cell; what is in force is the newest. It outlives its session."""
+
+    __tablename__ = "releases"
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
+    cell: Mapped[str] = mapped_column(String(64))
+    session_id: Mapped[str] = mapped_column(String(32))
+    action: Mapped[str] = mapped_column(String(16))
+    who: Mapped[str]
+    why: Mapped[str]
+    created: Mapped[str] = mapped_column(String(32))
+    answer: Mapped[Data]
+
+    __table_args__ = (Index("releases_by_cell", "cell", "number"),)

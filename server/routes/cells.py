@@ -1,0 +1,148 @@
+"""Cells: their sessions, and the answer that was released for each, by whom, when and why."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path, Request, Response
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.records import Record, Verdict
+from calib_core.review.answer import SessionAnswer
+from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
+from server.http.known_fields import require_known_fields
+from server.http.strict_json import StrictRoute, plain_json
+from server.routes.answers import allowed_faults
+from server.store.models import Data
+from server.store.releases import add_release, cell_history, list_cells, release_data, released, roll_back
+from server.store.session_answer import answer_headers, session_answer
+from server.store.sessions import load_session
+
+router = APIRouter(tags=["cells"], route_class=StrictRoute)
+
+CellId = Annotated[str, Path(description="A cell's `id`.", max_length=64, examples=["cell-4"])]
+
+
+class Release(BaseModel):
+    """An answer that was put in force for a cell: which, by whom, when and why."""
+
+    number: int
+    cell: str
+    session: str
+    action: Literal["release", "rollback"]
+    who: str
+    why: str
+    created: str
+    verdict: Verdict
+    solved: str | None
+
+
+class CellSummary(BaseModel):
+    """A cell in the list; `released` is what is in force."""
+
+    id: str
+    sessions: int
+    newest_session: str | None
+    newest_created: str | None
+    released: Release | None
+
+
+class Cells(BaseModel):
+    """All cells, by id."""
+
+    items: list[CellSummary]
+
+
+class CellSession(BaseModel):
+    """A session of a cell."""
+
+    id: str
+    name: str
+    created: str
+
+
+class CellHistory(BaseModel):
+    """A cell's sessions and releases, the newest first."""
+
+    id: str
+    sessions: list[CellSession]
+    releases: list[Release]
+
+
+class NewRelease(Record):
+    """Why an answer is released; `allow` names the faults that are put up with: `stale`, `fail` or both."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"why": "after the crash of Monday"}]})
+
+    why: str = Field(default="", max_length=1000)
+    allow: str = Field(default="", max_length=40)
+
+
+class Rollback(Record):
+    """Why an earlier release is put in force again, and its number; left out, the one before."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"why": "the new tool scans off"}]})
+
+    why: str = Field(default="", max_length=1000)
+    number: int | None = Field(default=None, ge=1, lt=2**31)
+
+
+@router.get("/cells", response_model=Cells)
+def get_cells(store: StoreDep) -> Response:
+    """List the cells: by `cell.id`, or an id made from the session's name where it has none."""
+    with store.read() as db:
+        return JSONResponse({"items": list_cells(db)})
+
+
+@router.get("/cells/{cell_id}/history", response_model=CellHistory)
+def get_history(cell_id: CellId, store: StoreDep) -> Response:
+    """Return a cell's sessions and releases, the newest first."""
+    with store.read() as db:
+        return JSONResponse(cell_history(db, cell_id))
+
+
+@router.get("/cells/{cell_id}/answer", response_model=SessionAnswer)
+def get_released(cell_id: CellId, store: StoreDep) -> Response:
+    """Return the answer that was released last for a cell, as it was then: later changes do not touch it."""
+    with store.read() as db:
+        row = released(db, cell_id)
+        answer, release = row.answer, row
+        tag = f'"{release.number}"'
+    headers = {**answer_headers(answer["verdict"], answer["stale"]), "ETag": tag}
+    return JSONResponse(answer, headers=headers)
+
+
+@router.post("/sessions/{session_id}/release", status_code=201, response_model=Release)
+def release(
+    session_id: SessionId, body: NewRelease, request: Request, idempotency: IdempotencyDep, store: StoreDep
+) -> Response:
+    """Put the session's answer in force for its cell; one that is stale or failed is refused unless allowed."""
+    from calib_core.review.answer import answer_record
+
+    require_known_fields(body, "request")
+    allowed = allowed_faults(body.allow)
+
+    def act(db: Transaction) -> Data:
+        answer = session_answer(db, load_session(db, store.blobs, session_id))
+        answer.require_usable(allowed)
+        record = plain_json(answer_record(answer).to_json())
+        return release_data(add_release(db, session_id, record, _who(request), body.why))
+
+    return idempotency.run(store, body.to_json(), 201, act)[0]
+
+
+@router.post("/cells/{cell_id}/rollback", status_code=201, response_model=Release)
+def rollback(
+    cell_id: CellId, body: Rollback, request: Request, idempotency: IdempotencyDep, store: StoreDep
+) -> Response:
+    """Put an earlier release of a cell in force again."""
+    require_known_fields(body, "request")
+
+    def act(db: Transaction) -> Data:
+        return release_data(roll_back(db, cell_id, _who(request), body.why, body.number))
+
+    return idempotency.run(store, body.to_json(), 201, act)[0]
+
+
+def _who(request: Request) -> str:
+    return request.state.identity.name

@@ -1,0 +1,95 @@
+"""Cells and their released answers: which one is in force, who put it there, when and why."""
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import ConflictError, NotFoundError
+from calib_core.review.answer import cell_id
+from server.store.models import Data, ReleaseRow, SessionRow, now
+from server.store.sessions import empty_session
+
+
+def list_cells(db: Transaction) -> list[Data]:
+    """Return all cells by id: how many sessions each has, the newest of them, and what is released."""
+    cells: dict[str, Data] = {}
+    for row in db.scalars(select(SessionRow).order_by(SessionRow.created)):
+        cell = cells.setdefault(_cell_of(row), {"sessions": 0})
+        cell.update(sessions=cell["sessions"] + 1, newest_session=row.id, newest_created=row.created)
+    latest = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
+    for release in db.scalars(select(ReleaseRow).where(ReleaseRow.number.in_(latest))):
+        cells.setdefault(release.cell, {"sessions": 0})["released"] = release_data(release)
+    empty: Data = {"newest_session": None, "newest_created": None, "released": None}
+    return [{"id": name, **empty, **cells[name]} for name in sorted(cells)]
+
+
+def cell_history(db: Transaction, cell: str) -> Data:
+    """Return a cell's sessions and releases, the newest first; raises NotFoundError."""
+    rows = db.scalars(select(SessionRow).order_by(SessionRow.created.desc()))
+    sessions = [{"id": row.id, "name": row.name, "created": row.created} for row in rows if _cell_of(row) == cell]
+    releases = [release_data(row) for row in _releases(db, cell)]
+    if not sessions and not releases:
+        raise NotFoundError("the id of a cell", repr(cell[:80]), "List the cells.", "cell")
+    return {"id": cell, "sessions": sessions, "releases": releases}
+
+
+def released(db: Transaction, cell: str) -> ReleaseRow:
+    """Return what is in force for a cell; raises NotFoundError where nothing was released."""
+    rows = _releases(db, cell, 1)
+    if not rows:
+        to_do = "POST …/sessions/{id}/release one of its answers."
+        raise NotFoundError("a cell with a released answer", repr(cell[:80]), to_do, "cell")
+    return rows[0]
+
+
+def add_release(db: Transaction, session_id: str, answer: Data, who: str, why: str) -> ReleaseRow:
+    """Put a session's answer in force for its cell."""
+    return _add(db, answer["cell"], session_id, "release", answer, who, why)
+
+
+def roll_back(db: Transaction, cell: str, who: str, why: str, number: int | None = None) -> ReleaseRow:
+    """Put an earlier release in force again, left out the one before the present one's answer.
+
+    Raises
+    ------
+    NotFoundError
+        If nothing was released, or no release has this number.
+    ConflictError
+        If there is none before.
+    """
+    present = released(db, cell)
+    rows = _releases(db, cell)
+    if number is not None:
+        found = next((row for row in rows if row.number == number), None)
+        if found is None:
+            raise NotFoundError(
+                "the number of one of the cell's releases", f"{number}", "Read its history.", "number"
+            )
+    else:
+        found = next((row for row in rows if row.answer != present.answer), None)
+        if found is None:
+            raise ConflictError("an earlier release", "none but the present one", "Release another answer.", cell)
+    return _add(db, cell, found.session_id, "rollback", found.answer, who, why)
+
+
+def release_data(row: ReleaseRow) -> Data:
+    """Return a release as JSON data, without its answer."""
+    data = {name: getattr(row, name) for name in ("number", "cell", "action", "who", "why", "created")}
+    return {**data, "session": row.session_id, "verdict": row.answer["verdict"], "solved": row.answer["solved"]}
+
+
+def _add(db: Transaction, cell: str, session_id: str, action: str, answer: Data, who: str, why: str) -> ReleaseRow:
+    row = ReleaseRow(
+        cell=cell, session_id=session_id, action=action, answer=answer, who=who, why=why, created=now()
+    )
+    db.add(row)
+    db.flush()
+    return row
+
+
+def _releases(db: Transaction, cell: str, limit: int | None = None) -> list[ReleaseRow]:
+    query = select(ReleaseRow).where(ReleaseRow.cell == cell).order_by(ReleaseRow.number.desc())
+    return list(db.scalars(query.limit(limit)))
+
+
+def _cell_of(row: SessionRow) -> str:
+    return cell_id(empty_session(row.record, row.id))

@@ -1,0 +1,49 @@
+"""Released answers: what is in force for a cell stays as it was, and says who put it there."""
+
+import httpx
+
+from tests.server.live_server import assert_problem, make_session, simulated_session
+
+
+def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: httpx.Client) -> None:
+    name = {"name": "Cell of Releases"}
+    session = simulated_session(client, captures=14)
+    client.patch(f"/sessions/{session}", json=name)
+    cell = "cell-of-releases"
+    assert_problem(client.get(f"/cells/{cell}/answer"), 404, "release")
+    assert_problem(client.post(f"/sessions/{session}/release", json={}), 409, "Solve")
+    client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60})
+    first = client.post(f"/sessions/{session}/release", json={"why": "set up"})
+    assert first.status_code == 201, first.text
+    assert (first.json()["cell"], first.json()["who"]) == (cell, "this machine")
+    in_force = client.get(f"/cells/{cell}/answer").json()
+    assert in_force["tool0_from_laser"] == client.get(f"/sessions/{session}/answer").json()["tool0_from_laser"]
+
+    client.patch(f"/sessions/{session}/captures/p03", json={"excluded": True})
+    assert client.get(f"/cells/{cell}/answer").json() == in_force  # what is changed later does not touch it
+    assert_problem(client.post(f"/sessions/{session}/release", json={}), 409, "stale")
+    client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60})
+    second = client.post(f"/sessions/{session}/release", json={"why": "p03 was bumped"}).json()
+    assert client.get(f"/cells/{cell}/answer").json() != in_force
+
+    back = client.post(f"/cells/{cell}/rollback", json={"why": "scans are off"}).json()
+    assert back["action"] == "rollback"
+    assert client.get(f"/cells/{cell}/answer").json() == in_force
+    again = client.post(f"/cells/{cell}/rollback", json={"number": second["number"]}).json()
+    history = client.get(f"/cells/{cell}/history").json()
+    assert [r["number"] for r in history["releases"]] == [
+        again["number"], back["number"], second["number"], first.json()["number"],
+    ]  # fmt: skip
+    assert [s["id"] for s in history["sessions"]] == [session]
+    (listed,) = (c for c in client.get("/cells").json()["items"] if c["id"] == cell)
+    assert listed["released"]["number"] == again["number"]
+    client.delete(f"/sessions/{session}")
+    assert client.get(f"/cells/{cell}/answer").json()["stage"] == "tcp"  # it outlives its session
+
+
+def test_cells_that_are_not_there_say_so(client: httpx.Client) -> None:
+    assert_problem(client.get("/cells/none/history"), 404, "none")
+    assert_problem(client.post("/cells/none/rollback", json={}), 404, "none")
+    make_session(client, name="A cell / 5")
+    assert "a-cell-5" in {cell["id"] for cell in client.get("/cells").json()["items"]}
+    assert_problem(client.post("/cells/a-cell-5/rollback", json={"wy": "x"}), 422, "why")
