@@ -184,6 +184,8 @@ export interface Capture {
   active_frame?: number | string | null;
   moving?: boolean | null;
   source?: string | null;
+  format?: string | null;
+  format_settings?: Record<string, unknown> | null;
 }
 
 export interface CaptureChanges {
@@ -218,7 +220,7 @@ export interface CaptureUpload {
 
 export interface Cell {
   id?: string | null;
-  arrangement?: "scanner-on-robot" | "sphere-on-robot" | null;
+  arrangement?: "scanner-on-robot" | "sphere-on-robot";
   pose_convention: "matrix" | "quaternion-xyzw" | "quaternion-wxyz" | "abb" | "kuka" | "fanuc" | "ur" | "staubli" | "kawasaki" | "mitsubishi" | "yaskawa" | "nachi" | "ros";
   sphere_diameter_mm?: number | null;
   sphere_diameter_sigma_mm?: number | null;
@@ -1113,6 +1115,8 @@ export interface StoredCapture {
   active_frame?: number | string | null;
   moving?: boolean | null;
   source?: string | null;
+  format?: string | null;
+  format_settings?: Record<string, unknown> | null;
   measured: Measured;
 }
 

@@ -11,7 +11,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Finite, Matrix4, Record, Session, Verdict
 from calib_core.records.base import Rows
 from calib_core.robots import CONVENTIONS
-from calib_core.stages.graph import inputs_sha256
+from calib_core.stages.graph import Graph
 from calib_core.stages.stage import ReadFile
 
 ANSWER_FILE: Final = "answer.json"
@@ -104,8 +104,7 @@ def answer_of_folder(
     session: Session, results: Mapping[str, Mapping[str, Any]], read: ReadFile, date: str = ""
 ) -> SessionAnswer | None:
     """Return the answer of a session whose files can be read; None where neither chain nor tcp is solved."""
-    hashes = {stage: result.get("inputs_sha256") for stage, result in results.items()}
-    stale = [stage for stage, found in hashes.items() if found != inputs_sha256(session, stage, read)]
+    stale = Graph.of_files(session, read).stale(results)
     try:
         return answer_record(answer_of(session, results, stale, date))
     except ConflictError:
