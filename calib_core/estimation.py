@@ -129,65 +129,104 @@ def _limited(step: FloatArray, limit: FloatArray) -> FloatArray:
     return step / excess if excess > 1 else step
 
 
-_COARSE, _FINE = 13, 9
-
-
 @dataclass(frozen=True, eq=False)
-class GridPosterior:
-    """A posterior density on a small grid.
+class Posterior:
+    """A posterior density of few parameters about its mode.
 
     Attributes
     ----------
-    nodes : (N, D)
-        Where the density was evaluated.
-    weights : (N,)
-        Its values, summing to one.
+    mode : (D,)
+    nodes, weights : (N, D), (N,)
+        Where and with which weights, summing to one, a function is to be averaged over the posterior.
     """
 
+    mode: FloatArray
     nodes: FloatArray
     weights: FloatArray
 
-    @property
-    def mean(self) -> FloatArray:
-        """The posterior mean, (D,)."""
-        return self.weights @ self.nodes
 
-    @property
-    def deviation(self) -> FloatArray:
-        """The posterior standard deviation, (D,)."""
-        return np.sqrt(self.weights @ (self.nodes - self.mean) ** 2)
-
-
-def grid_posterior(
+def maximum(
     log_density: Callable[[FloatArray], float],
+    start: FloatArray,
+    widths: FloatArray,
     low: FloatArray,
     high: FloatArray,
-    around: GridPosterior | None = None,
-) -> GridPosterior:
-    """Return a posterior of few parameters by a coarse grid and a fine one about its bulk.
-
-    Two grids need no start, no gradient and no luck; the density is evaluated 13ᴰ + 9ᴰ times.
+    tolerance: float = 0.01,
+) -> FloatArray:
+    """Return where a smooth log-density of few parameters is largest, by BFGS on differences.
 
     Parameters
     ----------
     log_density
         Of one point (D,), up to a constant.
+    start, widths : (D,)
+        Where to begin, and how far the density reaches at most in each parameter.
     low, high : (D,)
-        The box to search; a dimension with low = high is fixed.
-    around : GridPosterior, optional
-        A posterior that is near this one: then the coarse grid is spared.
+        The box that is not left.
+    tolerance
+        Ends when a step promises less than this.
     """
-    spacing = (high - low) / (_COARSE - 1)
-    first = around or _on_grid(log_density, low, high, _COARSE)
-    reach = 3 * np.maximum(first.deviation, 0.15 * spacing if around else 0.5 * spacing)
-    return _on_grid(log_density, np.maximum(first.mean - reach, low), np.minimum(first.mean + reach, high), _FINE)
+    x, value = start, log_density(start)
+    inverse = np.diag(widths**2) / 2
+    slope = _slope(log_density, x, widths)
+    for _ in range(20):
+        step = inverse @ slope
+        step *= min(1.0, float(np.min(1.5 * widths / np.maximum(np.abs(step), 1e-12))))
+        if float(step @ slope) < 2 * tolerance:
+            break
+        for _ in range(6):
+            trial = np.clip(x + step, low, high)
+            there = log_density(trial)
+            if there > value:
+                break
+            step = step / 3
+        else:
+            break
+        moved, x, gained = trial - x, trial, there - value
+        value = there
+        before, slope = slope, _slope(log_density, x, widths)
+        turned = before - slope
+        along = float(turned @ moved)
+        if along > 1e-9:
+            left = np.eye(len(x)) - np.outer(moved, turned) / along
+            inverse = left @ inverse @ left.T + np.outer(moved, moved) / along
+        if gained < tolerance:
+            break
+    return x
 
 
-def _on_grid(
-    log_density: Callable[[FloatArray], float], low: FloatArray, high: FloatArray, count: int
-) -> GridPosterior:
-    axes = [np.linspace(a, b, count) if b > a else np.array([a]) for a, b in zip(low, high, strict=True)]
-    nodes = np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
-    values = np.array([log_density(node) for node in nodes])
-    weights = np.exp(values - values.max())
-    return GridPosterior(nodes, weights / weights.sum())
+def posterior_about(log_density: Callable[[FloatArray], float], mode: FloatArray, widths: FloatArray) -> Posterior:
+    """Return a posterior about its mode: nodes by its curvature, weighted by the density that is found there.
+
+    Parameters
+    ----------
+    log_density, mode, widths
+        As in `maximum`; no node lies farther out than the widths say.
+    """
+    size = len(mode)
+    if size == 0:
+        return Posterior(mode, mode[None], np.ones(1))
+    steps = 0.5 * widths
+    curvature = np.empty((size, size))
+    for p in range(size):
+        change = np.zeros(size)
+        change[p] = steps[p]
+        ahead, behind = _slope(log_density, mode + change, widths), _slope(log_density, mode - change, widths)
+        curvature[p] = (behind - ahead) / (2 * steps[p])
+    scaled = (curvature + curvature.T) / 2 * np.outer(widths, widths)
+    values, vectors = np.linalg.eigh(scaled)
+    reach = np.sqrt(size / np.maximum(values, 1.0))
+    moves = (vectors * reach).T * widths
+    nodes = np.concatenate([mode + moves, mode - moves])
+    found = np.array([log_density(node) for node in nodes]) - log_density(mode)
+    weights = np.exp(np.clip(found + size / 2, -8.0, 1.0))
+    return Posterior(mode, nodes, weights / weights.sum())
+
+
+def _slope(log_density: Callable[[FloatArray], float], at: FloatArray, widths: FloatArray) -> FloatArray:
+    slope = np.empty(len(at))
+    for p, width in enumerate(widths):
+        change = np.zeros(len(at))
+        change[p] = 0.1 * width
+        slope[p] = (log_density(at + change) - log_density(at - change)) / (0.2 * width)
+    return slope

@@ -1,1 +1,1 @@
-"""Robot arms: where their joints put the flange."""
+"""Robot arms: where their joints put the flange, and what their errors look like."""

@@ -11,9 +11,15 @@ from calib_core.formats.format import PointKind, Reading
 from calib_core.formats.points import known_points, read_file
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell
+from calib_core.records.session import SphereClass
 from calib_core.robots import parse_pose
 from calib_core.stages.registry import steps_that_show
 from calib_core.stages.stage import ReadFile
+
+ASSUMED_CLASS: SphereClass = "coated"
+"""Of a sphere of which nothing is told but its diameter: most are sprayed or blasted so that they do not glare."""
+
+_CLASS_SIGMA_MM: dict[SphereClass, float] = {"certified": 0.002, "bearing": 0.01, "coated": 0.04, "turned": 0.1}
 
 _PREVIEW_POINTS = 400
 
@@ -79,7 +85,14 @@ def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
                 "session.json",
             )
         diameter_mm = 1.0  # measured centres do not depend on it
-    return SphereSize(diameter_mm, cell.sphere_diameter_sigma_mm or 0.0)
+    return SphereSize(diameter_mm, diameter_sigma_mm(cell))
+
+
+def diameter_sigma_mm(cell: Cell) -> float:
+    """Return the standard uncertainty of the sphere's diameter: as told, or that of its class."""
+    if cell.sphere_diameter_sigma_mm is not None:
+        return cell.sphere_diameter_sigma_mm
+    return _CLASS_SIGMA_MM[cell.sphere_class or ASSUMED_CLASS]
 
 
 def thinning(count: int) -> NDArray[np.intp]:

@@ -59,9 +59,9 @@ def with_calibration_uncertainty(
             ]
         )
         added += np.outer(shift, shift)
-    covariance = solution.covariance.copy()
-    covariance[:9, :9] += added
-    return replace(solution, covariance=covariance)
+    whole = solution.held.covariance.copy()
+    whole[:9, :9] += added
+    return replace(solution, covariance=solution.covariance + added, held=replace(solution.held, covariance=whole))
 
 
 def _moved_calibrations(calibration: ProfileCalibration, plane: LaserPlaneResult) -> list[ProfileCalibration]:

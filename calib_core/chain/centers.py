@@ -28,8 +28,9 @@ class CenterLinearisation:
 
 
 def centers_suffice(data: ChainData) -> bool:
-    """Return whether `fit_centers` applies: no profile, no turntable, the radius known, nothing held."""
-    return len(data.points) == 0 and data.table is None and data.held is None and not data.free_radius
+    """Return whether `fit_centers` applies: no profile, no turntable, nothing held, all heard."""
+    heard = bool((data.anchor_information[:, 0, 0] > 0).all())
+    return heard and len(data.points) == 0 and data.table is None and data.held is None
 
 
 def fit_centers(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainState, CenterLinearisation]:

@@ -4,19 +4,25 @@ A capture depends on the unknowns (`chain.model`) only through the sphere's cent
 say how likely each q is, and the pose's repeatability says how far q may lie from where the unknowns predict it.
 So each capture keeps its own q, which a 3×3 Schur complement (Woodbury) eliminates.  The side of a profile's
 sphere (±y) needs no choice here once the start is near, and a great circle simply says nothing of y.
+
+What captures share is unknowns with priors: the sphere's radius and the scanner's errors act on the points, pose
+errors that are alike, the arm's length scale and a slow drift on where the sphere is expected.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.arms.alike import alike_factor
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction, prior
 from calib_core.estimation import Minimum, minimise
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, skew
 
 _STEP_LIMIT = np.array(
     [0.1] * 3 + [20.0] * 6
 )  # rad and mm: far enough to travel, near enough to stay in the valley
+_NUISANCE_STEP = np.array([1.0, 0.02, 0.02, 0.02, 0.02, 1.0, 1.0, 1.0])
+_SHARED_STEP = 10.0  # standard deviations
 _LEAST_SIGMA_MM = 1e-4  # keeps the prior of a capture's own centre invertible
 
 
@@ -27,17 +33,21 @@ class ChainLinearisation:
     Attributes
     ----------
     cost, gradient, hessian
-        Of the unknowns (9, the table's, the radius), pose errors integrated out.
+        Of the unknowns (9, the table's, the nuisances, the shared ones), pose errors integrated out.
     centers_in_laser : (K, 3)
         Each capture's own centre, settled, mm.
-    information, vector : (K, m, m), (K, m)
-        What each capture knows of its own (centre[, radius]): −½ xᵀAx + hᵀx about the present one.
+    information, vector : (K, 3 + n, 3 + n), (K, 3 + n)
+        What each capture knows of its own centre and the nuisances: −½ xᵀAx + hᵀx about the present ones.
     gain, share : (K, 3, 3)
         G and N of `kernels.chain.pose_error_gain`.
     offset, jacobian : (K, 3), (K, 3, P)
-        Predicted minus present centre, and the prediction's derivative.
+        Predicted minus present centre, and the prediction's derivative by all unknowns.
+    nuisances : slice
+        Which of the unknowns they are.
     levers : (K, 3) or None
         The prediction's derivative by the table's angle.
+    precision : (K, 3, 3)
+        Of each capture's centre by its pose's own error, 1/mm².
     """
 
     cost: float
@@ -50,7 +60,26 @@ class ChainLinearisation:
     share: FloatArray
     offset: FloatArray
     jacobian: FloatArray
+    nuisances: slice
     levers: FloatArray | None
+    precision: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """What the errors of robot and table do to each capture's centre in L.
+
+    Attributes
+    ----------
+    spread, precision : (K, 3, 3)
+        Covariance by what is each capture's own, mm², and its inverse.
+    shared : (K, 3, L)
+        How it moves with one standard deviation of each error that captures share, mm.
+    """
+
+    spread: FloatArray
+    precision: FloatArray
+    shared: FloatArray
 
 
 def pose_spread(
@@ -80,7 +109,13 @@ def pose_spread(
     return spread
 
 
-def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision: FloatArray) -> ChainLinearisation:
+def linearise(
+    data: ChainData,
+    state: ChainState,
+    spread: FloatArray,
+    precision: FloatArray,
+    shared: FloatArray | None = None,
+) -> ChainLinearisation:
     """Return the likelihood about a state, every capture's own centre settled.
 
     Parameters
@@ -88,39 +123,48 @@ def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision:
     data : ChainData
     state : ChainState
         Its own centres are where the settling starts.
-    spread, precision : (K, 3, 3)
-        Covariance of each capture's centre by its pose error, mm², and its inverse.
+    spread, precision, shared
+        See `Noise`.
     """
-    from calib_core.kernels.chain import (
-        marginal_normal_equations,
-        pose_error_gain,
-        settle_centers,
-    )
+    from calib_core.kernels.chain import nuisance_information, pose_error_gain, settle_centers
 
-    count, size = data.count, 4 if data.free_radius else 3
+    count, active = data.count, data.active
     expected = prediction(data, state)
-    predicted, jacobian = expected.centers_in_laser, expected.jacobian
-    own, slopes, sharpness = state.centers_in_laser.copy(), np.empty((count, 4)), np.empty((count, 4, 4))
-    anchors = data.anchors, data.anchor_information, data.anchor_gradient
-    cost = settle_centers(
-        data.points, data.offsets, data.weights, *anchors, data.radius_mm, state.radius_mm,
-        predicted, precision, own, slopes, sharpness,
+    predicted = expected.centers_in_laser
+    many = 0 if shared is None else shared.shape[2]
+    first, last = data.unknowns, data.unknowns + len(active)
+    jacobian = np.zeros((count, 3, last + many))
+    jacobian[:, :, :first] = expected.jacobian
+    if shared is not None and state.shared is not None:
+        jacobian[:, :, last:] = shared
+        predicted = predicted + shared @ state.shared
+    points, shifts = without_scanner_errors(data, state)
+    constant, slopes = _anchors_at(data, state)
+    own = state.centers_in_laser.copy()
+    those = points, shifts, data.counts
+    cost = constant + settle_centers(
+        *those, data.offsets, data.weights, data.effective, data.anchors,
+        np.ascontiguousarray(data.anchor_information[:, :3, :3]), np.ascontiguousarray(slopes[:, :3]),
+        state.radius_mm, predicted, precision, own,
     )  # fmt: skip
-    information = np.ascontiguousarray(sharpness[:, :size, :size])
-    vector = np.ascontiguousarray(-slopes[:, :size])
+    sharpness = data.anchor_information.copy()
+    gradients = slopes + np.einsum("kij,kj->ki", sharpness[:, :, :3], own - data.anchors)
+    nuisance_information(
+        *those, data.basis, data.offsets, data.weights, data.effective, state.radius_mm, own, gradients, sharpness
+    )
+    kept = np.concatenate([np.arange(3), 3 + active])
+    information = np.ascontiguousarray(sharpness[:, kept[:, None], kept])
+    vector = -gradients[:, kept]
     offset = predicted - own
     gain, share = np.empty((count, 3, 3)), np.empty((count, 3, 3))
     pose_error_gain(information, spread, gain, share)
-    width = data.unknowns + size - 3
-    hessian, gradient = np.empty((width, width)), np.empty(width)
-    marginal_normal_equations(information, vector, gain, share, offset, jacobian, hessian, gradient)
-    known_cost, known_gradient, known_hessian = prior(data, state)
-    hessian += known_hessian
-    gradient += known_gradient
+    known_cost, known_gradient, known_hessian = prior(data, state, many)
+    nuisances = slice(first, last)
+    hessian, gradient = normal_equations(information, vector, gain, share, offset, jacobian, nuisances)
     return ChainLinearisation(
         cost + known_cost,
-        gradient,
-        hessian,
+        gradient + known_gradient,
+        hessian + known_hessian,
         own,
         information,
         vector,
@@ -128,17 +172,80 @@ def linearise(data: ChainData, state: ChainState, spread: FloatArray, precision:
         share,
         offset,
         jacobian,
+        nuisances,
         expected.levers,
+        precision,
     )
+
+
+def without_scanner_errors(data: ChainData, state: ChainState) -> tuple[FloatArray, FloatArray]:
+    """Return the profiles' points (M, 3) as a right scanner had given them, and their distances outside, (M,)."""
+    _, scale_x, scale_z, shear, bow, *shapes = state.scanner
+    points = data.points.copy()
+    points[:, 0] += scale_x * data.points[:, 0] + shear * data.points[:, 2]
+    points[:, 2] += scale_z * data.points[:, 2] + bow * data.basis[:, 0]
+    return points, data.basis[:, 1:] @ np.array(shapes)
+
+
+def _anchors_at(data: ChainData, state: ChainState) -> tuple[float, FloatArray]:
+    """Return the constant part of the clouds' and centres' cost, and their slope (K, 11) at their anchors."""
+    bent = data.anchor_information[:, :, 3:] @ state.scanner
+    cost = data.anchor_gradient[:, 3:] @ state.scanner + 0.5 * bent[:, 3:] @ state.scanner
+    return float(cost.sum()), data.anchor_gradient + bent
+
+
+def normal_equations(
+    information: FloatArray,
+    vector: FloatArray,
+    gain: FloatArray,
+    share: FloatArray,
+    offset: FloatArray,
+    jacobian: FloatArray,
+    nuisances: slice,
+) -> tuple[FloatArray, FloatArray]:
+    """Return Hessian (P, P) and gradient (P,) of all captures with their pose errors integrated out.
+
+    With Λ = A N and η = Nᵀ h a capture's log-likelihood in the predicted centre's change e is −½ eᵀΛe + ηᵀe;
+    `offset` is e at the linearisation point.  Nuisances have no pose error: their rows are A's own, less what G
+    explains.  Parameters as in `ChainLinearisation`.
+    """
+    reduced, rest = without_pose_errors(information, vector, gain, share)
+    rest = rest - np.einsum("kij,kj->ki", reduced[:, :, :3], offset)
+    width = jacobian.shape[2]
+    rows = jacobian.reshape(-1, width)
+    hessian = rows.T @ (reduced[:, :3, :3] @ jacobian).reshape(-1, width)
+    gradient = -rows.T @ rest[:, :3].ravel()
+    cross = rows.T @ reduced[:, :3, 3:].reshape(len(rows), -1)
+    hessian[:, nuisances] += cross
+    hessian[nuisances] += cross.T
+    hessian[nuisances, nuisances] += reduced[:, 3:, 3:].sum(axis=0)
+    gradient[nuisances] -= rest[:, 3:].sum(axis=0)
+    return (hessian + hessian.T) / 2, gradient
+
+
+def without_pose_errors(
+    information: FloatArray, vector: FloatArray, gain: FloatArray, share: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return Λ (K, m, m) and η (K, m) of each capture: see `normal_equations`."""
+    turned = np.swapaxes(share, 1, 2)
+    reduced = information.copy()
+    block = information[:, :3, :3] @ share
+    reduced[:, :3, :3] = (block + np.swapaxes(block, 1, 2)) / 2  # rounding alone makes A N unsymmetric
+    reduced[:, :3, 3:] = turned @ information[:, :3, 3:]
+    reduced[:, 3:, :3] = np.swapaxes(reduced[:, :3, 3:], 1, 2)
+    explained = information[:, 3:, :3] @ gain
+    reduced[:, 3:, 3:] -= explained @ information[:, :3, 3:]
+    rest = vector.copy()
+    rest[:, :3] = np.einsum("kij,kj->ki", turned, vector[:, :3])
+    rest[:, 3:] -= np.einsum("kij,kj->ki", explained, vector[:, :3])
+    return reduced, rest
 
 
 def retract(state: ChainState, step: FloatArray, at: ChainLinearisation) -> ChainState:
     """Return the state after a step of the unknowns, every capture's own centre following (Schur's back part)."""
-    width = at.jacobian.shape[2]
-    offset = at.offset + at.jacobian @ step[:width]
+    offset = at.offset + at.jacobian @ step
     slope = at.vector[:, :3] - np.einsum("kij,kj->ki", at.information[:, :3, :3], offset)
-    if len(step) > width:
-        slope = slope - at.information[:, :3, 3] * step[width]
+    slope = slope - at.information[:, :3, 3:] @ step[at.nuisances]
     own_step = offset + np.einsum("kij,kj->ki", at.gain, slope)
     return replace(state.moved(step), centers_in_laser=at.centers_in_laser + own_step)
 
@@ -148,56 +255,54 @@ def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainStat
 
     The covariance of the unknowns is the inverse of the minimum's Hessian.
     """
-    spread, precision = _noise(data, start, sigmas)
-    limit = _STEP_LIMIT if data.table is None else np.concatenate([_STEP_LIMIT, data.table.step_limit()])
-    limit = np.append(limit, 1.0) if data.free_radius else limit
-    return minimise(lambda s: linearise(data, s, spread, precision), retract, start, limit)
+    noise = noise_of(data, start, sigmas)
+    many = noise.shared.shape[2]
+    limit = [_STEP_LIMIT, [] if data.table is None else data.table.step_limit()]
+    limit = np.concatenate([*limit, _NUISANCE_STEP[data.active], np.full(many, _SHARED_STEP)])
+    begin = replace(start, shared=np.zeros(many), active=data.active)
+    return minimise(
+        lambda s: linearise(data, s, noise.spread, noise.precision, noise.shared), retract, begin, limit
+    )
 
 
 def linearised_at(data: ChainData, state: ChainState, sigmas: Sigmas) -> ChainLinearisation:
-    """Return the likelihood about a state, which need not be the minimum."""
-    return linearise(data, state, *_noise(data, state, sigmas))
+    """Return the likelihood about a state, which need not be the minimum.
 
-
-@dataclass(frozen=True, eq=False)
-class OwnEquations:
-    """What each capture adds to the normal equations at a linearisation, its pose error integrated out.
-
-    Attributes
-    ----------
-    rows : (K, m, P')
-        Of the predicted centre (and the radius, where m = 4) by the unknowns.
-    reduced : (K, m, m)
-        Information on the predicted centre.
-    hessians, gradients : (K, P', P'), (K, P')
+    Where the state has no errors that captures share, or those of other sigmas, they are zero.
     """
-
-    rows: FloatArray
-    reduced: FloatArray
-    hessians: FloatArray
-    gradients: FloatArray
-
-
-def own_equations(at: ChainLinearisation) -> OwnEquations:
-    """Return each capture's own part of the normal equations."""
-    from calib_core.kernels.chain import without_pose_error
-
-    size = at.information.shape[1]
-    reduced, rest = np.empty_like(at.information), np.empty_like(at.vector)
-    for k in range(len(rest)):
-        without_pose_error(at.information[k], at.vector[k], at.gain[k], at.share[k], reduced[k], rest[k])
-    rest -= np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
-    rows = at.jacobian
-    if size == 4:
-        rows = np.zeros((len(rows), 4, at.jacobian.shape[2] + 1))
-        rows[:, :3, :-1] = at.jacobian
-        rows[:, 3, -1] = 1.0
-    hessians = np.swapaxes(rows, 1, 2) @ reduced @ rows
-    return OwnEquations(rows, reduced, hessians, -np.einsum("kip,ki->kp", rows, rest))
+    noise = noise_of(data, state, sigmas)
+    many = noise.shared.shape[2]
+    if state.shared is None or len(state.shared) != many:
+        state = replace(state, shared=np.zeros(many))
+    return linearise(data, replace(state, active=data.active), noise.spread, noise.precision, noise.shared)
 
 
-def _noise(data: ChainData, state: ChainState, sigmas: Sigmas) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of each capture's centre by the errors of robot and table, and its inverse."""
+def noise_of(data: ChainData, state: ChainState, sigmas: Sigmas) -> Noise:
+    """Return what errors of robot and table do to each capture's centre, as a state sees it."""
     levers = None if data.table is None else prediction(data, state).levers
-    spread = pose_spread(state.centers_in_laser, state.tool_in_laser, sigmas, levers)
-    return spread, np.asarray(np.linalg.inv(spread), dtype=float)
+    return noise_about(data, state.centers_in_laser, state, sigmas, levers)
+
+
+def noise_about(
+    data: ChainData, centers_in_laser: FloatArray, state: ChainState, sigmas: Sigmas, levers: FloatArray | None
+) -> Noise:
+    """Return the same for given centres (K, 3) and levers of the table's angle (K, 3)."""
+    tool = state.tool_in_laser
+    spread = pose_spread(centers_in_laser, tool, sigmas, levers) * data.pose_scale[:, None, None]
+    laser_from_base = state.tool_rotation.T @ np.swapaxes(data.rotations, 1, 2)
+    shared = [np.empty((data.count, 3, 0))]
+    if data.arm_scale_sigma > 0:
+        from_middle = data.translations - data.translations.mean(axis=0)
+        shared.append(laser_from_base @ from_middle[:, :, None] * data.arm_scale_sigma)
+    if data.drift_sigma_mm > 0:
+        shared.append(laser_from_base * (data.order * data.drift_sigma_mm)[:, None, None])
+    if sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0:
+        factor = alike_factor(data.rotations, data.translations, sigmas.reach)
+        left = np.maximum(1 - np.sum(factor**2, axis=1), 0.0)
+        alike = Sigmas(sigmas.alike_position_mm, sigmas.alike_orientation_rad)
+        spread = spread + left[:, None, None] * pose_spread(centers_in_laser, tool, alike)
+        arms = np.einsum("kji,kj->ki", laser_from_base, centers_in_laser + tool)
+        turning = laser_from_base @ skew(arms) * sigmas.alike_orientation_rad
+        moves = np.concatenate([laser_from_base * sigmas.alike_position_mm, turning], axis=2)
+        shared.append((moves[:, :, None, :] * factor[:, None, :, None]).reshape(data.count, 3, -1))
+    return Noise(spread, np.asarray(np.linalg.inv(spread), dtype=float), np.concatenate(shared, axis=2))

@@ -1,7 +1,9 @@
 """What the captures say, as arrays, the unknowns, and where these expect each capture's sphere.
 
 Unknown are tool0_from_laser (6), the still sphere's centre in base (3), where captures of a turntable are among
-them its axis and mountings (`chain.table`), and, where its diameter is uncertain, the radius: always last.
+them its axis and mountings (`chain.table`); then the sphere's radius and the scanner's errors, where they are
+uncertain (`chain.scanner`); last what is drawn rather than fixed: pose errors that captures share, each of unit
+variance.
 """
 
 from collections.abc import Sequence
@@ -9,37 +11,63 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain import scanner
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.table import TableReadings, TableState
 from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector
+
+_MOST_POINTS = 128  # a profile's arc in steps of about a degree: finer ones say the same
+ARM_SCALE_SIGMA = 2e-4
+"""How far an arm's lengths are off, as a share: beyond what its maker promises the captures must show it."""
+
+DRIFT_SIGMA_MM = 0.04
+"""How far the sphere drifts from a session's middle to its end, per axis: warmth, settling."""
 
 _MOUNT_PRIOR = 1e-10  # 1/mm²: keeps a mounting finite all of whose captures were rejected
 
 
 @dataclass(frozen=True)
 class Sigmas:
-    """Standard deviations, per axis, of a robot pose's position and orientation, and of the table's angle."""
+    """Standard deviations, per axis, of a robot pose's position and orientation, and of the table's angle.
+
+    `alike` are those of the part that captures share where their poses are alike; `reach` is a factor on the
+    distances over which they are.
+    """
 
     position_mm: float
     orientation_rad: float
     angle_rad: float = 0.0
+    alike_position_mm: float = 0.0
+    alike_orientation_rad: float = 0.0
+    reach: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class ToolPrior:
-    """What is known of tool0_from_laser beforehand: R (3, 3), T (3,), inverse covariance (6, 6) of rx … tz."""
+    """What is known of tool0_from_laser and of the scanner beforehand.
+
+    R (3, 3), T (3,), the scanner's values (8,), and the inverse covariance (6 + n, 6 + n) of rx … tz and of
+    those n nuisances that are sought.
+    """
 
     rotation: FloatArray
     translation: FloatArray
+    scanner: FloatArray
     information: FloatArray
 
+    def without(self, held: np.ndarray) -> "ToolPrior":
+        """Return what is known where some nuisances, a mask (n,), are nothing for sure."""
+        kept = np.concatenate([np.ones(6, dtype=bool), ~held])
+        return replace(self, information=self.information[np.ix_(kept, kept)])
+
     def deviation(self, state: "ChainState") -> FloatArray:
-        """Return how far a state's tool is from it, (6,): small, so that the rotation counts as a vector."""
+        """Return how far a state is from it, (6 + n,): small, so that the rotation counts as a vector."""
         turned = self.rotation.T @ state.tool_rotation
         turn = 0.5 * np.array(
             [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
         )
-        return np.concatenate([turn, state.tool_translation - self.translation])
+        off = (state.scanner - self.scanner)[state.active]
+        return np.concatenate([turn, state.tool_translation - self.translation, off])
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +78,25 @@ class ChainData:
     ----------
     rotations, translations : (K, 3, 3), (K, 3)
         base_from_tool0 as recorded.
-    points, offsets, weights : (M, 3), (K + 1,), (K,)
-        Profiles' points in L, where each capture's begin, and 1/σ² of a capture's points.
-    anchors, anchor_information, anchor_gradient : (K, 3), (K, 4, 4), (K, 4)
-        For clouds and centers, whose likelihood is quadratic in (centre, radius): where, how sharp, which slope.
-    radius_mm, radius_sigma_mm : float
-        The sphere's.
+    points, counts, basis : (M, 3), (M,), (M, 4)
+        Profiles' points in L, neighbours merged; how many measured points each stands for; what a bow moves it
+        along z and the shapes of the error by incidence (`chain.scanner`).
+    offsets, weights, effective : (K + 1,), (K,), (K,)
+        Where each capture's points begin, 1/σ² of one, and how many independent ones one counts as (N_eff / N).
+    anchors, anchor_information, anchor_gradient : (K, 3), (K, 11, 11), (K, 11)
+        For clouds and centers, whose likelihood is quadratic in (centre, nuisances): where, how sharp, how steep.
+    radius_mm, nuisance_sigmas : float, (8,)
+        The sphere's; how uncertain it and the scanner's errors are, 0: exact.
+    half_width_mm : float
+        Half the width that the scanner's points fill.
+    arm_scale_sigma, drift_sigma_mm : float
+        Of the arm's lengths, as a share, and of a slow drift of the sphere to the session's end, per axis.
+    order : (K,)
+        When each was taken, from −1 (first) to 1 (last).
+    pose_scale : (K,)
+        By how much a capture's pose variance is larger than the sigmas say: captures that lie off count less.
+    points_per_independent : (K,)
+        How many of a capture's points say as much as one that errs by itself.
     table : TableReadings or None
         What the captures say of the turntable.
     held : (P,) bool or None
@@ -66,13 +107,22 @@ class ChainData:
     rotations: FloatArray
     translations: FloatArray
     points: FloatArray
+    counts: FloatArray
+    basis: FloatArray
     offsets: np.ndarray
     weights: FloatArray
+    effective: FloatArray
     anchors: FloatArray
     anchor_information: FloatArray
     anchor_gradient: FloatArray
     radius_mm: float
-    radius_sigma_mm: float
+    nuisance_sigmas: FloatArray
+    half_width_mm: float
+    order: FloatArray
+    pose_scale: FloatArray
+    points_per_independent: FloatArray
+    arm_scale_sigma: float = 0.0
+    drift_sigma_mm: float = 0.0
     table: TableReadings | None = None
     held: np.ndarray | None = None
     tool_prior: ToolPrior | None = None
@@ -83,19 +133,36 @@ class ChainData:
         return len(self.weights)
 
     @property
-    def free_radius(self) -> bool:
-        """Whether the sphere's radius is an unknown (with a prior) as well."""
-        return self.radius_sigma_mm > 0
+    def active(self) -> np.ndarray:
+        """Which of the eight nuisances are unknowns (with a prior) as well."""
+        return np.flatnonzero(self.nuisance_sigmas > 0)
 
     @property
     def unknowns(self) -> int:
-        """The number of unknowns, held ones included, without the radius."""
+        """The number of unknowns, held ones included, without the nuisances."""
         return 9 + (self.table.size if self.table else 0)
 
     @property
+    def width(self) -> int:
+        """The number of unknowns with the nuisances."""
+        return self.unknowns + len(self.active)
+
+    @property
     def free_unknowns(self) -> int:
-        """The number of unknowns that are sought, without the radius."""
+        """The number of unknowns that are sought, without the nuisances."""
         return self.unknowns - (0 if self.held is None else int(self.held.sum()))
+
+    def silent(self, used: np.ndarray) -> "ChainData":
+        """Return the same captures, of which those outside a mask (K,) say nothing."""
+        if used.all():
+            return self
+        return replace(
+            self,
+            weights=np.where(used, self.weights, 0.0),
+            effective=np.where(used, self.effective, 0.0),
+            anchor_information=self.anchor_information * used[:, None, None],
+            anchor_gradient=self.anchor_gradient * used[:, None],
+        )
 
     def chosen(self, used: np.ndarray) -> "ChainData":
         """Return only the captures of a mask (K,)."""
@@ -107,8 +174,14 @@ class ChainData:
             rotations=self.rotations[used],
             translations=self.translations[used],
             points=self.points[np.repeat(used, lengths)],
+            counts=self.counts[np.repeat(used, lengths)],
+            basis=self.basis[np.repeat(used, lengths)],
             offsets=np.concatenate([[0], np.cumsum(lengths[used])]),
             weights=self.weights[used],
+            effective=self.effective[used],
+            order=self.order[used],
+            pose_scale=self.pose_scale[used],
+            points_per_independent=self.points_per_independent[used],
             anchors=self.anchors[used],
             anchor_information=self.anchor_information[used],
             anchor_gradient=self.anchor_gradient[used],
@@ -117,55 +190,152 @@ class ChainData:
 
 
 def chain_data(
-    observations: Sequence[SphereObservation], sphere: SphereSize, profile_sigma_mm: float | None
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    profile_sigma_mm: float | None,
+    priors: scanner.ScannerPriors | None = None,
 ) -> ChainData:
-    """Return observations as arrays; `profile_sigma_mm` is the points' standard deviation in every profile."""
+    """Return observations as arrays.
+
+    Parameters
+    ----------
+    observations, sphere
+    profile_sigma_mm : float or None
+        The points' standard deviation in every profile.
+    priors : ScannerPriors, optional
+        None takes the scanner and the arm's lengths as exact.
+    """
     count = len(observations)
-    profiles = [o.points_in_laser_mm if o.kind == "profile" else np.empty((0, 3)) for o in observations]
-    anchors = np.zeros((count, 3))
-    information = np.zeros((count, 4, 4))
-    gradient = np.zeros((count, 4))
+    seen = [np.abs(o.points_in_laser_mm[:, 0]).max() for o in observations if len(o.points_in_laser_mm)]
+    half_width = float(max(seen, default=1.0))
+    merged = [_merged_points(o) for o in observations]
+    sigmas = np.array([profile_sigma_mm or o.point_sigma_mm or 1.0 for o in observations])
+    alike = np.array([o.points_per_independent for o in observations])
+    weights = 1 / (sigmas**2 * alike)
+    anchors, information, gradient = np.zeros((count, 3)), np.zeros((count, 11, 11)), np.zeros((count, 11))
+    effective = np.zeros(count)
     for k, o in enumerate(observations):
         if o.kind == "profile":
-            continue
-        anchors[k] = o.center_in_laser_mm
-        if o.kind == "center" or len(o.points_in_laser_mm) == 0:
-            information[k, :3, :3] = np.linalg.inv(o.center_covariance)
+            zone = min((o.circle_radius_mm or 0.0) / sphere.radius_mm, 1.0)
+            effective[k] = weights[k] * (zone * o.point_sigma_mm) ** 2
         else:
-            information[k], gradient[k] = _cloud_information(o, sphere.radius_mm)
-    sigmas = np.array([profile_sigma_mm or o.point_sigma_mm or 1.0 for o in observations])
+            anchors[k] = o.center_in_laser_mm
+            information[k], gradient[k] = _quadratic(o, sphere.radius_mm, half_width)
+    points = np.ascontiguousarray(np.concatenate([m[0] for m in merged]) if merged else np.empty((0, 3)))
+    lengths = [len(m[0]) for m in merged]
+    circles = np.array([[*o.center_in_laser_mm, o.circle_radius_mm or 0.0] for o in observations]).reshape(-1, 4)
+    circles = np.repeat(circles, lengths, axis=0)
+    # By x alone, in which a scanner's noise does not act: a point's own noise must not enter its shape.
+    across = (points[:, 0] - circles[:, 0]) / np.maximum(circles[:, 3], 1e-12)
+    cosine = np.sqrt(np.maximum(1 - across**2, 0.0)) * circles[:, 3] / sphere.radius_mm
+    basis = np.column_stack([scanner.bow_of(points, half_width), scanner.incidence_shapes(cosine)])
+    radius_sigma = sphere.sigma_mm / 2
     return ChainData(
         rotations=np.array([o.base_from_tool0.rotation for o in observations]).reshape(-1, 3, 3),
         translations=np.array([o.base_from_tool0.translation_mm for o in observations]).reshape(-1, 3),
-        points=np.ascontiguousarray(np.concatenate(profiles) if profiles else np.empty((0, 3))),
-        offsets=np.concatenate([[0], np.cumsum([len(p) for p in profiles])]).astype(np.int64),
-        weights=1 / sigmas**2,
+        points=points,
+        counts=np.concatenate([m[1] for m in merged]) if merged else np.empty(0),
+        basis=np.ascontiguousarray(basis),
+        offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        weights=weights,
+        effective=effective,
         anchors=anchors,
         anchor_information=information,
         anchor_gradient=gradient,
         radius_mm=sphere.radius_mm,
-        radius_sigma_mm=sphere.sigma_mm / 2,
+        nuisance_sigmas=priors.sigmas(radius_sigma) if priors else scanner.nothing_believed(radius_sigma),
+        half_width_mm=half_width,
+        order=np.linspace(-1.0, 1.0, count),
+        pose_scale=np.ones(count),
+        points_per_independent=alike,
+        arm_scale_sigma=ARM_SCALE_SIGMA if priors else 0.0,
+        drift_sigma_mm=DRIFT_SIGMA_MM if priors else 0.0,
     )
 
 
-def _cloud_information(observation: SphereObservation, radius_mm: float) -> tuple[FloatArray, FloatArray]:
-    offsets = observation.points_in_laser_mm - observation.center_in_laser_mm
+def _merged_points(observation: SphereObservation) -> tuple[FloatArray, FloatArray]:
+    """Return a profile's points (n, 3), neighbours along the arc merged, and how many each stands for.
+
+    Points are merged in angle and distance from the circle's centre, so that no chord shortens the radius.
+    """
+    points = observation.points_in_laser_mm
+    if observation.kind != "profile":
+        return np.empty((0, 3)), np.empty(0)
+    if len(points) <= _MOST_POINTS:
+        return points, np.ones(len(points))
+    x, z = (points[:, [0, 2]] - observation.center_in_laser_mm[[0, 2]]).T
+    middle = np.arctan2(z.mean(), x.mean())
+    angle = np.angle(np.exp(1j * (np.arctan2(z, x) - middle)))
+    order = np.argsort(angle, kind="stable")
+    starts = np.linspace(0, len(points), _MOST_POINTS, endpoint=False).astype(int)
+    counts = np.diff(np.append(starts, len(points))).astype(float)
+    angle = np.add.reduceat(angle[order], starts) / counts + middle
+    distance = np.add.reduceat(np.hypot(x, z)[order], starts) / counts
+    plane = (
+        observation.center_in_laser_mm
+        + np.column_stack([np.cos(angle), 0 * angle, np.sin(angle)]) * (distance[:, None])
+    )
+    return plane, counts
+
+
+def _quadratic(
+    observation: SphereObservation, radius_mm: float, half_width_mm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return information (11, 11) and gradient (11,) of a cloud's or a measured centre's likelihood."""
+    center = observation.center_in_laser_mm
+    points = observation.points_in_laser_mm
+    if observation.kind == "center" or len(points) == 0:
+        jacobian = np.zeros((3, 11))
+        jacobian[:, :3] = np.eye(3)
+        jacobian[:, 4:8] = -scanner.displacements(center[None], np.zeros(1))[0]
+        weighted = jacobian.T @ np.linalg.inv(observation.center_covariance)
+        return weighted @ jacobian, np.zeros(11)
+    offsets = points - center
     distances = np.linalg.norm(offsets, axis=1)
-    jacobian = -np.column_stack([offsets / distances[:, None], np.ones(len(distances))])
-    weight = 1 / observation.point_sigma_mm**2
-    return weight * jacobian.T @ jacobian, weight * jacobian.T @ (distances - radius_mm)
+    normals = offsets / distances[:, None]
+    moved = np.einsum("ni,nij->nj", normals, scanner.displacements(points, scanner.bow_of(points, half_width_mm)))
+    shapes = scanner.incidence_shapes(np.abs(normals[:, 2]))
+    jacobian = np.column_stack([-normals, -np.ones(len(points)), moved, -shapes])
+    weight = 1 / (observation.point_sigma_mm**2 * observation.points_per_independent)
+    gradient = weight * jacobian.T @ (distances - radius_mm)
+    return weight * jacobian.T @ jacobian, gradient + _density_slope(observation, normals, distances)
+
+
+def _density_slope(observation: SphereObservation, normals: FloatArray, distances: FloatArray) -> FloatArray:
+    """Return the gradient (11,) of the part of a cloud's density that `sphere_information` has of a profile's."""
+    from calib_core.kernels.chain import FLATTEST
+
+    points = observation.points_in_laser_mm
+    steep = np.abs(normals[:, 2]) > FLATTEST
+    points, normals, distances = points[steep], normals[steep], distances[steep]
+    by_point = normals / distances[:, None]
+    by_point[:, 2] = -(1 / normals[:, 2] - normals[:, 2]) / distances
+    slope = np.zeros(11)
+    slope[:3] = -by_point.sum(axis=0)
+    moved = scanner.displacements(points, np.zeros(len(points)))
+    slope[4:8] = np.einsum("ni,nij->j", by_point, moved)
+    slope[5] -= len(points)
+    slope[6] -= float(np.sum(normals[:, 0] / normals[:, 2]))
+    return slope / observation.points_per_independent
 
 
 @dataclass(frozen=True, eq=False)
 class ChainState:
-    """One guess of the unknowns, and of where each capture's own sphere centre lies in L."""
+    """One guess of the unknowns, and of where each capture's own sphere centre lies in L.
+
+    `scanner` (8,) holds what is added to the nominal radius and the scanner's errors, of which `active` (n,) are
+    sought; `shared` (L,) the pose errors that captures share.
+    """
 
     tool_rotation: FloatArray
     tool_translation: FloatArray
     center: FloatArray
-    radius_mm: float
+    nominal_radius_mm: float
     centers_in_laser: FloatArray
+    scanner: FloatArray
+    active: np.ndarray
     table: TableState | None = None
+    shared: FloatArray | None = None
 
     @classmethod
     def predicted(
@@ -177,20 +347,30 @@ class ChainState:
         table: TableState | None = None,
     ) -> "ChainState":
         """Return a guess in which every pose is taken as exact."""
-        guess = cls(tool_rotation, tool_translation, center, data.radius_mm, np.empty((0, 3)), table)
+        none = np.empty((0, 3)), np.zeros(scanner.COUNT), data.active
+        guess = cls(tool_rotation, tool_translation, center, data.radius_mm, *none, table)
         return replace(guess, centers_in_laser=prediction(data, guess).centers_in_laser)
 
     def moved(self, step: FloatArray) -> "ChainState":
-        """Return the unknowns after a step (P,), the radius last; the captures' own centres stay."""
+        """Return the unknowns after a step (P,); the captures' own centres stay."""
         width = 9 if self.table is None else 14 + self.table.mounts.size
+        last = width + len(self.active)
+        values = self.scanner.copy()
+        values[self.active] += step[width:last]
         return replace(
             self,
             tool_rotation=nearest_rotation(self.tool_rotation @ rotation_from_vector(step[:3])),
             tool_translation=self.tool_translation + step[3:6],
             center=self.center + step[6:9],
-            radius_mm=self.radius_mm + (float(step[width]) if len(step) > width else 0.0),
+            scanner=values,
+            shared=None if self.shared is None else self.shared + step[last:],
             table=self.table and self.table.moved(step[9:width]),
         )
+
+    @property
+    def radius_mm(self) -> float:
+        """The sphere's radius."""
+        return self.nominal_radius_mm + float(self.scanner[0])
 
     @property
     def tool_in_laser(self) -> FloatArray:
@@ -244,25 +424,34 @@ def prediction(data: ChainData, state: ChainState) -> Prediction:
     return Prediction(predicted, jacobian, levers)
 
 
-def prior(data: ChainData, state: ChainState) -> tuple[float, FloatArray, FloatArray]:
-    """Return cost, gradient (P',) and Hessian (P', P') of what is known beside the captures, the radius included.
+def prior(data: ChainData, state: ChainState, shared: int) -> tuple[float, FloatArray, FloatArray]:
+    """Return cost, gradient (P,) and Hessian (P, P) of what is known beside the captures.
 
     A held unknown gets a one in the Hessian, so that its row does not vanish.
     """
-    diagonal = np.zeros(data.unknowns + data.free_radius)
+    active = data.active
+    width, last = data.unknowns, data.unknowns + len(active)
+    diagonal = np.zeros(last + shared)
     if data.table is not None:
-        diagonal[14 : data.unknowns] = _MOUNT_PRIOR
+        diagonal[14:width] = _MOUNT_PRIOR
     if data.held is not None:
-        diagonal[: data.unknowns][data.held] = 1.0
-    cost, gradient, hessian = 0.0, np.zeros_like(diagonal), np.diag(diagonal)
+        diagonal[:width][data.held] = 1.0
+    cost, gradient = 0.0, np.zeros_like(diagonal)
+    if data.tool_prior is None:
+        sigmas = data.nuisance_sigmas[active]
+        off = state.scanner[active] / sigmas
+        cost += 0.5 * float(off @ off)
+        gradient[width:last] = off / sigmas
+        diagonal[width:last] = 1 / sigmas**2
+    if state.shared is not None and shared:
+        cost += 0.5 * float(state.shared @ state.shared)
+        gradient[last:] = state.shared
+        diagonal[last:] = 1.0
+    hessian = np.diag(diagonal)
     if data.tool_prior is not None:
+        at = np.concatenate([np.arange(6), np.arange(width, last)])
         deviation = data.tool_prior.deviation(state)
-        gradient[:6] = data.tool_prior.information @ deviation
-        cost += 0.5 * float(deviation @ gradient[:6])
-        hessian[:6, :6] += data.tool_prior.information
-    if data.free_radius:
-        off = (state.radius_mm - data.radius_mm) / data.radius_sigma_mm
-        cost += 0.5 * off**2
-        gradient[-1] += off / data.radius_sigma_mm
-        hessian[-1, -1] += 1 / data.radius_sigma_mm**2
+        gradient[at] += data.tool_prior.information @ deviation
+        cost += 0.5 * float(deviation @ data.tool_prior.information @ deviation)
+        hessian[np.ix_(at, at)] += data.tool_prior.information
     return cost, gradient, hessian

@@ -47,6 +47,8 @@ class SphereObservation:
         Standard deviation of a point across the surface, from the fit's residuals.
     side : {1, -1} or None
         The sign of the sphere centre's y, where the user fixed it.
+    points_per_independent : float
+        How many of its points say as much as one that errs by itself (`chain.effective`).
     """
 
     capture: str
@@ -58,6 +60,7 @@ class SphereObservation:
     circle_radius_mm: float | None = None
     point_sigma_mm: float = 0.0
     side: int | None = None
+    points_per_independent: float = 1.0
 
     def sphere_center_in_laser_mm(self, sphere: SphereSize, side: int) -> FloatArray:
         """Return the sphere's centre (3,) in L; `side` is the sign of y, which only a profile leaves open."""

@@ -57,25 +57,3 @@ def _same_pose(positions: FloatArray, observations: Sequence[SphereObservation],
     near[k] = False
     twins = np.flatnonzero(near)
     return observations[int(twins[0])].capture if len(twins) else None
-
-
-def moved_since(
-    observations: Sequence[SphereObservation], used: np.ndarray, offset_in_base_mm: FloatArray
-) -> str | None:
-    """Return a sentence where the rejected captures are the last (or first) ones and agree on a new place."""
-    rejected = np.flatnonzero(~used)
-    if len(rejected) < 2 or np.any(np.diff(rejected) != 1):
-        return None
-    offsets = offset_in_base_mm[rejected]
-    mean = offsets.mean(axis=0)
-    distance = float(np.linalg.norm(mean))
-    if distance == 0 or np.linalg.norm(offsets - mean, axis=1).max() > 0.3 * distance:
-        return None
-    names = [o.capture for o in observations]
-    if rejected[-1] == len(names) - 1:
-        when = f"before {names[rejected[0]]}"
-    elif rejected[0] == 0:
-        when = f"after {names[rejected[-1]]}"
-    else:
-        return None
-    return f"The sphere seems to have moved by {distance:.2f} mm {when}. Fix it firmly and repeat those captures."

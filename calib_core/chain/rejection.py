@@ -1,27 +1,34 @@
 """Which captures do not belong: a moved sphere, a pose of another capture.  Each is judged by all the others.
 
 Every capture is compared with where the others, without it, expect its sphere; their uncertainty, the pose's
-scatter and the capture's own all count.  The set of good captures grows from those on which the robust start
-agrees, until it no longer changes, so that bad ones can neither hide each other nor inflate the scatter they
-are judged by.
+scatter and the capture's own all count.  One that lies off counts less: beyond 2.8 standard deviations (the 95 %
+of three components) its pose's variance is taken (d / 2.8)² times as large, so that its pull no longer grows.
+Only gross errors are left out.  The set of good captures grows from those on which the robust start agrees,
+until it no longer changes, so that bad ones can neither hide each other nor inflate the scatter they are judged
+by.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainLinearisation, own_equations, pose_spread
-from calib_core.chain.model import ChainData, ChainState, prediction
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.likelihood import ChainLinearisation, noise_of, without_pose_errors
+from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.observations import SphereObservation
+from calib_core.chain.scanner import corrected
 from calib_core.chain.sides import with_better_sides
 from calib_core.chain.start import Start
-from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas
+from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, with_averaged_covariance
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
 
-# The chance that any good capture of a session is rejected; smaller where the sigmas are the same captures' guess.
+# The chance that any good capture of a session lies beyond the limit; smaller where the sigmas are the same
+# captures' guess.  Gross is what lies this much farther, in variance: until there it counts, but less.
 _FALSE_ALARM = 0.03
 _FALSE_ALARM_ESTIMATED = 0.01
+_GROSS = 2.5
+_ORDINARY = 7.81  # χ² of 3, 95 %
 # A scanner's own linearity, as a share of the radius, is no reason to reject a capture: near a great circle a
 # tenth of a per cent of the radius is millimetres of y.
 _LINEARITY = 1e-3
@@ -29,6 +36,7 @@ _MEDIAN_CHI2_3 = 2.366
 _CLEAR_EXCESS = 2.0  # the median over a dozen captures' distances² strays that far by chance,
 _CLEAR_EXCESS_FREEDOM = 18.0  # and farther over few: all of them then move with few degrees of freedom
 _ROUNDS = 12
+_SETTLED = 0.3  # of a logarithm of a capture's variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +46,19 @@ class Judged:
     Attributes
     ----------
     fit : ChainFit
-        Of the used captures.
+        With the nuisances free.
     data : ChainData
-        The used captures.
+        All captures; those that are left out say nothing.
     used : (K,) bool
     squared_distance : (K,)
         Mahalanobis distance², three degrees of freedom, from what the others expect.
     threshold : float
-        Beyond it a capture is rejected.
+        Beyond it a capture is left out.
     excess : float
-        By how much more than the sigmas say the captures scatter: a ratio of variances, 1 where all is well.
+        By how much more than given sigmas say the captures scatter: a ratio of variances, 1 where all is well.
+        Where it is more, the sigmas of the fit are estimated instead.
+    inflation : float
+        By how much the covariance is to be enlarged: where captures scatter more than even estimated sigmas say.
     """
 
     fit: ChainFit
@@ -56,24 +67,17 @@ class Judged:
     squared_distance: FloatArray
     threshold: float
     excess: float
+    inflation: float = 1.0
 
 
-def judge(
-    observations: list[SphereObservation],
-    sphere: SphereSize,
-    data: ChainData,
-    start: Start,
-    position_mm: float | None,
-    orientation_rad: float | None,
-) -> Judged:
+def judge(observations: Sequence[SphereObservation], data: ChainData, start: Start, sigmas: GivenSigmas) -> Judged:
     """Return the captures that belong together, fitted, and the distances of all."""
     state = ChainState.predicted(data, start.rotation, start.translation, start.center)
-    return judge_from(observations, sphere, data, state, _core(start), (position_mm, orientation_rad, 0.0))
+    return judge_from(observations, data, state, _core(start), sigmas)
 
 
 def judge_from(
-    observations: list[SphereObservation],
-    sphere: SphereSize,
+    observations: Sequence[SphereObservation],
     data: ChainData,
     state: ChainState,
     core: np.ndarray,
@@ -83,64 +87,73 @@ def judge_from(
 
     Parameters
     ----------
-    observations, sphere, data
+    observations, data
         All captures, and the same as arrays.
     state : ChainState
         Near the answer.
     core : (K,) bool
     sigmas : of a pose's position (mm) and orientation (rad) and of the table's angle (rad); None: estimated
     """
-    judged = _grown(observations, sphere, data, state, core, sigmas)
-    other = with_better_sides(judged.data, judged.fit)
-    if other is None:
-        return judged
-    tool = other.tool_rotation, other.tool_translation
-    whole = ChainState.predicted(data, *tool, other.center, other.table)
-    own = whole.centers_in_laser.copy()
-    own[judged.used] = other.centers_in_laser
-    return _grown(observations, sphere, data, replace(whole, centers_in_laser=own), judged.used, sigmas)
+    judged = _grown(observations, data, state, core, sigmas)
+    other = with_better_sides(judged.data, judged.fit, without_each(judged.fit.minimum.at))
+    if other is not None:
+        judged = _grown(observations, data, other, judged.used, sigmas, judged)
+    excess = judged.excess
+    if excess > 1 and any(sigmas):
+        position, orientation, angle = (0.0 if sigma == 0 else None for sigma in sigmas)
+        sigmas = position, orientation, angle
+        judged = _grown(observations, data, judged.fit.state, judged.used, sigmas, judged)
+    fit = with_averaged_covariance(judged.data, judged.fit, sigmas)
+    return replace(judged, fit=fit, excess=excess, inflation=judged.excess)
 
 
 def _grown(
-    observations: list[SphereObservation],
-    sphere: SphereSize,
+    observations: Sequence[SphereObservation],
     data: ChainData,
     state: ChainState,
     used: np.ndarray,
     sigmas: GivenSigmas,
+    before: Judged | None = None,
 ) -> Judged:
-    """Let the set of used captures grow or shrink until it no longer changes."""
+    """Let the set of used captures grow or shrink, and weights follow, until neither changes."""
     count = data.count
     history: list[bytes] = []
+    scale = data.pose_scale if before is None else before.data.pose_scale
+    guess = before.fit if before else None
     while True:
-        judged = judge_these(observations, sphere, data, state, used, sigmas)
+        judged = judge_these(observations, replace(data, pose_scale=scale), state, used, sigmas, guess)
         squared = judged.squared_distance
         history.append(used.tobytes())
         belongs = squared <= judged.threshold
         if belongs.sum() < max(4, count // 2):  # never fewer than half: then nothing is known well enough
             belongs = squared <= np.sort(squared)[max(4, (count + 1) // 2) - 1]
-        if belongs.tobytes() in history or len(history) > _ROUNDS:
+        # Beside the others: were all to lose weight, the estimated sigmas would only shrink to make up for it.
+        ordinary = _ORDINARY * max(1.0, float(np.median(squared[used])) / _MEDIAN_CHI2_3)
+        after = data.pose_scale * np.maximum(squared / ordinary, 1.0)
+        settled = bool(np.abs(np.log(after / scale))[belongs].max(initial=0.0) < _SETTLED)
+        same = belongs.tobytes() == used.tobytes()
+        if (same and settled) or (not same and belongs.tobytes() in history) or len(history) > _ROUNDS:
             return judged
-        used = belongs
+        used, scale, guess, state = belongs, after, judged.fit, judged.fit.state
 
 
 def judge_these(
-    observations: list[SphereObservation],
-    sphere: SphereSize,
+    observations: Sequence[SphereObservation],
     data: ChainData,
     state: ChainState,
     used: np.ndarray,
     sigmas: GivenSigmas,
+    guess: ChainFit | None = None,
 ) -> Judged:
     """Return the fit to the captures of a mask (K,), right or wrong, and how far all are from it."""
-    chosen = data.chosen(used)
-    fit = fit_with_sigmas(chosen, replace(state, centers_in_laser=state.centers_in_laser[used]), *sigmas)
-    squared = _squared_distances(observations, sphere, data, used, fit)
+    heard = data.silent(used)
+    found = fit_with_sigmas(heard, state, sigmas, guess.sigmas if guess else None, 1 if guess else 2)
+    squared = _squared_distances(observations, data, found)
     freedom = 3 * int(used.sum()) - data.free_unknowns
-    threshold = _threshold(data.count, freedom, None in sigmas)
+    threshold = _GROSS * _threshold(data.count, freedom, None in sigmas)
     ratio = float(np.median(squared)) / _MEDIAN_CHI2_3
     excess = ratio if ratio > max(_CLEAR_EXCESS, 1 + _CLEAR_EXCESS_FREEDOM / max(freedom, 1)) else 1.0
-    return Judged(fit, chosen, used, squared, threshold * excess, excess)
+    return Judged(found, heard, used, squared, threshold * excess, excess)
 
 
 def _core(start: Start) -> np.ndarray:
@@ -159,53 +172,77 @@ def _threshold(count: int, freedom: int, estimated: bool) -> float:
 
 @dataclass(frozen=True, eq=False)
 class WithoutOne:
-    """The unknowns' step (K, P) and covariance (K, P, P) when each used capture is left out."""
+    """What the unknowns become when each capture is left out.
+
+    Attributes
+    ----------
+    steps : (K, P)
+        Of the unknowns.
+    moved : (K, 3)
+        Of where the others expect the capture's sphere, mm.
+    spread : (K, 3, 3)
+        Covariance of that expectation, mm².
+    """
 
     steps: FloatArray
-    covariances: FloatArray
+    moved: FloatArray
+    spread: FloatArray
 
 
 def without_each(at: ChainLinearisation) -> WithoutOne:
-    """Return what the unknowns become without each capture, from the linearisation at the minimum."""
-    own = own_equations(at)
-    covariances = np.array([covariance_of(at.hessian - h) for h in own.hessians])
-    steps = np.einsum("kpq,kq->kp", covariances, own.gradients - at.gradient)
-    return WithoutOne(steps, covariances)
+    """Return what the unknowns become without each capture, from the linearisation at the minimum.
+
+    Each capture's rows X with information Λ are taken out of the covariance C by (I − Λ X C Xᵀ)⁻¹ (Woodbury), so
+    that the cost grows with the number of captures alone.
+    """
+    reduced, rest = without_pose_errors(at.information, at.vector, at.gain, at.share)
+    rest = rest - np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
+    covariance = covariance_of(at.hessian)
+    count, size = rest.shape
+    width = len(covariance)
+    columns = np.empty((count, size, width))  # X C
+    columns[:, :3] = at.jacobian @ covariance
+    columns[:, 3:] = covariance[at.nuisances]
+    own = np.concatenate([columns @ np.swapaxes(at.jacobian, 1, 2), columns[:, :, at.nuisances]], axis=2)
+    system = (1 + 1e-9) * np.eye(size) - reduced @ own
+    answer = np.linalg.solve(
+        system, np.concatenate([rest[:, :, None], np.broadcast_to(np.eye(size), own.shape)], 2)
+    )
+    steps = -np.einsum("kip,ki->kp", columns, answer[:, :, 0])
+    spread = (own @ answer[:, :, 1:])[:, :3, :3]
+    moved = np.einsum("kip,kp->ki", at.jacobian, steps)
+    return WithoutOne(steps, moved, (spread + np.swapaxes(spread, 1, 2)) / 2)
 
 
-def _squared_distances(
-    observations: list[SphereObservation], sphere: SphereSize, data: ChainData, used: np.ndarray, fit: ChainFit
-) -> FloatArray:
+def _squared_distances(observations: Sequence[SphereObservation], data: ChainData, found: ChainFit) -> FloatArray:
     """Return each capture's squared Mahalanobis distance from what the other used captures expect, (K,)."""
-    state, width = fit.state, data.unknowns
-    expected = prediction(data, state)
-    predicted, jacobian = expected.centers_in_laser, expected.jacobian
-    without = without_each(fit.minimum.at)
-    covariances = np.broadcast_to(fit.covariance[:width, :width], (data.count, width, width)).copy()
-    covariances[used] = without.covariances[:, :width, :width]
-    centers = predicted.copy()
-    centers[used] += np.einsum("kij,kj->ki", jacobian[used], without.steps[:, :width])
-    spread = pose_spread(predicted, state.tool_in_laser, fit.sigmas, expected.levers)
-    spread = spread + jacobian @ covariances @ np.swapaxes(jacobian, 1, 2)
+    state, at = found.state, found.minimum.at
+    without = without_each(at)
+    centers = at.centers_in_laser + at.offset + without.moved
+    ordinary = replace(data, pose_scale=np.minimum(data.pose_scale, 1.0))
+    spread = noise_of(ordinary, state, found.sigmas).spread + without.spread
     return np.array(
-        [_squared_distance(o, sphere, q, s) for o, q, s in zip(observations, centers, spread, strict=True)]
+        [
+            _squared_distance(corrected(o, state.scanner, data.half_width_mm), state.radius_mm, q, s, n)
+            for o, q, s, n in zip(observations, centers, spread, data.points_per_independent, strict=True)
+        ]
     )
 
 
 def _squared_distance(
-    observation: SphereObservation, sphere: SphereSize, expected: FloatArray, spread: FloatArray
+    observation: SphereObservation, radius_mm: float, expected: FloatArray, spread: FloatArray, alike: float
 ) -> float:
     """Return the squared distance of one measured centre, or circle (x, z, r), from the expected sphere's."""
     measured = observation.center_in_laser_mm
     if observation.circle_radius_mm is None:
         off, rows = measured - expected, np.eye(3)
     else:
-        cut = np.sqrt(max(sphere.radius_mm**2 - expected[1] ** 2, 1e-6))
+        cut = np.sqrt(max(radius_mm**2 - expected[1] ** 2, 1e-6))
         # Far beyond the sphere the slope would explode; the distance then speaks by x and z.
         slope = float(np.clip(-expected[1] / cut, -10, 10))
         off = np.array([*(measured - expected)[[0, 2]], observation.circle_radius_mm - cut])
         rows = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, slope, 0]])
-    covariance = observation.center_covariance + rows @ spread @ rows.T
+    covariance = alike * observation.center_covariance + rows @ spread @ rows.T
     if observation.circle_radius_mm is not None:
-        covariance[2, 2] += (_LINEARITY * sphere.radius_mm) ** 2
+        covariance[2, 2] += (_LINEARITY * radius_mm) ** 2
     return float(off @ np.linalg.solve(covariance, off))

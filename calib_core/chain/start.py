@@ -19,6 +19,7 @@ from calib_core.frames import FloatArray
 
 _STARTS = 240
 _KEPT = 200
+_BEST = 12  # guesses that all captures of a long session are asked about
 _SEARCH_CAPTURES = 40  # more do not make the search safer, only slower
 # Two wrong captures of eight hide the answer from a search by all.  Among so many searches by so few captures
 # some are by good ones alone.
@@ -116,8 +117,11 @@ def find_start(centers: Centers) -> Start:
     some = np.arange(count)
     if count > _SEARCH_CAPTURES:
         some = np.unique(np.linspace(0, count - 1, _SEARCH_CAPTURES).astype(int))
-    candidates = _candidates(centers.chosen(some))
-    starts = sorted(_settled(centers, candidates), key=_badness)
+    few = centers.chosen(some)
+    starts = sorted(_settled(few, _candidates(few)), key=_badness)
+    if len(some) < count:
+        guesses = [(s.rotation, s.translation, s.center) for s in starts[:_BEST]]
+        starts = sorted(_settled(centers, guesses), key=_badness)
     best = starts[0]
     rivals = [s for s in starts[1:] if _is_rival(s, best)]
     rival = rivals[0].scatter_mm if rivals else None
@@ -164,14 +168,21 @@ def _searched(sought: Sought) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return rotations, linear unknowns and residuals of guesses from everywhere, by all captures and by few."""
     count = sought.measured.shape[1]
     rotations = random_rotations(_STARTS if count > _FEW else _STARTS + _STARTS_BY_FEW)
-    found = [sought.refined(rotations, sought.linear_unknowns(rotations), 25)[:2]]
+    found = [_promising(sought, *sought.refined(rotations, sought.linear_unknowns(rotations), 8)[:2])]
     if count > _FEW:
         some = sought.chosen(random_few(_STARTS_BY_FEW, count, _FEW))
         rotations = random_rotations(_STARTS_BY_FEW)
-        rotations, linear, _ = some.refined(rotations, some.linear_unknowns(rotations), 25)
-        found.append(sought.refined(rotations, linear, 6)[:2])
+        rotations, linear, _ = some.refined(rotations, some.linear_unknowns(rotations), 12)
+        found.append(_promising(sought, rotations, linear))
     rotations, linear = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return rotations, linear, sought.misfit(rotations, linear)
+
+
+def _promising(sought: Sought, rotations: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return those guesses refined to the end that fit best so far: a third of them."""
+    scatter = np.median(sought.distances(sought.misfit(rotations, linear)), axis=1)
+    best = np.argsort(scatter)[: max(len(scatter) // 3, 1)]
+    return sought.refined(rotations[best], linear[best], 17)[:2]
 
 
 def _heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: float) -> list[float]:

@@ -91,6 +91,16 @@ class TableState:
             self.scale + float(step[SCALE_COLUMN]),
         )
 
+    def step_to(self, other: "TableState") -> FloatArray:
+        """Return the step (size,) that leads from this guess to one that is near."""
+        turn = self.rotation.T @ other.rotation
+        step = np.zeros(AXIS_UNKNOWNS + self.mounts.size)
+        step[:2] = 0.5 * (turn[2, 1] - turn[1, 2]), 0.5 * (turn[0, 2] - turn[2, 0])
+        step[2:4] = self.rotation[:, :2].T @ (other.origin - self.origin)
+        step[SCALE_COLUMN] = other.scale - self.scale
+        step[AXIS_UNKNOWNS:] = (other.mounts - self.mounts).ravel()
+        return step
+
     def in_table(self, readings: TableReadings) -> FloatArray:
         """Return the sphere's centres in T as the table has turned, (N, 3), of the captures on the table."""
         on_table = readings.mounts >= 0

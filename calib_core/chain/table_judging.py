@@ -11,7 +11,7 @@ import numpy as np
 
 from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged, judge_from, judge_these
 from calib_core.chain.table import SCALE_COLUMN
 from calib_core.chain.variance import GivenSigmas
@@ -43,7 +43,6 @@ class EncoderScale:
 
 def judge_table(
     observations: list[SphereObservation],
-    sphere: SphereSize,
     data: ChainData,
     state: ChainState,
     core: np.ndarray,
@@ -56,24 +55,24 @@ def judge_table(
 
     Parameters
     ----------
-    observations, sphere, data
+    observations, data
         All captures, and the same as arrays; `data.held` says whether the scale is sought.
     state, core, sigmas
         As in `judge_from`.
     exact : bool
         Whether the encoder is to be believed whatever the captures say.
     """
-    judged = judge_from(observations, sphere, data, state, core, sigmas)
+    judged = judge_from(observations, data, state, core, sigmas)
     scale = encoder_scale(judged)
     if scale.applied or (judged.used.all() and not scale.significant):
         return judged, scale
-    free = judge_from(observations, sphere, _with_free_scale(data), state, core, sigmas)
+    free = judge_from(observations, _with_free_scale(data), state, core, sigmas)
     found = encoder_scale(free)
     if not found.significant or free.used.sum() < judged.used.sum():
         return judged, scale
     if not exact:
         return free, found
-    return judge_these(observations, sphere, data, state, free.used, sigmas), replace(found, applied=False)
+    return judge_these(observations, data, state, free.used, sigmas), replace(found, applied=False)
 
 
 def encoder_scale(judged: Judged) -> EncoderScale:

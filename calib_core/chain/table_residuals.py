@@ -52,7 +52,6 @@ class TableResiduals:
 
 def table_residuals(
     observations: Sequence[TableObservation],
-    sphere: SphereSize,
     readings: TableReadings,
     state: ChainState,
     frame: TableFrame,
@@ -62,7 +61,6 @@ def table_residuals(
     Parameters
     ----------
     observations : K captures of the table
-    sphere : SphereSize
     readings : TableReadings
         Of the same captures.
     state : ChainState
@@ -72,7 +70,7 @@ def table_residuals(
     assert state.table is not None
     expected = state.table.places(readings).centers
     tool0_from_laser = RigidTransform.of(state.tool_rotation, state.tool_translation, "tool0", "laser")
-    both = both_centers_in_base(observations, sphere, tool0_from_laser)
+    both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), tool0_from_laser)
     first = np.linalg.norm(both[:, 0] - expected, axis=1) <= np.linalg.norm(both[:, 1] - expected, axis=1)
     centers = np.where(first[:, None], both[:, 0], both[:, 1])
     sides = np.where(first, 1, -1) * [o.sphere.circle_radius_mm is not None for o in observations]

@@ -5,16 +5,19 @@ covariance, residuals, leave-one-out, undetermined directions, and the paper's t
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.chain.misjudged import covariance_of_judged
+from calib_core.arms.alike import visits
+from calib_core.chain.causes import Cause, named_causes
+from calib_core.chain.effective import with_effective_points
+from calib_core.chain.held import Held, hold_files
 from calib_core.chain.model import ChainState, Sigmas, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.reasons import moved_since, rejection_reasons
+from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, judge, without_each
-from calib_core.chain.scale import ScaleError, scale_errors
+from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.start import centers_of, find_start
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orientation_span, two_step
 from calib_core.chain.two_step_covariance import two_step_covariance
@@ -25,15 +28,22 @@ from calib_core.frames import FloatArray, RigidTransform
 Progress = Callable[[float, str], None]
 _LEAST_CAPTURES = 5
 _SAME_POSE_MM = 0.05
+_MOST_LEFT_OUT = 60
 
 
 @dataclass(frozen=True)
 class TcpOptions:
-    """Standard deviations that the user fixes; None: estimated from the captures."""
+    """Standard deviations that the user fixes (None: estimated), and what is believed of the scanner.
+
+    `apply_scanner`: scale, shear and bow that are found are taken out of the points, and the tool is that of such
+    points; otherwise it belongs to the files as they are, and the errors are in its covariance alone.
+    """
 
     position_sigma_mm: float | None = None
     orientation_sigma_rad: float | None = None
     point_sigma_mm: float | None = None
+    priors: ScannerPriors = field(default_factory=ScannerPriors)
+    apply_scanner: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +87,10 @@ class TcpSolution:
     ----------
     joint : Answer
         The joint maximum likelihood: the answer.
-    covariance : (9, 9) or (10, 10)
-        rx ry rz tx ty tz of tool0_from_laser, the sphere's centre, its radius where uncertain.
+    covariance : (9, 9)
+        rx ry rz tx ty tz of tool0_from_laser, the sphere's centre.
+    held : Held
+        What was found of the scanner, whether the tool has it, and how both are correlated.
     sigmas : Sigmas
         Pose scatter, given or estimated.
     point_sigma_mm : float or None
@@ -97,14 +109,22 @@ class TcpSolution:
         Its groups of pure translations, or the reason why there is no answer.
     rival_scatter_mm, start_scatter_mm
         How well the best other choice of sides would fit, beside the chosen one.
-    scale_errors : list of ScaleError
-        Significant scale errors of the scanner.
-    moved : str or None
-        A sentence where the sphere seems to have been moved for good.
+    weights : (K,)
+        By how much a capture's pose counts less than that of one that lies well, 1 … 0.
+    points_per_independent : float
+        How many of a capture's points say as much as an independent one (median).
+    causes : list of Cause
+        What happened to the captures, where one cause explains several.
+    sphere : SphereSize
+        As told or assumed.
+    seen_in_laser_mm, at_point : (3,), (3, 3)
+        Where the scanner saw the sphere on average, brought into the plane of light, and the covariance of a point
+        that is measured there, along the flange's axes, mm and mm².
     """
 
     joint: Answer
     covariance: FloatArray
+    held: Held
     sigmas: Sigmas
     point_sigma_mm: float | None
     measured_point_sigma_mm: float | None
@@ -123,8 +143,12 @@ class TcpSolution:
     two_step_answer: TwoStepAnswer
     rival_scatter_mm: float | None
     start_scatter_mm: float
-    scale_errors: list[ScaleError]
-    moved: str | None
+    weights: FloatArray
+    points_per_independent: float
+    causes: list[Cause]
+    sphere: SphereSize
+    seen_in_laser_mm: FloatArray
+    at_point: FloatArray
     options: TcpOptions
 
 
@@ -150,9 +174,10 @@ def solve_tcp(
     MotionError
         If there are too few captures, all poses are equal or all orientations are.
     """
-    observations, options = list(observations), options or TcpOptions()
+    options = options or TcpOptions()
     tell = progress or say_nothing
     _require_motion(observations)
+    observations = with_effective_points(observations, sphere)
 
     tell(0.05, "Searching tool, sphere and sides")
     start = find_start(centers_of(observations, sphere))
@@ -160,24 +185,28 @@ def solve_tcp(
     tell(0.35, "Fitting all captures jointly")
     measured_sigma = pooled_point_sigma(observations, sphere)
     point_sigma = options.point_sigma_mm or measured_sigma
-    data = chain_data(observations, sphere, point_sigma)
-    judged = judge(observations, sphere, data, start, options.position_sigma_mm, options.orientation_sigma_rad)
+    data = chain_data(observations, sphere, point_sigma, options.priors)
+    data = replace(data, pose_scale=visits(data.rotations, data.translations))
+    judged = judge(observations, data, start, (options.position_sigma_mm, options.orientation_sigma_rad, 0.0))
 
     tell(0.7, "Leaving out each capture in turn")
-    state = judged.fit.state
-    sides = sides_of(observations, state)
-    given = (options.position_sigma_mm, options.orientation_sigma_rad, 0.0)
-    covariance = covariance_of_judged(judged, given)
-    joint = answer_of(observations, sphere, judged.used, sides, state, _left_out_states(judged))
+    held = hold_files(judged, options.apply_scanner)
+    state = held.state
+    seen = [corrected(o, state.scanner, data.half_width_mm) for o in observations]
+    sides = sides_of(seen, state)
+    left_out = _left_out_states(judged, held)
+    joint = answer_of(seen, judged.used, sides, state, left_out)
 
     tell(0.85, "Computing the paper's two steps beside it")
-    paper, paper_answer, paper_covariance = _paper(observations, sphere, judged, sides)
+    paper, paper_answer, paper_covariance = _paper(seen, sphere, judged, state, sides)
 
-    tell(0.95, "Testing the scanner's scale")
-    center_distance = joint.offset_in_base_mm
+    tell(0.95, "Looking for causes")
+    covariance = held.covariance
+    point = seen_point(observations, state, judged.used)
     return TcpSolution(
         joint=joint,
-        covariance=covariance,
+        covariance=covariance[:9, :9],
+        held=held,
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
         measured_point_sigma_mm=measured_sigma,
@@ -185,8 +214,8 @@ def solve_tcp(
         points=[len(o.points_in_laser_mm) for o in observations],
         used=judged.used,
         sides=sides,
-        zones=[o.circle_radius_mm and o.circle_radius_mm / sphere.radius_mm for o in observations],
-        reasons=rejection_reasons(observations, judged.used, judged.squared_distance, center_distance),
+        zones=[o.circle_radius_mm and o.circle_radius_mm / state.radius_mm for o in seen],
+        reasons=rejection_reasons(observations, judged.used, judged.squared_distance, joint.offset_in_base_mm),
         squared_distance=judged.squared_distance,
         excess=judged.excess,
         undetermined=open_directions(covariance[:6, :6]),
@@ -196,8 +225,12 @@ def solve_tcp(
         two_step_answer=paper_answer,
         rival_scatter_mm=start.rival_scatter_mm,
         start_scatter_mm=start.scatter_mm,
-        scale_errors=scale_errors(judged, measured_sigma),
-        moved=moved_since(observations, judged.used, center_distance),
+        weights=data.pose_scale / judged.data.pose_scale,
+        points_per_independent=float(np.median([o.points_per_independent for o in observations])),
+        causes=named_causes(observations, judged, joint.offset_in_base_mm),
+        sphere=sphere,
+        seen_in_laser_mm=point,
+        at_point=held.at_point(point, data.half_width_mm),
         options=options,
     )
 
@@ -257,6 +290,11 @@ def expected_in_laser(observations: Sequence[SphereObservation], state: ChainSta
     return (arms - state.tool_translation) @ state.tool_rotation
 
 
+def seen_point(observations: Sequence[SphereObservation], state: ChainState, used: np.ndarray) -> FloatArray:
+    """Return where the scanner saw the sphere on average, in the plane of light, (3,), mm."""
+    return expected_in_laser(observations, state)[used].mean(axis=0) * [1.0, 0.0, 1.0]
+
+
 def sides_of(observations: Sequence[SphereObservation], state: ChainState) -> np.ndarray:
     """Return the sign of each profile's sphere centre along y of L, as a state expects it; 0 for other kinds."""
     heights = expected_in_laser(observations, state)[:, 1]
@@ -268,15 +306,14 @@ def sides_of(observations: Sequence[SphereObservation], state: ChainState) -> np
     )
 
 
-def _left_out_states(judged: Judged) -> list[ChainState | None]:
+def _left_out_states(judged: Judged, held: Held) -> list[ChainState | None]:
     """Return, for every capture, the unknowns without it; None for a rejected one."""
-    steps = iter(without_each(judged.fit.minimum.at).steps)
-    return [judged.fit.state.moved(next(steps)) if used else None for used in judged.used]
+    steps = without_each(held.at).steps
+    return [held.state.moved(s) if used else None for s, used in zip(steps, judged.used, strict=True)]
 
 
 def answer_of(
     observations: Sequence[SphereObservation],
-    sphere: SphereSize,
     used: np.ndarray,
     sides: np.ndarray,
     state: ChainState,
@@ -286,6 +323,7 @@ def answer_of(
     tool0_from_laser = _transform(state.tool_rotation, state.tool_translation)
     expected = expected_in_laser(observations, state)
     radius = state.radius_mm
+    sphere = SphereSize(2 * radius)
     distances = [surface_distances(o, q, radius) for o, q in zip(observations, expected, strict=True)]
     offsets = np.array(
         [
@@ -329,29 +367,37 @@ def _rms(values: FloatArray) -> float:
 
 
 def _paper(
-    observations: Sequence[SphereObservation], sphere: SphereSize, judged: Judged, sides: np.ndarray
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    judged: Judged,
+    state: ChainState,
+    sides: np.ndarray,
 ) -> tuple[Answer | None, TwoStepAnswer, FloatArray | None]:
-    """Return the paper's method on the used captures, its sides those of the joint answer."""
-    used = [int(k) for k in np.flatnonzero(judged.used)]
-    rotations, translations = judged.data.rotations, judged.data.translations
+    """Return the paper's method on the used captures, its sides and the sphere's size those of the joint answer.
+
+    Of a long session only some captures, evenly spread, are left out in turn: each time all is solved again.
+    """
+    sphere = SphereSize(2 * state.radius_mm, sphere.sigma_mm)
+    used = np.flatnonzero(judged.used).tolist()
+    rotations, translations = judged.data.rotations[used], judged.data.translations[used]
     centers = np.array([observations[k].sphere_center_in_laser_mm(sphere, int(sides[k])) for k in used])
     answer = two_step(rotations, translations, centers)
     groups = tuple(tuple(used[i] for i in group) for group in answer.groups)
     answer = TwoStepAnswer(answer.rotation, answer.translation, answer.center, groups, answer.reason)
-    state = _paper_state(answer, sphere)
-    if state is None:
+    found = _paper_state(answer, state)
+    if found is None:
         return None, answer, None
     left_out: list[ChainState | None] = [None] * len(observations)
-    for n, k in enumerate(used):
+    for n in np.unique(np.linspace(0, len(used) - 1, min(len(used), _MOST_LEFT_OUT)).astype(int)).tolist():
         rest = np.arange(len(used)) != n
-        left_out[k] = _paper_state(two_step(rotations[rest], translations[rest], centers[rest]), sphere)
+        left_out[used[n]] = _paper_state(two_step(rotations[rest], translations[rest], centers[rest]), state)
     covariance = two_step_covariance(
         [observations[k] for k in used], sphere, centers, rotations, translations, judged.fit
     )
-    return answer_of(observations, sphere, judged.used, sides, state, left_out), answer, covariance
+    return answer_of(observations, judged.used, sides, found, left_out), answer, covariance
 
 
-def _paper_state(answer: TwoStepAnswer, sphere: SphereSize) -> ChainState | None:
+def _paper_state(answer: TwoStepAnswer, joint: ChainState) -> ChainState | None:
     if answer.rotation is None or answer.translation is None or answer.center is None:
         return None
-    return ChainState(answer.rotation, answer.translation, answer.center, sphere.radius_mm, np.empty((0, 3)))
+    return replace(joint, tool_rotation=answer.rotation, tool_translation=answer.translation, center=answer.center)

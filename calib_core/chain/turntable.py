@@ -10,23 +10,25 @@ together and belong together, and its uncertainty is carried into the answer's.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib_core.chain.circles import PaperAxis, paper_axis
+from calib_core.chain.effective import with_effective_points
+from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
-from calib_core.chain.misjudged import covariance_of_judged
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior, chain_data
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.rejection import Judged
+from calib_core.chain.scanner import COUNT, OF_FILES, ScannerPriors, corrected
 from calib_core.chain.table import SCALE_COLUMN
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import TableStart, both_centers_in_base, find_table_start, readings_of
 from calib_core.chain.tcp import pooled_point_sigma, say_nothing
-from calib_core.chain.variance import ChainFit, GivenSigmas
+from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import MotionError
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
@@ -38,10 +40,13 @@ _SAME_POSE_MM = 1e-6
 
 @dataclass(frozen=True)
 class KnownTool:
-    """The tool of the stage before, its covariance (6, 6) (None: exact), and that of the paper's two steps."""
+    """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
+
+    `tool0_from_laser` is the answer of that stage.
+    """
 
     tool0_from_laser: RigidTransform
-    covariance: FloatArray | None = None
+    held: Held | None = None
     two_step: RigidTransform | None = None
 
 
@@ -60,6 +65,7 @@ class TurntableOptions:
     direction: int | None = None
     encoder_scale: bool | None = None
     angles_unknown: bool = False
+    priors: ScannerPriors = field(default_factory=ScannerPriors)
 
     @property
     def sigmas(self) -> GivenSigmas:
@@ -131,9 +137,12 @@ def solve_turntable(
     InputError
         If the angles are in radians.
     """
-    observations, options = list(observations), options or TurntableOptions()
+    options = options or TurntableOptions()
     tell = progress or say_nothing
     _require_captures(observations)
+    observations = table_with_effective_points(observations, sphere)
+    if tool.held is not None and tool.held.applied:
+        observations = corrected_table(observations, tool.held)
 
     tell(0.1, "Searching the axis and the sphere's sides")
     start = find_table_start(observations, sphere, tool.tool0_from_laser)
@@ -142,17 +151,17 @@ def solve_turntable(
     options = _with_still_robot(observations, options)
     point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
     data = _data(observations, sphere, point_sigma, tool, options)
-    judged, encoder = _judge(observations, sphere, data, tool, start, options)
+    judged, encoder = _judge(observations, data, tool, start, options)
 
     tell(0.7, "Holding the tool")
-    state, covariance = _tool_held(judged, tool, options)
+    state, covariance = _tool_held(judged, tool)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
     readings, mounts = readings_of(observations)
     size = slice(TABLE_COLUMN, data.unknowns)
     assert state.table is not None
     frame = frame_by_rule(state.table, options.direction)
-    residuals = table_residuals(observations, sphere, readings, state, frame)
+    residuals = table_residuals(observations, readings, state, frame)
     return TurntableSolution(
         frame=frame,
         covariance=frame_covariance(state.table, covariance[size, size], options.direction),
@@ -213,17 +222,41 @@ def _data(
     held = np.zeros(data.unknowns, dtype=bool)
     held[6:9] = True  # no sphere stands beside the table
     held[TABLE_COLUMN + SCALE_COLUMN] = not options.encoder_scale
-    if tool.covariance is None:
+    data = replace(data, held=held)
+    if tool.held is None:
         held[:6] = True
         return replace(data, held=held)
-    mounting = tool.tool0_from_laser
-    prior = ToolPrior(mounting.rotation, mounting.translation_mm, covariance_of(tool.covariance))
-    return replace(data, held=held, tool_prior=prior)
+    known = tool.held
+    some = known.tool_and_scanner
+    found = known.found
+    values = np.zeros(COUNT) if known.applied else found.scanner
+    if known.applied:  # the points are corrected by what was found: its uncertainty is left
+        values = np.where(OF_FILES, 0.0, found.scanner)
+    prior = ToolPrior(
+        found.tool_rotation, found.tool_translation, values, covariance_of(known.covariance[np.ix_(some, some)])
+    )
+    sigmas = np.zeros(COUNT)
+    sigmas[known.active] = 1.0  # the prior of the tool and the scanner together takes their place
+    return replace(data, tool_prior=prior, nuisance_sigmas=sigmas)
+
+
+def table_with_effective_points(
+    observations: Sequence[TableObservation], sphere: SphereSize
+) -> list[TableObservation]:
+    """Return captures of the table that say how many of their points count as one independent one."""
+    spheres = with_effective_points([o.sphere for o in observations], sphere)
+    return [replace(o, sphere=s) for o, s in zip(observations, spheres, strict=True)]
+
+
+def corrected_table(observations: Sequence[TableObservation], held: Held) -> list[TableObservation]:
+    """Return captures of the table as a scanner without the errors that were found would have made them."""
+    widths = [np.abs(o.sphere.points_in_laser_mm[:, 0]).max(initial=1.0) for o in observations]
+    half_width = float(max(widths))
+    return [replace(o, sphere=corrected(o.sphere, held.found.scanner, half_width)) for o in observations]
 
 
 def _judge(
     observations: Sequence[TableObservation],
-    sphere: SphereSize,
     data: ChainData,
     tool: KnownTool,
     start: TableStart,
@@ -232,8 +265,14 @@ def _judge(
     mounting = tool.tool0_from_laser
     state = ChainState.predicted(data, mounting.rotation, mounting.translation_mm, np.zeros(3), start.state)
     spheres = [o.sphere for o in observations]
+    if tool.held is not None:
+        found = tool.held.found
+        values = data.tool_prior.scanner if data.tool_prior else state.scanner
+        state = replace(
+            state, tool_rotation=found.tool_rotation, tool_translation=found.tool_translation, scanner=values
+        )
     return judge_table(
-        spheres, sphere, data, state, core_of(start.misfit_mm), options.sigmas, options.encoder_scale is False
+        spheres, data, state, core_of(start.misfit_mm), options.sigmas, options.encoder_scale is False
     )
 
 
@@ -243,25 +282,51 @@ def core_of(misfit_mm: FloatArray) -> np.ndarray:
     return misfit_mm <= limit
 
 
-def _tool_held(judged: Judged, tool: KnownTool, options: TurntableOptions) -> tuple[ChainState, FloatArray]:
-    """Return the unknowns with the tool held, and their covariance with the tool's carried over.
+def _tool_held(judged: Judged, tool: KnownTool) -> tuple[ChainState, FloatArray]:
+    """Return the unknowns with tool and scanner held, and their covariance with those' carried over.
 
-    About the minimum the table follows the tool by −H⁻¹ H_tool, with H of the other unknowns.
+    About the minimum the table follows tool and scanner by −H⁻¹ H_tool, with H of the other unknowns.
     """
-    if tool.covariance is None:
-        return judged.fit.state, covariance_of_judged(judged, options.sigmas)
-    assert judged.data.held is not None
-    held = judged.data.held.copy()
+    fitted = judged.fit
+    if tool.held is None:
+        return fitted.state, fitted.covariance * judged.inflation
+    known, data = tool.held, judged.data
+    assert data.held is not None
+    held = data.held.copy()
     held[:6] = True
-    data = replace(judged.data, held=held, tool_prior=None)
-    mounting = tool.tool0_from_laser
-    begin = replace(judged.fit.state, tool_rotation=mounting.rotation, tool_translation=mounting.translation_mm)
-    found = fit(data, begin, judged.fit.sigmas)
+    nothing = np.zeros(COUNT)
+    exact = replace(data, held=held, tool_prior=None, nuisance_sigmas=nothing)
+    answer = known.state
+    begin = replace(
+        fitted.state,
+        tool_rotation=answer.tool_rotation,
+        tool_translation=answer.tool_translation,
+        scanner=np.where(OF_FILES, 0.0, answer.scanner),
+    )
+    found = fit(exact, begin, fitted.sigmas)
+    width = data.unknowns
     inverse = covariance_of(found.at.hessian)
-    held_fit = ChainFit(found, judged.fit.sigmas, inverse)
-    own = covariance_of_judged(replace(judged, fit=held_fit, data=data), options.sigmas)
-    whole = linearised_at(replace(data, held=None), found.state, judged.fit.sigmas)
-    whole_hessian = whole.hessian.copy()
-    whole_hessian[: data.unknowns][held] = 0.0  # what is held does not follow
-    follows = -inverse @ whole_hessian[:, :6]
-    return found.state, own + follows @ tool.covariance @ follows.T
+    # By how much estimated sigmas enlarged the covariance of the fit with the tool free, so they do here.
+    grown = np.sqrt(np.maximum(np.diag(fitted.covariance)[6:width] / np.diag(_plain(judged))[6:width], 1.0))
+    own = inverse[:width, :width].copy()
+    own[6:, 6:] *= np.outer(grown, grown) * judged.inflation
+    sigmas = np.zeros(COUNT)
+    sigmas[known.active] = 1.0
+    whole = linearised_at(
+        replace(data, held=None, tool_prior=None, nuisance_sigmas=sigmas), found.state, fitted.sigmas
+    )
+    # Errors that poses share are eliminated with the table's unknowns: they follow too.
+    count, size = len(known.active), len(whole.hessian)
+    by = np.concatenate([np.arange(6), np.arange(width, width + count)])
+    rest = np.setdiff1d(np.arange(size), by)
+    rest = rest[~np.isin(rest, np.flatnonzero(held))]
+    follows = np.zeros((size, len(by)))
+    follows[rest] = -covariance_of(whole.hessian[np.ix_(rest, rest)]) @ whole.hessian[np.ix_(rest, by)]
+    follows = follows[:width]
+    some = known.tool_and_scanner
+    return found.state, own + follows @ known.covariance[np.ix_(some, some)] @ follows.T
+
+
+def _plain(judged: Judged) -> FloatArray:
+    """Return the covariance of a fit at its sigmas, as if these were known."""
+    return covariance_of(judged.fit.minimum.at.hessian)

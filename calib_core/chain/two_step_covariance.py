@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.chain.likelihood import pose_spread
+from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.two_step import both_steps, pure_translations
 from calib_core.chain.variance import ChainFit
 from calib_core.frames import FloatArray, vector_from_rotation
@@ -41,6 +43,8 @@ def two_step_covariance(
         return None
     tool_in_laser = fit.state.tool_rotation.T @ fit.state.tool_translation
     spread = pose_spread(centers, tool_in_laser, fit.sigmas)
+    alike = Sigmas(fit.sigmas.alike_position_mm, fit.sigmas.alike_orientation_rad)
+    spread = spread + pose_spread(centers, tool_in_laser, alike)
     groups = pure_translations(rotations)
     rotation, translation, _ = both_steps(rotations, translations, centers, groups)
     covariance = np.zeros((6, 6))
@@ -54,14 +58,28 @@ def two_step_covariance(
             columns[3:, axis] = other_translation - translation
         columns /= _NUDGE_MM
         covariance += columns @ (_own_covariance(observation, sphere) + spread[k]) @ columns.T
-    return covariance
+    by_size = _by_size(observations, sphere, centers)
+    other_rotation, other_translation, _ = both_steps(rotations, translations, centers + by_size, groups)
+    common = np.concatenate([vector_from_rotation(rotation.T @ other_rotation), other_translation - translation])
+    return covariance + np.outer(common, common)
+
+
+def _by_size(observations: Sequence[SphereObservation], sphere: SphereSize, centers: FloatArray) -> FloatArray:
+    """Return how the centres (K, 3) move with one sigma of the sphere's size, as the scanner shows it."""
+    moved = np.zeros_like(centers)
+    sigma = float(np.hypot(sphere.sigma_mm / 2, ScannerPriors().incidence_mm))
+    for k, o in enumerate(observations):
+        if o.circle_radius_mm is not None:
+            height = np.sqrt(max(sphere.radius_mm**2 - o.circle_radius_mm**2, (0.1 * sphere.radius_mm) ** 2))
+            moved[k, 1] = np.sign(centers[k, 1]) * sphere.radius_mm / height * sigma
+    return moved
 
 
 def _own_covariance(observation: SphereObservation, sphere: SphereSize) -> FloatArray:
     """Return the covariance (3, 3) of a capture's own sphere centre; a profile's y by r/√(R² − r²)."""
     radius = observation.circle_radius_mm
     if radius is None:
-        return observation.center_covariance
+        return observation.center_covariance * observation.points_per_independent
     height = np.sqrt(max(sphere.radius_mm**2 - radius**2, (0.02 * sphere.radius_mm) ** 2))
     rows = np.array([[1.0, 0, 0], [0, 0, -radius / height], [0, 1.0, 0]])
-    return rows @ observation.center_covariance @ rows.T
+    return rows @ (observation.center_covariance * observation.points_per_independent) @ rows.T

@@ -1,31 +1,34 @@
 """How far robot and table scatter: variance components by restricted likelihood (REML), and what that adds.
 
-Position, orientation and angle scatter are estimated from the captures themselves, with a weak prior for an
-industrial arm and its table, and the answer's covariance is averaged over what they may be: few captures know them
-only roughly.
+Each pose errs by itself, and by a part that it shares with poses that are alike (`arms.alike`).  Amplitudes and
+reach are estimated from the captures themselves, with weak priors for an industrial arm and its table, and the
+answer's covariance is averaged over what they may be: few captures know them only roughly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.arms.alike import visits
 from calib_core.chain.centers import centers_suffice, fit_centers
-from calib_core.chain.likelihood import ChainLinearisation, fit, pose_spread
-from calib_core.chain.model import ChainData, ChainState, Sigmas, prior
-from calib_core.estimation import GridPosterior, Minimum, covariance_of, grid_posterior
+from calib_core.chain.likelihood import (
+    ChainLinearisation,
+    fit,
+    noise_about,
+    normal_equations,
+)
+from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction, prior
+from calib_core.estimation import Minimum, Posterior, covariance_of, maximum, posterior_about
 from calib_core.frames import FloatArray
 
-# A weak prior, in logarithms.  Arms of this class repeat to some hundredths of a millimetre and are true to some
-# tenths, so either may be three times smaller or larger without surprise.  Their orientation scatters less than is
-# easily seen; on a long arm it would otherwise pass for position, and the other way round.
-_PRIOR_POSITION_MM = 0.1
-_PRIOR_ORIENTATION_RAD = 7e-5
-_PRIOR_ANGLE_RAD = 1e-4
-_PRIOR = np.log([_PRIOR_POSITION_MM, _PRIOR_ORIENTATION_RAD, _PRIOR_ANGLE_RAD])
-_PRIOR_WIDTHS = np.log([3.0, 2.0, 3.0])
-_POSITION_RANGE_MM = (0.002, 50.0)
-_ORIENTATION_RANGE_RAD = (2e-6, 2e-2)
-_ANGLE_RANGE_RAD = (1e-6, 2e-2)
+# A weak prior, in logarithms: position, orientation, the table's angle, then the shared position and orientation
+# and their reach.  Arms of this class repeat to some hundredths of a millimetre and are true to some tenths.
+_PRIOR = np.log([0.05, 1.5e-4, 1e-4, 0.03, 7e-5, 1.0])
+_WIDTHS = np.log([3.0, 3.0, 3.0, 3.0, 3.0, 1.6])
+_LOW = np.log([0.002, 2e-6, 1e-6, 1e-3, 1e-6, 0.3])
+_HIGH = np.log([50.0, 2e-2, 2e-2, 50.0, 2e-2, 3.0])
+_IMPOSSIBLE = -1e12
+_MOST_CAPTURES = 60  # from so many the amplitudes are known well enough
 
 GivenSigmas = tuple[float | None, float | None, float | None]
 """Of a pose's position (mm) and orientation (rad) and of the table's angle (rad); None: to be estimated."""
@@ -40,9 +43,9 @@ class ChainFit:
     minimum : Minimum
         At the sigmas below.
     sigmas : Sigmas
-        Given, or the posterior's geometric mean.
+        Given, or the posterior's mode.
     covariance : (P, P)
-        Of the unknowns (9, the table's, the radius), the uncertainty of estimated sigmas included.
+        Of the unknowns (9, the table's, the nuisances), the uncertainty of estimated sigmas included.
     """
 
     minimum: Minimum[ChainState, ChainLinearisation]
@@ -56,11 +59,7 @@ class ChainFit:
 
 
 def fit_with_sigmas(
-    data: ChainData,
-    start: ChainState,
-    position_mm: float | None,
-    orientation_rad: float | None,
-    angle_rad: float | None = 0.0,
+    data: ChainData, start: ChainState, given: GivenSigmas, guess: Sigmas | None = None, rounds: int = 4
 ) -> ChainFit:
     """Return the most likely unknowns with sigmas that are given or, where None, estimated.
 
@@ -69,120 +68,163 @@ def fit_with_sigmas(
     data : ChainData
     start : ChainState
         Near the answer.
-    position_mm, orientation_rad : float or None
-        Per axis.
-    angle_rad : float or None
-        Of the table's angle.
+    given : GivenSigmas
+        What is told of a pose's own errors; those that poses share are always estimated.
+    guess : Sigmas, optional
+        Near which the sigmas are.
+    rounds : int
+        How often sigmas and unknowns follow each other at most.
     """
-    sigmas = Sigmas(
-        _PRIOR_POSITION_MM if position_mm is None else position_mm,
-        _PRIOR_ORIENTATION_RAD if orientation_rad is None else orientation_rad,
-        _PRIOR_ANGLE_RAD if angle_rad is None else angle_rad,
-    )
-    if centers_suffice(data):
+    log_sigmas = _PRIOR.copy() if guess is None else _logarithms(guess)
+    free = np.array([value is None for value in given] + [True] * 3)
+    sigmas = _sigmas(log_sigmas, given)
+    if guess is None and centers_suffice(data):
         start = fit_centers(data, start, sigmas).state
     minimum = fit(data, start, sigmas)
-    given = (position_mm, orientation_rad, angle_rad)
-    if None not in given:
-        return ChainFit(minimum, sigmas, covariance_of(minimum.at.hessian))
-    low, high = _search_box(given)
-    posterior: GridPosterior | None = None
-    for iteration in range(1, 5):
-        likelihood = _Restricted(data, minimum)
-        posterior = grid_posterior(
-            lambda node, of=likelihood: of.value(node) + _log_prior(node), low, high, around=posterior
-        )
-        before, mean = sigmas, np.exp(posterior.mean)
-        sigmas = _with_given(mean, given)
+    density = _Density(data, minimum, log_sigmas, given, free)
+    for _ in range(rounds):
+        before = log_sigmas
+        log_sigmas = density.with_free(maximum(density, log_sigmas[free], _WIDTHS[free], _LOW[free], _HIGH[free]))
+        sigmas = _sigmas(log_sigmas, given)
         minimum = fit(data, minimum.state, sigmas)
-        if _change(before, sigmas) < 0.05 or iteration == 4:
-            covariance = _averaged_covariance(_Restricted(data, minimum), posterior)
-            return ChainFit(minimum, sigmas, covariance)
-    raise AssertionError("the loop above returns")
+        density = _Density(data, minimum, log_sigmas, given, free)
+        if np.abs(log_sigmas - before)[:5].max() < 0.1:
+            break
+    return ChainFit(minimum, sigmas, covariance_of(minimum.at.hessian)[: data.width, : data.width])
 
 
-def _search_box(given: GivenSigmas) -> tuple[FloatArray, FloatArray]:
-    """Return the logarithms between which sigmas are sought; a given one is not sought at all."""
-    limits = (_POSITION_RANGE_MM, _ORIENTATION_RANGE_RAD, _ANGLE_RANGE_RAD)
-    ranges = [
-        limit if value is None else (max(value, limit[0]),) * 2 for value, limit in zip(given, limits, strict=True)
-    ]
-    low, high = np.log(np.array(ranges)).T
-    return low, high
+def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigmas) -> ChainFit:
+    """Return a fit with the covariance that is averaged over what estimated sigmas may be.
+
+    E[covariance | sigmas] + covariance of E[unknowns | sigmas] over the sigmas' posterior.
+    """
+    free = np.array([value is None for value in given] + [True] * 3)
+    log_sigmas = _logarithms(found.sigmas)
+    density = _Density(data, found.minimum, log_sigmas, given, free)
+    posterior: Posterior = posterior_about(density, log_sigmas[free], _WIDTHS[free])
+    whole = _Restricted(data, found.minimum)
+    size = data.width
+    kept = posterior.weights > 1e-3
+    weights = posterior.weights[kept] / posterior.weights[kept].sum()
+    inverses, steps = [], []
+    for node in posterior.nodes[kept]:
+        hessian, gradient, _ = whole.equations(_sigmas(density.with_free(node), given))
+        inverse = covariance_of(hessian)
+        inverses.append(inverse[:size, :size])
+        steps.append(-(inverse @ gradient)[:size])
+    spread = np.array(steps) - weights @ np.array(steps)
+    covariance = np.einsum("n,nij->ij", weights, inverses) + np.einsum("n,ni,nj->ij", weights, spread, spread)
+    return replace(found, covariance=covariance)
 
 
-def _with_given(found: FloatArray, given: GivenSigmas) -> Sigmas:
-    position, orientation, angle = (
-        float(sought) if value is None else value for sought, value in zip(found, given, strict=True)
-    )
-    return Sigmas(position, orientation, angle)
+def _sigmas(log_sigmas: FloatArray, given: GivenSigmas) -> Sigmas:
+    found = np.exp(log_sigmas).tolist()
+    own = [sought if value is None else value for sought, value in zip(found, given, strict=False)]
+    return Sigmas(*own, *found[3:])
 
 
-def _change(before: Sigmas, after: Sigmas) -> float:
-    """Return the largest change of a logarithm."""
-    pairs = (
-        (before.position_mm, after.position_mm),
-        (before.orientation_rad, after.orientation_rad),
-        (before.angle_rad, after.angle_rad),
-    )
-    return max(abs(float(np.log(new / old))) for old, new in pairs if old > 0 and new > 0)
+def _logarithms(sigmas: Sigmas) -> FloatArray:
+    values = (
+        sigmas.position_mm, sigmas.orientation_rad, sigmas.angle_rad, sigmas.alike_position_mm,
+        sigmas.alike_orientation_rad, sigmas.reach,
+    )  # fmt: skip
+    return np.clip(np.log(np.maximum(values, 1e-12)), _LOW, _HIGH)
 
 
-def _log_prior(log_sigmas: FloatArray) -> float:
-    return -0.5 * float(np.sum(((log_sigmas - _PRIOR) / _PRIOR_WIDTHS) ** 2))
+class _Density:
+    """The log-density of the free sigmas' logarithms: restricted likelihood of some captures, and the prior."""
+
+    def __init__(
+        self,
+        data: ChainData,
+        minimum: Minimum[ChainState, ChainLinearisation],
+        log_sigmas: FloatArray,
+        given: GivenSigmas,
+        free: np.ndarray,
+    ) -> None:
+        self._likelihood = _Restricted(data, minimum, _representative(data))
+        self._log_sigmas, self._given, self._free = log_sigmas, given, free
+
+    def with_free(self, node: FloatArray) -> FloatArray:
+        """Return all six logarithms, of which the free ones are a node's."""
+        every = self._log_sigmas.copy()
+        every[self._free] = node
+        return every
+
+    def __call__(self, node: FloatArray) -> float:
+        off = (node - _PRIOR[self._free]) / _WIDTHS[self._free]
+        return self._likelihood.value(_sigmas(self.with_free(node), self._given)) - 0.5 * float(off @ off)
+
+
+def _representative(data: ChainData) -> np.ndarray:
+    """Return the captures from which sigmas are estimated: one of each pose that was visited, and not too many."""
+    count = data.count
+    chosen = np.arange(count)
+    if (visits(data.rotations, data.translations) > 1).any():
+        numbers = np.hstack([np.round(data.rotations.reshape(count, 9), 5), np.round(data.translations, 2)])
+        if data.table is not None:
+            numbers = np.column_stack([numbers, data.table.angles_rad, data.table.mounts])
+        chosen = np.sort(np.unique(numbers, axis=0, return_index=True)[1])
+    if len(chosen) > _MOST_CAPTURES:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, _MOST_CAPTURES).astype(int)]
+    return chosen
 
 
 class _Restricted:
     """The restricted log-likelihood of the pose sigmas, with everything else linearised at one minimum."""
 
-    def __init__(self, data: ChainData, minimum: Minimum[ChainState, ChainLinearisation]) -> None:
-        state, self._at = minimum.state, minimum.at
-        self._predicted = minimum.at.centers_in_laser + minimum.at.offset
-        self._tool_in_laser = state.tool_in_laser
-        _, self._prior_gradient, self._prior_hessian = prior(data, state)
+    def __init__(
+        self, data: ChainData, minimum: Minimum[ChainState, ChainLinearisation], some: np.ndarray | None = None
+    ) -> None:
+        state, at = minimum.state, minimum.at
+        if some is None or len(some) == data.count:
+            some = np.arange(data.count)
+        else:
+            mask = np.zeros(data.count, dtype=bool)
+            mask[some] = True
+            data = data.chosen(mask)
+        self._state = replace(state, shared=None, active=data.active)
+        self._data = data
+        expected = prediction(data, self._state)
+        self._own, self._levers = at.centers_in_laser[some], expected.levers
+        self._offset = expected.centers_in_laser - self._own
+        self._jacobian = expected.jacobian
+        self._seen = self._own + self._offset
+        self._information, self._vector = at.information[some], at.vector[some]
 
-    def equations(self, log_sigmas: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    def equations(self, sigmas: Sigmas) -> tuple[FloatArray, FloatArray, float]:
         """Return Hessian, gradient, and log-likelihood at the linearisation point, for other sigmas."""
-        from calib_core.kernels.chain import marginal_normal_equations, pose_error_gain
+        from calib_core.kernels.chain import pose_error_gain
 
-        at = self._at
-        position, orientation, angle = np.exp(log_sigmas).tolist()
-        sigmas = Sigmas(position, orientation, angle)
-        spread = pose_spread(self._predicted, self._tool_in_laser, sigmas, at.levers)
-        gain, share = np.empty_like(spread), np.empty_like(spread)
-        logarithm = pose_error_gain(at.information, spread, gain, share)
-        hessian, gradient = np.empty_like(at.hessian), np.empty_like(at.gradient)
-        marginal_normal_equations(
-            at.information, at.vector, gain, share, at.offset, at.jacobian, hessian, gradient
+        data, information, vector = self._data, self._information, self._vector
+        noise = noise_about(data, self._seen, self._state, sigmas, self._levers)
+        gain, share = np.empty_like(noise.spread), np.empty_like(noise.spread)
+        logarithm = pose_error_gain(information, noise.spread, gain, share)
+        many, first, last = noise.shared.shape[2], data.unknowns, data.width
+        jacobian = np.zeros((data.count, 3, last + many))
+        jacobian[:, :, :first] = self._jacobian
+        jacobian[:, :, last:] = noise.shared
+        hessian, gradient = normal_equations(
+            information, vector, gain, share, self._offset, jacobian, slice(first, last)
         )
         # −½ eᵀΛe + ηᵀe + ½ hᵀGh, which is hᵀe − ½ eᵀAe + ½ (h − Ae)ᵀ G (h − Ae).
-        own = at.information[:, :3, :3]
-        pull = np.einsum("kij,kj->ki", own, at.offset)
-        rest = at.vector[:, :3] - pull
-        value = float(
-            np.sum(at.offset * (at.vector[:, :3] - 0.5 * pull)) + 0.5 * np.einsum("ki,kij,kj", rest, gain, rest)
-        )
-        hessian += self._prior_hessian
-        gradient += self._prior_gradient
-        return hessian, gradient, value - 0.5 * logarithm
+        pull = np.einsum("kij,kj->ki", information[:, :3, :3], self._offset)
+        rest = vector[:, :3] - pull
+        value = float(np.sum(self._offset * (vector[:, :3] - 0.5 * pull)))
+        value += 0.5 * float(np.einsum("ki,kij,kj", rest, gain, rest))
+        begin = replace(self._state, shared=np.zeros(many))
+        _, known_gradient, known_hessian = prior(data, begin, many)
+        return hessian + known_hessian, gradient + known_gradient, value - 0.5 * logarithm
 
-    def value(self, log_sigmas: FloatArray) -> float:
+    def value(self, sigmas: Sigmas) -> float:
         """Return the restricted log-likelihood: the unknowns maximised out and their loss of freedom counted."""
-        hessian, gradient, value = self.equations(log_sigmas)
-        scale = np.sqrt(np.diag(hessian))
-        eigenvalues, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
-        eigenvalues = np.maximum(eigenvalues, 1e-12)
-        along = vectors.T @ (gradient / scale)
-        logarithm = np.sum(np.log(eigenvalues)) + 2 * np.sum(np.log(scale))
-        return value + 0.5 * float(np.sum(along**2 / eigenvalues)) - 0.5 * float(logarithm)
-
-
-def _averaged_covariance(likelihood: _Restricted, posterior: GridPosterior) -> FloatArray:
-    """Return E[covariance | sigmas] + covariance of E[unknowns | sigmas] over the sigmas' posterior."""
-    kept = posterior.weights > 1e-6
-    weights = posterior.weights[kept] / posterior.weights[kept].sum()
-    equations = [likelihood.equations(node) for node in posterior.nodes[kept]]
-    inverses = np.array([covariance_of(hessian) for hessian, _, _ in equations])
-    steps = -np.einsum("nij,nj->ni", inverses, np.array([gradient for _, gradient, _ in equations]))
-    spread = steps - weights @ steps
-    return np.einsum("n,nij->ij", weights, inverses) + np.einsum("n,ni,nj->ij", weights, spread, spread)
+        hessian, gradient, value = self.equations(sigmas)
+        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        scaled = hessian / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
+        try:
+            low = np.linalg.cholesky(scaled)
+        except np.linalg.LinAlgError:  # nothing is known of some unknown at such sigmas
+            return _IMPOSSIBLE
+        along = np.linalg.solve(low, gradient / scale)
+        logarithm = np.log(np.diag(low)).sum() + np.log(scale).sum()
+        return value + 0.5 * float(along @ along) - float(logarithm)

@@ -10,18 +10,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.misjudged import covariance_of_judged
+from calib_core.arms.alike import visits
+from calib_core.chain.effective import with_effective_points
+from calib_core.chain.held import Held, hold_files
 from calib_core.chain.model import ChainState, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, without_each
+from calib_core.chain.scanner import corrected
 from calib_core.chain.table import SCALE_COLUMN, TableReadings
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_start import readings_of
-from calib_core.chain.tcp import Progress, TcpSolution, answer_of, pooled_point_sigma, say_nothing, sides_of
-from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, paper_circles
+from calib_core.chain.tcp import (
+    Progress,
+    TcpSolution,
+    answer_of,
+    pooled_point_sigma,
+    say_nothing,
+    seen_point,
+    sides_of,
+)
+from calib_core.chain.turntable import (
+    KnownTool,
+    TurntableOptions,
+    TurntableSolution,
+    corrected_table,
+    paper_circles,
+    table_with_effective_points,
+)
 from calib_core.chain.undetermined import open_directions
 from calib_core.frames import FloatArray
 
@@ -80,12 +98,15 @@ def solve_chain(
     """
     tell = progress or say_nothing
     tell(0.1, "Fitting all captures of both kinds jointly")
+    tcp_observations = with_effective_points(tcp_observations, sphere)
+    table_observations = table_with_effective_points(table_observations, sphere)
     judged, encoder, point_sigma = _judge(tcp_observations, table_observations, sphere, tcp, turntable, options)
 
     tell(0.8, "Comparing with the stages' own answers")
-    covariance = covariance_of_judged(judged, options.sigmas)
-    still = _tcp_part(tcp_observations, sphere, tcp, judged, covariance, point_sigma)
-    turning = _table_part(table_observations, sphere, tcp, judged, covariance, point_sigma, encoder, options)
+    held = hold_files(judged, tcp.options.apply_scanner)
+    covariance = held.covariance
+    still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
+    turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
     size = slice(TABLE_COLUMN, judged.data.unknowns)
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
@@ -121,39 +142,42 @@ def _judge(
         np.concatenate([np.full(still, -1), readings.mounts]),
         readings.mount_count,
     )
-    data = replace(chain_data(spheres, sphere, point_sigma), table=table)
+    data = replace(chain_data(spheres, sphere, point_sigma, options.priors), table=table)
+    repeated = visits(data.rotations[:still], data.translations[:still])
+    data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
     held = np.zeros(data.unknowns, dtype=bool)
     held[TABLE_COLUMN + SCALE_COLUMN] = not turntable.encoder.applied
     data = replace(data, held=held)
     tool = tcp.joint.tool0_from_laser
     center = tcp.joint.center_in_base_mm
     start = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, turntable.state.table)
+    start = replace(start, scanner=np.where(data.nuisance_sigmas > 0, tcp.held.state.scanner, 0.0))
     core = np.concatenate([tcp.used, turntable.used])
-    return *judge_table(
-        spheres, sphere, data, start, core, options.sigmas, options.encoder_scale is False
-    ), point_sigma
+    return *judge_table(spheres, data, start, core, options.sigmas, options.encoder_scale is False), point_sigma
 
 
 def _tcp_part(
     observations: Sequence[SphereObservation],
-    sphere: SphereSize,
     alone: TcpSolution,
     judged: Judged,
-    covariance: FloatArray,
+    held: Held,
     point_sigma: float | None,
 ) -> TcpSolution:
     """Return the tcp stage's solution with the whole chain's answer in it."""
-    state, count = judged.fit.state, len(observations)
+    state, count, covariance = held.state, len(observations), held.covariance
     used = judged.used[:count]
-    steps = iter(without_each(judged.fit.minimum.at).steps)
-    left_out = [state.moved(next(steps)) if u else None for u in used]
-    sides = sides_of(observations, state)
-    joint = answer_of(observations, sphere, used, sides, state, left_out)
+    steps = without_each(held.at).steps[:count]
+    left_out = [state.moved(step) if u else None for step, u in zip(steps, used, strict=True)]
+    seen = [corrected(o, state.scanner, judged.data.half_width_mm) for o in observations]
+    sides = sides_of(seen, state)
+    joint = answer_of(seen, used, sides, state, left_out)
+    point = seen_point(observations, state, used)
     squared = judged.squared_distance[:count]
     return replace(
         alone,
         joint=joint,
         covariance=covariance[:9, :9],
+        held=held,
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
         used=used,
@@ -161,6 +185,9 @@ def _tcp_part(
         reasons=rejection_reasons(observations, used, squared, joint.offset_in_base_mm),
         squared_distance=squared,
         excess=judged.excess,
+        seen_in_laser_mm=point,
+        at_point=held.at_point(point, judged.data.half_width_mm),
+        weights=np.minimum(1 / judged.data.pose_scale[:count], 1.0),
         undetermined=open_directions(covariance[:6, :6]),
         weak=open_directions(covariance[:6, :6], tolerance=0.2),
     )
@@ -171,24 +198,26 @@ def _table_part(
     sphere: SphereSize,
     tcp: TcpSolution,
     judged: Judged,
-    covariance: FloatArray,
+    held: Held,
     point_sigma: float | None,
     encoder: EncoderScale,
     options: TurntableOptions,
 ) -> TurntableSolution:
     """Return the turntable by the whole chain's answer."""
-    state, count = judged.fit.state, len(observations)
+    state, count = held.state, len(observations)
     assert state.table is not None
+    if held.applied:
+        observations = corrected_table(observations, held)
     readings, mounts = readings_of(observations)
     frame = frame_by_rule(state.table, options.direction)
-    residuals = table_residuals(observations, sphere, readings, state, frame)
+    residuals = table_residuals(observations, readings, state, frame)
     used = judged.used[-count:]
     two_step = tcp.two_step.tool0_from_laser if tcp.two_step else None
     tool = KnownTool(tcp.joint.tool0_from_laser, None, two_step)
     size = slice(TABLE_COLUMN, judged.data.unknowns)
     return TurntableSolution(
         frame=frame,
-        covariance=frame_covariance(state.table, covariance[size, size], options.direction),
+        covariance=frame_covariance(state.table, held.covariance[size, size], options.direction),
         state=state,
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,

@@ -64,8 +64,7 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
         tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
         point = seen_in_laser_mm(session, result)
         if point is not None:
-            covariance = covariance_in(result, "covariance")
-            found.append(_known("tool", "", point, tool.rotation, point_jacobian(tool, point), covariance))
+            found.append(_by_tool(result, tool, point))
     if stage in ("turntable", "chain"):
         found += [_on_the_table(result, mount) for mount in result["mounts"]]
     if stage == "chain":
@@ -169,6 +168,18 @@ def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any])
         jacobian = (table @ turn).rotation.T @ np.hstack([by_tool, -point_jacobian(table, turned)])
         total += jacobian @ covariance @ jacobian.T
     return _summed("both", mount["mount"], place, total / len(poses))
+
+
+def _by_tool(result: Mapping[str, Any], tool: RigidTransform, point: FloatArray) -> AtWorkpiece:
+    """Return how well a point is known by the tool, with the scanner's own errors where they are stated."""
+    covariance = covariance_in(result, "covariance")
+    together = result.get("workpiece")
+    if together is None:
+        return _known("tool", "", point, tool.rotation, point_jacobian(tool, point), covariance)
+    rows = np.array(together["covariance"], dtype=float)
+    return _summed(
+        "tool", "", np.array(together["point_in_laser_mm"], dtype=float), tool.rotation.T @ rows @ tool.rotation
+    )
 
 
 def _known(

@@ -1,4 +1,4 @@
-"""Hot loops of the chain: what points know of a sphere's centre, and normal equations without the pose errors."""
+"""Hot loops of the chain: what points know of a sphere's centre and the scanner, and of alike pose errors."""
 
 import numpy as np
 from numba import njit
@@ -9,101 +9,118 @@ from calib_core.kernels.matrices import cholesky_3, invert_lower_3, invert_posit
 
 IntArray = NDArray[np.int64]
 
+FLATTEST = 0.05
+"""A ray that only grazes the sphere, |u_z| below this, says nothing reliable of its density."""
+
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sphere_information(
     points: FloatArray,
+    shifts: FloatArray,
+    counts: FloatArray,
     first: int,
     last: int,
     weight: float,
+    effective: float,
     center: FloatArray,
     radius: float,
     gradient: FloatArray,
     information: FloatArray,
 ) -> float:
-    """Return half the weighted squared distances |p − q| − R of some points; write gradient and information.
+    """Return half the weighted squared distances |p − q| − R − shift of points, and their density's other part.
+
+    A scanner's noise acts along its ray, z, while residuals are distances to the sphere: the density of a measured
+    z has the slope between the two, |u_z| with u the unit normal, as a factor.  Over a profile that is r/R times
+    what does not change.  It hardly matters to a capture, but all captures' add up in the radius and the scales.
 
     Parameters
     ----------
-    points : (M, 3)
-        In L, mm; those from `first` to `last` (excluded) count.
-    weight : float
-        1/σ², 1/mm².
+    points, shifts, counts : (M, 3), (M,), (M,)
+        In L, mm; how far each is taken to lie outside the sphere, mm; how many measured points it stands for.
+        Those from `first` to `last` (excluded) count.
+    weight, effective : float
+        1/σ² of a measured point, 1/mm²; how many independent points one counts as in the density.
     center, radius : (3,), float
         The sphere in L, mm.
-    gradient, information : (4,), (4, 4)
-        Over (centre, radius); Gauss–Newton.  Added to.
+    gradient, information : (≥ 3,), (≥ 3, ≥ 3)
+        Over the centre; Gauss–Newton.  Added to.
     """
     qx, qy, qz = center[0], center[1], center[2]
-    c = gx = gy = gz = gr = 0.0
+    c = gx = gy = gz = 0.0
     xx = xy = xz = yy = yz = zz = 0.0
-    sx = sy = sz = 0.0
+    density = dx_sum = dy_sum = dz_sum = flat = 0.0
     for i in range(first, last):
         dx, dy, dz = points[i, 0] - qx, points[i, 1] - qy, points[i, 2] - qz
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-        residual = distance - radius
+        residual = distance - radius - shifts[i]
         scale = 1.0 / distance
+        many = counts[i]
         dx *= scale
         dy *= scale
         dz *= scale
-        c += residual * residual
-        gx -= dx * residual
-        gy -= dy * residual
-        gz -= dz * residual
-        gr -= residual
-        sx += dx
-        sy += dy
-        sz += dz
-        xx += dx * dx
-        xy += dx * dy
-        xz += dx * dz
-        yy += dy * dy
-        yz += dy * dz
-        zz += dz * dz
-    sums = ((xx, xy, xz, sx), (xy, yy, yz, sy), (xz, yz, zz, sz), (sx, sy, sz, float(last - first)))
-    slopes = (gx, gy, gz, gr)
-    for i in range(4):
-        gradient[i] += weight * slopes[i]
-        for j in range(4):
+        if abs(dz) > FLATTEST:
+            density -= many * np.log(abs(dz))
+            dx_sum -= many * scale * dx
+            dy_sum -= many * scale * dy
+            dz_sum += many * scale * (1.0 / dz - dz)
+            flat += many * scale * scale
+        c += many * residual * residual
+        gx -= many * dx * residual
+        gy -= many * dy * residual
+        gz -= many * dz * residual
+        xx += many * dx * dx
+        xy += many * dx * dy
+        xz += many * dx * dz
+        yy += many * dy * dy
+        yz += many * dy * dz
+        zz += many * dz * dz
+    sums = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    slopes = (gx, gy, gz)
+    by_density = (dx_sum, dy_sum, dz_sum)
+    for i in range(3):
+        gradient[i] += weight * slopes[i] + effective * by_density[i]
+        for j in range(3):
             information[i, j] += weight * sums[i][j]
-    return 0.5 * weight * c
+    information[1, 1] += effective * flat  # a great circle's y: else nothing bends there
+    return 0.5 * weight * c + effective * density
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def settle_centers(
     points: FloatArray,
+    shifts: FloatArray,
+    counts: FloatArray,
     offsets: IntArray,
     weights: FloatArray,
+    effective: FloatArray,
     anchors: FloatArray,
     anchor_information: FloatArray,
     anchor_gradient: FloatArray,
-    anchor_radius: float,
     radius: float,
     predicted: FloatArray,
     precision: FloatArray,
     centers: FloatArray,
-    gradient: FloatArray,
-    information: FloatArray,
 ) -> float:
     """Move each capture's own sphere centre to where its points and its pose's error together want it.
 
-    Minimises, capture by capture, half the weighted squared distances (or the anchor's quadratic) plus
+    Minimises, capture by capture, what `sphere_information` returns (or the anchor's quadratic) plus
     ½ (q − predicted)ᵀ S⁻¹ (q − predicted), by damped Gauss–Newton: undamped it can overshoot near a great
     circle, where y is hardly known.
 
     Parameters
     ----------
-    points, offsets, weights : (M, 3), (K + 1,), (K,)
-    anchors, anchor_information, anchor_gradient : (K, 3), (K, 4, 4), (K, 4)
-        For captures without points.
-    anchor_radius, radius : float
-        Where the anchors stand, and the present one, mm.
+    points, shifts, counts, offsets, weights : (M, 3), (M,), (M,), (K + 1,), (K,)
+        See `sphere_information`.
+    effective : (K,)
+        How many independent points one of a profile counts as in the density.
+    anchors, anchor_information, anchor_gradient : (K, 3), (K, 3, 3), (K, 3)
+        For captures without points: where the quadratic stands, its sharpness and slope there.
+    radius : float
+        The sphere's, mm.
     predicted, precision : (K, 3), (K, 3, 3)
         Where the unknowns expect the centre, and S⁻¹.
     centers : (K, 3)
         Moved.
-    gradient, information : (K, 4), (K, 4, 4)
-        Of the capture's own part at the settled centre; written.
 
     Returns
     -------
@@ -115,21 +132,24 @@ def settle_centers(
     system = np.empty((3, 3))
     inverse = np.empty((3, 3))
     slope = np.empty(3)
-    trial_gradient = np.empty(4)
-    trial_information = np.empty((4, 4))
+    gradient = np.empty(3)
+    information = np.empty((3, 3))
+    trial_gradient = np.empty(3)
+    trial_information = np.empty((3, 3))
     for k in range(len(weights)):
         cost = own_cost(
-            points, offsets[k], offsets[k + 1], weights[k], anchors[k], anchor_information[k], anchor_gradient[k],
-            radius - anchor_radius, radius, predicted[k], precision[k], centers[k], gradient[k], information[k],
+            points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], anchors[k],
+            anchor_information[k], anchor_gradient[k], radius, predicted[k], precision[k], centers[k], gradient,
+            information,
         )  # fmt: skip
         damping = 0.0
         for _ in range(40):
             decrease = 0.0
             for i in range(3):
-                slope[i] = gradient[k, i]
+                slope[i] = gradient[i]
                 for j in range(3):
                     slope[i] += precision[k, i, j] * (centers[k, j] - predicted[k, j])
-                    system[i, j] = information[k, i, j] + precision[k, i, j]
+                    system[i, j] = information[i, j] + precision[k, i, j]
                 system[i, i] *= 1.0 + damping
             invert_positive_3(system, inverse)
             for i in range(3):
@@ -139,15 +159,15 @@ def settle_centers(
             if decrease < 1e-9:
                 break
             trial_cost = own_cost(
-                points, offsets[k], offsets[k + 1], weights[k], anchors[k], anchor_information[k],
-                anchor_gradient[k], radius - anchor_radius, radius, predicted[k], precision[k], trial,
+                points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], anchors[k],
+                anchor_information[k], anchor_gradient[k], radius, predicted[k], precision[k], trial,
                 trial_gradient, trial_information,
             )  # fmt: skip
             if trial_cost <= cost:
                 cost = trial_cost
                 centers[k] = trial
-                gradient[k] = trial_gradient
-                information[k] = trial_information
+                gradient[:] = trial_gradient
+                information[:] = trial_information
                 damping *= 0.1
             else:
                 damping = max(10.0 * damping, 1e-3)
@@ -158,13 +178,15 @@ def settle_centers(
 @njit(cache=True, nogil=True, error_model="numpy")
 def own_cost(
     points: FloatArray,
+    shifts: FloatArray,
+    counts: FloatArray,
     first: int,
     last: int,
     weight: float,
+    effective: float,
     anchor: FloatArray,
     anchor_information: FloatArray,
     anchor_gradient: FloatArray,
-    radius_change: float,
     radius: float,
     predicted: FloatArray,
     precision: FloatArray,
@@ -177,20 +199,86 @@ def own_cost(
     gradient[:] = 0.0
     information[:] = 0.0
     if last > first:
-        cost = sphere_information(points, first, last, weight, center, radius, gradient, information)
+        cost = sphere_information(
+            points, shifts, counts, first, last, weight, effective, center, radius, gradient, information
+        )
     else:
-        for i in range(4):
-            off_i = center[i] - anchor[i] if i < 3 else radius_change
+        for i in range(3):
+            off_i = center[i] - anchor[i]
             gradient[i] = anchor_gradient[i]
-            for j in range(4):
-                off_j = center[j] - anchor[j] if j < 3 else radius_change
+            for j in range(3):
                 information[i, j] = anchor_information[i, j]
-                gradient[i] += anchor_information[i, j] * off_j
+                gradient[i] += anchor_information[i, j] * (center[j] - anchor[j])
             cost += 0.5 * off_i * (gradient[i] + anchor_gradient[i])
     for i in range(3):
         for j in range(3):
             cost += 0.5 * (center[i] - predicted[i]) * precision[i, j] * (center[j] - predicted[j])
     return cost
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def nuisance_information(
+    points: FloatArray,
+    shifts: FloatArray,
+    counts: FloatArray,
+    basis: FloatArray,
+    offsets: IntArray,
+    weights: FloatArray,
+    effective: FloatArray,
+    radius: float,
+    centers: FloatArray,
+    gradient: FloatArray,
+    information: FloatArray,
+) -> None:
+    """Write gradient (K, 11) and Gauss–Newton information (K, 11, 11) of profiles over centre and nuisances.
+
+    The nuisances, in this order: radius, scale of x, scale of z, shear, bow of z, and three shapes of the error
+    by the angle of incidence.
+
+    Parameters
+    ----------
+    points, shifts, counts, offsets, weights, effective, radius, centers
+        See `settle_centers`.
+    basis : (M, 4)
+        Of each point: what one unit of bow moves it along z, mm, and the three shapes.
+    """
+    row = np.empty(11)
+    for k in range(len(weights)):
+        if offsets[k + 1] == offsets[k]:
+            continue
+        g, h = gradient[k], information[k]
+        g[:] = 0.0
+        h[:] = 0.0
+        for i in range(offsets[k], offsets[k + 1]):
+            x, z = points[i, 0], points[i, 2]
+            dx, dy, dz = x - centers[k, 0], points[i, 1] - centers[k, 1], z - centers[k, 2]
+            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+            residual = distance - radius - shifts[i]
+            dx /= distance
+            dy /= distance
+            dz /= distance
+            row[0], row[1], row[2], row[3] = -dx, -dy, -dz, -1.0
+            row[4], row[5], row[6], row[7] = dx * x, dz * z, dx * z, dz * basis[i, 0]
+            row[8], row[9], row[10] = -basis[i, 1], -basis[i, 2], -basis[i, 3]
+            if abs(dz) > FLATTEST:
+                by_x, by_y = effective[k] * counts[i] * dx / distance, effective[k] * counts[i] * dy / distance
+                by_z = -effective[k] * counts[i] * (1.0 / dz - dz) / distance  # of the point
+                g[0] -= by_x
+                g[1] -= by_y
+                g[2] -= by_z
+                g[4] += by_x * x
+                g[5] += by_z * z - effective[k] * counts[i]
+                g[6] += by_x * z - effective[k] * counts[i] * dx / dz
+                g[7] += by_z * basis[i, 0]
+                h[1, 1] += effective[k] * counts[i] / (distance * distance)
+            many = weights[k] * counts[i]
+            for p in range(11):
+                g[p] += many * row[p] * residual
+                for q in range(p, 11):
+                    h[p, q] += many * row[p] * row[q]
+        for p in range(11):
+            for q in range(p):
+                h[p, q] = h[q, p]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -288,94 +376,37 @@ def pose_error_gain(information: FloatArray, spread: FloatArray, gain: FloatArra
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def marginal_normal_equations(
-    information: FloatArray,
-    vector: FloatArray,
-    gain: FloatArray,
-    share: FloatArray,
-    offset: FloatArray,
-    jacobian: FloatArray,
-    hessian: FloatArray,
-    gradient: FloatArray,
-) -> None:
-    """Write the normal equations of all captures with their pose errors integrated out.
-
-    With Λ = A N and η = Nᵀ h a capture's log-likelihood in the predicted centre's change e is −½ eᵀΛe + ηᵀe;
-    `offset` is e at the linearisation point.  The radius (m = 4) has no pose error: its row is A's own, less what
-    G explains.
+def pivoted_factor(features: FloatArray, order: IntArray, most: int, tolerance: float, factor: FloatArray) -> int:
+    """Write columns of a pivoted Cholesky factor of exp(−½ |f_i − f_j|²); return how many.
 
     Parameters
     ----------
-    information, vector : (K, m, m), (K, m)
-        A and h about the present centre (and radius, where m = 4).
-    gain, share : (K, 3, 3)
-        G and N of `pose_error_gain`.
-    offset : (K, 3)
-        Predicted minus present centre, mm.
-    jacobian : (K, 3, P)
-        Of the predicted centre; the radius, where m = 4, is a further last parameter.
-    hessian, gradient : (P', P'), (P',)
-        Written; P' is P + m − 3.
+    features : (K, d)
+        Places in units of the reach.
+    order : (most,)
+        The pivots that were chosen; written.
+    most, tolerance
+        Ends after so many columns, or when no row has a larger variance left.
+    factor : (K, most)
+        Written.
     """
-    m = information.shape[1]
-    width = jacobian.shape[2]
-    size = width + m - 3
-    hessian[:] = 0.0
-    gradient[:] = 0.0
-    reduced = np.empty((m, m))
-    rest = np.empty(m)
-    rows = np.zeros((m, size))
-    weighted = np.empty((m, size))
-    if m == 4:
-        rows[3, size - 1] = 1.0
-    for k in range(len(offset)):
-        for i in range(3):
-            for p in range(width):
-                rows[i, p] = jacobian[k, i, p]
-        without_pose_error(information[k], vector[k], gain[k], share[k], reduced, rest)
-        for i in range(m):
-            for j in range(3):
-                rest[i] -= reduced[i, j] * offset[k, j]
-        for i in range(m):
-            for p in range(size):
-                value = 0.0
-                for j in range(m):
-                    value += reduced[i, j] * rows[j, p]
-                weighted[i, p] = value
-        for p in range(size):
-            value = 0.0
-            for i in range(m):
-                value += rows[i, p] * rest[i]
-            gradient[p] -= value
-            for q in range(p, size):
-                value = 0.0
-                for i in range(m):
-                    value += rows[i, p] * weighted[i, q]
-                hessian[p, q] += value
-    for p in range(size):
-        for q in range(p):
-            hessian[p, q] = hessian[q, p]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def without_pose_error(
-    a: FloatArray, h: FloatArray, g: FloatArray, n: FloatArray, reduced: FloatArray, rest: FloatArray
-) -> None:
-    """Write Λ (m, m) and η (m,) of one capture: see `marginal_normal_equations`."""
-    m = len(h)
-    for i in range(m):
-        for j in range(3):
-            reduced[i, j] = a[i, 0] * n[0, j] + a[i, 1] * n[1, j] + a[i, 2] * n[2, j]
-            if i == 3:
-                reduced[j, 3] = reduced[3, j]
-    for i in range(3):  # rounding alone makes A N unsymmetric
-        for j in range(i):
-            reduced[i, j] = reduced[j, i] = 0.5 * (reduced[i, j] + reduced[j, i])
-        rest[i] = n[0, i] * h[0] + n[1, i] * h[1] + n[2, i] * h[2]
-    if m == 4:
-        reduced[3, 3] = a[3, 3]
-        rest[3] = h[3]
-        for i in range(3):
-            for j in range(3):
-                reduced[3, 3] -= a[3, i] * g[i, j] * a[j, 3]
-                rest[3] -= a[3, i] * g[i, j] * h[j]
+    count, width = features.shape
+    left = np.ones(count)
+    for m in range(most):
+        pivot = int(np.argmax(left))
+        if left[pivot] < tolerance:
+            return m
+        order[m] = pivot
+        root = np.sqrt(left[pivot])
+        for i in range(count):
+            square = 0.0
+            for d in range(width):
+                square += (features[i, d] - features[pivot, d]) ** 2
+            value = np.exp(-0.5 * square)
+            for j in range(m):
+                value -= factor[i, j] * factor[pivot, j]
+            factor[i, m] = value / root
+        for i in range(count):
+            left[i] = max(left[i] - factor[i, m] ** 2, 0.0)
+        left[pivot] = 0.0
+    return most

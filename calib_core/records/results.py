@@ -5,7 +5,7 @@ from typing import Final
 
 from pydantic import Field
 
-from calib_core.records.base import Record, Verdict
+from calib_core.records.base import Record, Rows, Vector3, Verdict
 from calib_core.records.evidence import AnyBlock
 
 _SHOWN: Final = "calib_core.stages.evidence"  # by name: the records know nothing of what shows them
@@ -46,13 +46,48 @@ class Result(Record):
 
 
 class VarianceComponents(Record):
-    """Standard deviations of the point noise and of the robot's random pose errors."""
+    """Standard deviations of the point noise and of the robot's pose errors.
+
+    Of the latter one part is each pose's own; the `alike` part is shared where poses are alike, within about
+    `reach_mm` and `reach_rad`.  So many neighbouring points as `points_per_independent` say what one alone would.
+    """
 
     point_sigma_mm: float | None
     position_sigma_mm: float
     orientation_sigma_rad: float
     orientation_sigma_deg: float
     estimated: list[str] = Field(default_factory=list)
+    alike_position_sigma_mm: float = 0.0
+    alike_orientation_sigma_rad: float = 0.0
+    reach_mm: float = 0.0
+    reach_rad: float = 0.0
+    points_per_independent: float = 1.0
+
+
+class ScannerFound(Record):
+    """What was found of sphere and scanner with the tool, in the order of `names`, and how both are correlated.
+
+    `covariance_with_tool` is (6, n).  With `applied` the tool belongs to points from which scale, shear and bow
+    are taken out, otherwise to the files as they are.  `sphere_diameter_sigma_mm` is what was told or assumed.
+    """
+
+    names: list[str]
+    values: list[float]
+    sigmas: list[float]
+    covariance: Rows
+    covariance_with_tool: Rows
+    applied: bool
+    sphere_diameter_sigma_mm: float
+
+
+class AtPoint(Record):
+    """How well a point is known that the scanner measures where it saw the sphere, scanner and tool together.
+
+    `covariance` is (3, 3), mm², along the flange's axes.
+    """
+
+    point_in_laser_mm: Vector3
+    covariance: Rows
 
 
 class Undetermined(Record):

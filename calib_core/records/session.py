@@ -20,13 +20,21 @@ from calib_core.records.base import (
     mismatch,
 )
 
+SphereClass = Literal["certified", "bearing", "coated", "turned"]
+"""Of a sphere: with a certificate, a bearing ball, coated so that it is matt (assumed), turned or printed."""
+
 
 class Scanner(Record):
-    """What kind of data the scanner delivers and how noisy it is."""
+    """What kind of data the scanner delivers and how noisy it is.
+
+    `errors`: what becomes of a scale, shear or bow that is found with the tool: `cover` (left out) solves the tool
+    for the files as they are, `apply` solves it for points from which the errors are taken out.
+    """
 
     kind: Kind | None = None
     point_sigma_mm: Positive | None = None
     z_axis: Literal["away", "toward"] | None = None
+    errors: Literal["cover", "apply"] | None = None
 
 
 class ArmJoint(Record):
@@ -147,6 +155,8 @@ class MergeSettings(Record):
 class Cell(Record):
     """The scanning cell: sphere, robot, scanner, table, board.
 
+    Where the diameter's sigma is left out, `sphere_class` says how exact such a sphere is.
+
     `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `id` is
     what sessions of one cell share; left out, it is made from the session's name.
     """
@@ -156,6 +166,7 @@ class Cell(Record):
     pose_convention: PoseConvention
     sphere_diameter_mm: Positive | None = None
     sphere_diameter_sigma_mm: NotNegative | None = None
+    sphere_class: SphereClass | None = None
     scanner: Scanner = Field(default_factory=Scanner)
     scanners: dict[Identifier, Scanner] | None = None
     robot: Robot = Field(default_factory=Robot)

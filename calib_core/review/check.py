@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from calib_core.captures.content import pose_of, sphere_of
+from calib_core.captures.content import diameter_sigma_mm, pose_of, sphere_of
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.poses import (
     angles_look_like_radians,
@@ -80,7 +80,8 @@ def _cell(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
     except CalibrationError as error:
         yield _found(error)
     if session.cell.sphere_diameter_sigma_mm is None:
-        yield _note("cell", "sphere_diameter_sigma_mm is left out: the diameter is taken as exact.")
+        assumed = f"{diameter_sigma_mm(session.cell):g} mm is assumed, as of its class (cell.sphere_class)"
+        yield _note("cell", f"sphere_diameter_sigma_mm is left out: {assumed}.")
 
 
 def _captures(

@@ -40,8 +40,8 @@ SPHERE_FIELDS = (*SCAN_FIELDS, "center_mm", "side")
 """What is read of a capture of the sphere."""
 
 SPHERE_READS = (
-    "pose_convention", "sphere_diameter_mm", "sphere_diameter_sigma_mm",
-    "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "arrangement",
+    "pose_convention", "sphere_diameter_mm", "sphere_diameter_sigma_mm", "sphere_class",
+    "scanner.point_sigma_mm", "scanner.z_axis", "scanner.errors", "scanners", "arrangement",
     "robot.position_sigma_mm", "robot.orientation_sigma_deg", "robot.arm",
 )  # fmt: skip
 """What is read of the cell by a stage that finds the sphere."""

@@ -42,16 +42,28 @@ def test_the_workpieces_sigma_is_what_poses_drawn_from_the_covariance_scatter(
     session, result = solved
     (known,) = at_workpiece(session, result)
     assert known.of == "tool"
+    names, found = result["scanner"]["names"], result["scanner"]
     frame = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
-    drawn = np.random.default_rng(5).multivariate_normal(np.zeros(6), np.array(result["covariance"])[:6, :6], 4000)
+    cross = np.array(found["covariance_with_tool"])
+    joint = np.block([[np.array(result["covariance"])[:6, :6], cross], [cross.T, np.array(found["covariance"])]])
+    drawn = np.random.default_rng(5).multivariate_normal(np.zeros(6 + len(names)), joint, 4000)
     point = np.array(known.point_mm)
-    moved = np.array([frame.perturbed(xi).apply(point) for xi in drawn]) @ frame.rotation
+    moved = np.array([frame.perturbed(xi[:6]).apply(_seen(point, names, xi[6:])) for xi in drawn]) @ frame.rotation
     # A standard deviation of 4000 draws is itself known to 1.1 %; five times that.
     assert np.allclose(moved.std(axis=0), known.sigmas_mm, rtol=0.056)
     assert max(known.sigmas_mm) <= known.worst_sigma_mm <= float(np.linalg.norm(known.sigmas_mm))
     # The sphere stands 150 to 230 mm before this scanner, within 20 mm along its stripe.
     assert 150 < abs(known.point_mm[2]) < 230
     assert abs(known.point_mm[0]) < 20
+
+
+def _seen(point: np.ndarray, names: list[str], errors: np.ndarray) -> np.ndarray:
+    """Return where a scanner with errors sees a point (x, 0, z) that the light meets straight on."""
+    by = dict(zip(names, errors, strict=True))
+    x, _, z = point
+    along = z * by["scale_z"] - sum(c * by[f"incidence_{n}_mm"] for n, c in ((1, 0.3), (2, 0.15), (4, 0.05)))
+    along += by["bow"] * x**2 / 40.0  # the half width, nearly; the point lies in the middle
+    return np.array([x * (1 + by["scale_x"]) + z * by["shear"], 0.0, z + along])
 
 
 def test_table_and_tool_together_are_known_better_than_their_errors_added() -> None:

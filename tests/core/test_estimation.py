@@ -1,4 +1,4 @@
-"""The one least-squares wrapper, covariance, and posteriors on a grid, on problems whose answer is known."""
+"""The one least-squares wrapper, covariance, and posteriors of few parameters, on problems with known answers."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib_core.errors import CalibrationError
-from calib_core.estimation import covariance_of, damped_step, grid_posterior, minimise
+from calib_core.estimation import covariance_of, damped_step, maximum, minimise, posterior_about
 from calib_core.frames import FloatArray
 
 
@@ -145,49 +145,38 @@ def test_more_damping_is_a_shorter_step_downhill() -> None:
 
 
 @settings(max_examples=25)
-@given(st.floats(-2, 2), st.floats(-2, 2), st.floats(0.4, 1.2), st.floats(0.4, 1.2), st.floats(-0.6, 0.6))
-def test_a_gaussian_on_a_grid_has_its_mean_and_deviation(
+@given(st.floats(-2, 2), st.floats(-2, 2), st.floats(0.4, 1.0), st.floats(0.4, 1.0), st.floats(-0.6, 0.6))
+def test_a_gaussians_mode_is_found_and_its_nodes_have_its_moments(
     a: float, b: float, sigma_a: float, sigma_b: float, correlation: float
 ) -> None:
     off = correlation * sigma_a * sigma_b
-    precision = np.linalg.inv([[sigma_a**2, off], [off, sigma_b**2]])
-    mean = np.array([a, b])
+    covariance = np.array([[sigma_a**2, off], [off, sigma_b**2]])
+    precision, mean, widths = np.linalg.inv(covariance), np.array([a, b]), np.full(2, 1.5)
 
     def log_density(x: FloatArray) -> float:
         return -0.5 * float((x - mean) @ precision @ (x - mean)) + 123.0  # the constant plays no part
 
-    low, high = np.array([-7.0, -7.0]), np.array([7.0, 7.0])
-    found = grid_posterior(log_density, low, high)
-    again = grid_posterior(log_density, low, high, around=found)
-    for posterior in (found, again):
-        assert posterior.weights.sum() == pytest.approx(1)
-        # Nine nodes over ±3 deviations cut off 0.3 % of the weight, which is about 3 % of the deviation.
-        np.testing.assert_allclose(posterior.mean, mean, atol=0.05 * max(sigma_a, sigma_b))
-        np.testing.assert_allclose(posterior.deviation, [sigma_a, sigma_b], rtol=0.1)
+    low, high = np.full(2, -7.0), np.full(2, 7.0)
+    mode = maximum(log_density, np.zeros(2), widths, low, high, tolerance=1e-4)
+    np.testing.assert_allclose(mode, mean, atol=0.05)
+    posterior = posterior_about(log_density, mean, widths)
+    off_mean = posterior.nodes - mean
+    np.testing.assert_allclose(posterior.weights @ posterior.nodes, mean, atol=1e-6)
+    np.testing.assert_allclose(
+        np.einsum("n,ni,nj->ij", posterior.weights, off_mean, off_mean), covariance, atol=1e-6
+    )
 
 
-def test_a_narrow_gaussian_is_found_by_looking_again() -> None:
-    """Narrower than the coarse grid's spacing: the first answer is rough, each further one about it is better."""
-    mean, sigma = np.array([0.37]), 0.1
-    found = None
-    for _ in range(3):
-        found = grid_posterior(
-            lambda x: -0.5 * float((x[0] - mean[0]) / sigma) ** 2, np.array([-4.0]), np.array([4.0]), around=found
-        )
-    assert found is not None
-    np.testing.assert_allclose(found.mean, mean, atol=0.1 * sigma)
-    np.testing.assert_allclose(found.deviation, [sigma], rtol=0.1)
+def test_a_maximum_beyond_the_box_is_its_edge() -> None:
+    found = maximum(
+        lambda x: 3.0 * float(x[0]), np.array([1.0]), np.array([1.0]), np.array([0.0]), np.array([5.0])
+    )
+    assert found[0] == pytest.approx(5.0)
 
 
-def test_a_density_at_the_edge_stays_within_the_box() -> None:
-    found = grid_posterior(lambda x: -3.0 * float(x[0]), np.array([0.0]), np.array([5.0]))
-    assert found.nodes.min() >= 0
-    assert found.nodes.max() <= 5
-    assert 0.15 < found.mean[0] < 0.45  # a third
+def test_a_density_that_falls_off_faster_on_one_side_gives_that_node_less_weight() -> None:
+    def log_density(x: FloatArray) -> float:
+        return -0.5 * float(x[0]) ** 2 * (4.0 if x[0] > 0 else 0.25)
 
-
-def test_a_fixed_dimension_stays_fixed() -> None:
-    found = grid_posterior(lambda x: -0.5 * float(x[1] ** 2), np.array([2.0, -5.0]), np.array([2.0, 5.0]))
-    assert (found.nodes[:, 0] == 2.0).all()
-    assert found.deviation[0] == pytest.approx(0, abs=1e-12)
-    assert found.deviation[1] == pytest.approx(1, rel=0.05)
+    posterior = posterior_about(log_density, np.zeros(1), np.array([3.0]))
+    assert posterior.weights[np.argmin(posterior.nodes[:, 0])] > 0.6

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.records.base import Matrix4, Rows, Vector3
-from calib_core.records.results import Result, Undetermined, VarianceComponents
+from calib_core.records.results import AtPoint, Result, ScannerFound, Undetermined, VarianceComponents
 from calib_core.stages.tcp.record import TcpResidual, TwoStep
 from calib_core.stages.turntable.record import TableFields, TurntableResidual
 
@@ -30,5 +30,7 @@ class ChainResult(Result, TableFields):
     undetermined: list[Undetermined] = Field(default_factory=list)
     two_step: TwoStep
     variance_components: VarianceComponents
+    scanner: ScannerFound | None = None
+    workpiece: AtPoint | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
     residuals: list[TcpResidual | TurntableResidual]

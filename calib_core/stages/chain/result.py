@@ -51,6 +51,7 @@ def chain_result(
         inputs_sha256=inputs_sha256,
         verdict=max(verdicts, key=_ORDER.index),
         warnings=list(dict.fromkeys([*doubts, *tcp.warnings, *table_warnings])),
+        notes=tcp.notes,
         tool0_from_laser=tcp.tool0_from_laser,
         covariance=tcp.covariance,
         turntable_covariance=table.covariance.pose.tolist(),
@@ -63,6 +64,8 @@ def chain_result(
         undetermined=tcp.undetermined,
         two_step=tcp.two_step,
         variance_components=variance_components(table.sigmas, table.point_sigma_mm, table.options),
+        scanner=tcp.scanner,
+        workpiece=tcp.workpiece,
         confidence_95=tcp.confidence_95,
         residuals=[*tcp.residuals, *rows],
         **table_fields(

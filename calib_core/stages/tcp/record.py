@@ -5,13 +5,21 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.records.base import Matrix4, Record, Rows, Vector3
-from calib_core.records.results import CaptureResidual, Result, Undetermined, VarianceComponents
+from calib_core.records.results import (
+    AtPoint,
+    CaptureResidual,
+    Result,
+    ScannerFound,
+    Undetermined,
+    VarianceComponents,
+)
 
 
 class TcpResidual(CaptureResidual):
     """Figures of one capture of the sphere, in millimetres unless the name says otherwise.
 
-    A sweep is one row: the root mean squares over those of its `profiles` that are used, and their mean offset.
+    `weight` is below 1 where a capture lies off: its pose counts so much less.  A sweep is one
+    row: the root mean squares over those of its `profiles` that are used, and their mean offset.
     """
 
     points: int = 0
@@ -21,6 +29,7 @@ class TcpResidual(CaptureResidual):
     leave_one_out_rms_mm: float | None = None
     two_step_surface_rms_mm: float | None = None
     mahalanobis: float | None = None
+    weight: float | None = None
     side: int | None = None
     zone: float | None = None
     profiles: int | None = None
@@ -54,5 +63,7 @@ class TcpResult(Result):
     undetermined: list[Undetermined] = Field(default_factory=list)
     two_step: TwoStep
     variance_components: VarianceComponents
+    scanner: ScannerFound | None = None
+    workpiece: AtPoint | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
     residuals: list[TcpResidual]

@@ -2,11 +2,15 @@
 
 import numpy as np
 
+from calib_core.arms.alike import REACH_MM, REACH_RAD
+from calib_core.chain.model import Sigmas
+from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import Answer, TcpSolution
 from calib_core.frames import FloatArray
 from calib_core.records import Undetermined, VarianceComponents
+from calib_core.records.results import AtPoint, ScannerFound
 from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
-from calib_core.stages.tcp.verdict import tcp_verdict
+from calib_core.stages.tcp.verdict import tcp_notes, tcp_verdict
 
 METHOD = "joint maximum likelihood over points, pose errors integrated out"
 _NAMES = ("rx_deg", "ry_deg", "rz_deg", "tx_mm", "ty_mm", "tz_mm")
@@ -24,6 +28,7 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
         inputs_sha256=inputs_sha256,
         verdict=verdict,
         warnings=warnings,
+        notes=tcp_notes(solution),
         tool0_from_laser=joint.tool0_from_laser.to_rows(),
         covariance=covariance[:6, :6].tolist(),
         sphere_center_in_base_mm=joint.center_in_base_mm.tolist(),
@@ -36,6 +41,10 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
         ],
         two_step=_two_step(solution),
         variance_components=_variance_components(solution),
+        scanner=scanner_found(solution),
+        workpiece=AtPoint(
+            point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_point.tolist()
+        ),
         confidence_95=_confidence(covariance),
         residuals=_residuals(solution),
     )
@@ -48,6 +57,40 @@ def _confidence(covariance: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(_NAMES, half, strict=True)}
 
 
+def scanner_found(solution: TcpSolution) -> ScannerFound:
+    """Return what was found of sphere and scanner with the tool."""
+    held = solution.held
+    some = held.tool_and_scanner
+    covariance = held.covariance[some][:, some]
+    return ScannerFound(
+        names=[NAMES[k] for k in held.active],
+        values=held.found.scanner[held.active].tolist(),
+        sigmas=np.sqrt(np.diag(covariance)[6:]).tolist(),
+        covariance=covariance[6:, 6:].tolist(),
+        covariance_with_tool=covariance[:6, 6:].tolist(),
+        applied=held.applied,
+        sphere_diameter_sigma_mm=solution.sphere.sigma_mm,
+    )
+
+
+def components(
+    sigmas: Sigmas, point_sigma_mm: float | None, points_per_independent: float, estimated: list[str]
+) -> VarianceComponents:
+    """Return the standard deviations as a record; `estimated` names those that nobody gave."""
+    return VarianceComponents(
+        point_sigma_mm=point_sigma_mm,
+        position_sigma_mm=sigmas.position_mm,
+        orientation_sigma_rad=sigmas.orientation_rad,
+        orientation_sigma_deg=float(np.rad2deg(sigmas.orientation_rad)),
+        estimated=estimated,
+        alike_position_sigma_mm=sigmas.alike_position_mm,
+        alike_orientation_sigma_rad=sigmas.alike_orientation_rad,
+        reach_mm=REACH_MM * sigmas.reach,
+        reach_rad=REACH_RAD * sigmas.reach,
+        points_per_independent=points_per_independent,
+    )
+
+
 def _variance_components(solution: TcpSolution) -> VarianceComponents:
     options = solution.options
     given = {
@@ -55,13 +98,12 @@ def _variance_components(solution: TcpSolution) -> VarianceComponents:
         "position_sigma_mm": options.position_sigma_mm,
         "orientation_sigma_rad": options.orientation_sigma_rad,
     }
-    return VarianceComponents(
-        point_sigma_mm=solution.point_sigma_mm,
-        position_sigma_mm=solution.sigmas.position_mm,
-        orientation_sigma_rad=solution.sigmas.orientation_rad,
-        orientation_sigma_deg=float(np.rad2deg(solution.sigmas.orientation_rad)),
-        estimated=[name for name, value in given.items() if value is None],
-    )
+    estimated = [
+        name
+        for name, value in given.items()
+        if value is None or (solution.excess > 1 and name != "point_sigma_mm")
+    ]
+    return components(solution.sigmas, solution.point_sigma_mm, solution.points_per_independent, estimated)
 
 
 def _two_step(solution: TcpSolution) -> TwoStep:
@@ -96,6 +138,7 @@ def _residuals(solution: TcpSolution) -> list[TcpResidual]:
             leave_one_out_rms_mm=_finite(joint.leave_one_out_rms_mm[k]),
             two_step_surface_rms_mm=_two_step_rms(solution.two_step, k),
             mahalanobis=float(np.sqrt(solution.squared_distance[k])),
+            weight=float(solution.weights[k]),
             side=int(solution.sides[k]) or None,
             zone=solution.zones[k],
         )

@@ -93,15 +93,12 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         position_sigma_mm=cell.robot.position_sigma_mm,
         orientation_sigma_rad=None if degrees is None else float(np.deg2rad(degrees)),
         point_sigma_mm=cell.scanner.point_sigma_mm,
+        apply_scanner=cell.scanner.errors == "apply",
     )
     try:
         solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
     except MotionError as error:
         raise with_failures(error, observed.failed) from None
-    if any(capture.kind == "sweep" for capture in given.captures):
-        from calib_core.chain.sweeps import with_shared_pose_errors
-
-        solution = with_shared_pose_errors(solution, observed.observations, sphere)
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from calib_core.chain.held import ScannerError
 from calib_core.chain.observations import named
 from calib_core.chain.tcp import TcpSolution
 from calib_core.evidence.words import by_to_do
@@ -12,6 +13,7 @@ _HOPELESS_SIGMA_MM = 2.5  # inverted poses leave 2.9 mm and more; arms that are 
 _LARGE_SIGMA_MM = 1.0
 _MOST_REJECTED = 1 / 3
 _CHI2_6_RARE = 22.5  # 99.9 %
+_LIGHT = 0.5
 _RIVAL_NEAR = 1.5
 _FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may be small by chance alone
 
@@ -55,9 +57,10 @@ def _doubts(solution: TcpSolution) -> list[str]:
 
 
 def _doubts_about_captures(solution: TcpSolution) -> list[str]:
-    found = [solution.moved] if solution.moved else []
+    found = [cause.sentence for cause in solution.causes]
+    explained = {name for cause in solution.causes for name in cause.captures}
     rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
-    if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures):
+    if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures) and not set(rejected) <= explained:
         found.append(
             f"Left out because they contradict the others: {named(solution.captures, solution.used)}; "
             "see their reasons."
@@ -101,8 +104,8 @@ def _doubts_about_noise(solution: TcpSolution) -> list[str]:
     found: list[str] = []
     if solution.excess > 1:
         found.append(
-            f"The captures scatter {np.sqrt(solution.excess):.1f} times more than the given sigmas explain; the "
-            "stated uncertainty is enlarged accordingly. Leave the robot's sigmas out to have them estimated."
+            f"The captures scatter {np.sqrt(solution.excess):.1f} times more than the given sigmas explain: "
+            f"{_contradicted(solution)}"
         )
     measured, given = solution.measured_point_sigma_mm, solution.options.point_sigma_mm
     if measured and given and not 0.5 < measured / given < 2:
@@ -115,9 +118,55 @@ def _doubts_about_noise(solution: TcpSolution) -> list[str]:
             f"The poses scatter by {solution.sigmas.position_mm:.2f} mm: more than a sound arm. "
             "Check its mastering, its tool and the sphere's stand."
         )
-    found.extend(
-        f"The scanner's {s.axis} scale seems wrong by {100 * s.error:+.1f} ± {200 * s.sigma:.1f} %: it hides in "
-        "the TCP. Check the scanner's own calibration and the sphere's diameter."
-        for s in solution.scale_errors
+    found.extend(_about(error, solution) for error in solution.held.errors)
+    return found
+
+
+def _contradicted(solution: TcpSolution) -> str:
+    if solution.options.position_sigma_mm is None and solution.options.orientation_sigma_rad is None:
+        return "the stated uncertainty is enlarged accordingly."
+    return "the robot's were estimated instead. Leave them out, or check the arm."
+
+
+def _about(error: ScannerError, solution: TcpSolution) -> str:
+    if error.name == "arm_scale":
+        return (
+            f"The robot's poses seem too long by {-100 * error.error:.2f} ± {200 * error.sigma:.2f} %: check "
+            "their unit and the arm's calibration."
+        )
+    if error.name == "bow":
+        return (
+            "The scanner's z seems bent over its width: it hides in the TCP. Check the scanner's own calibration."
+        )
+    what = "x leans with z (shear)" if error.name == "shear" else f"{error.name[-1]} scale seems wrong"
+    done = (
+        "It is taken out of the points for the TCP"
+        if solution.held.applied
+        else "The TCP is that of the files as they are (cell.scanner.errors: apply takes it out)"
+    )
+    return (
+        f"The scanner's {what} by {100 * error.error:+.1f} ± {200 * error.sigma:.1f} %. {done}; check the "
+        "scanner's own calibration and the sphere's diameter."
+    )
+
+
+def tcp_notes(solution: TcpSolution) -> list[str]:
+    """Return what is worth knowing of a solution beside its doubts: what was assumed, and what was not checked."""
+    found: list[str] = []
+    if any(solution.points):
+        found.append(
+            f"Sphere diameter {solution.sphere.diameter_mm:g} ± {2 * solution.sphere.sigma_mm:g} mm (95 %), as "
+            "told or, where only the diameter was told, as for its class (cell.sphere_class)."
+        )
+    light = [
+        f"{name} ({weight:.0%})"
+        for name, used, weight in zip(solution.captures, solution.used, solution.weights, strict=True)
+        if used and weight < _LIGHT
+    ]
+    if light:
+        found.append(f"Counted less because they lie off: {', '.join(light)}.")
+    found.append(
+        "Not checked: a lag that is always in one direction, and errors of the arm that all captures share. "
+        "Approach some poses from another side and let the arm come to rest to show them."
     )
     return found

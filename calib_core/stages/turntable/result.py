@@ -15,6 +15,7 @@ from calib_core.chain.table_residuals import TableResiduals
 from calib_core.chain.turntable import TurntableOptions, TurntableSolution
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
+from calib_core.stages.tcp.result import components
 from calib_core.stages.turntable.record import (
     EncoderScaleError,
     TableCircle,
@@ -181,13 +182,8 @@ def variance_components(
         "orientation_sigma_rad": options.orientation_sigma_rad,
         "angle_sigma_rad": options.angle_sigma_rad,
     }
-    return VarianceComponents(
-        point_sigma_mm=point_sigma_mm,
-        position_sigma_mm=sigmas.position_mm,
-        orientation_sigma_rad=sigmas.orientation_rad,
-        orientation_sigma_deg=float(np.rad2deg(sigmas.orientation_rad)),
-        estimated=[name for name, value in given.items() if value is None],
-    )
+    estimated = [name for name, value in given.items() if value is None]
+    return components(sigmas, point_sigma_mm, 1.0, estimated)
 
 
 def _towards(direction: FloatArray, axis: FloatArray) -> FloatArray:

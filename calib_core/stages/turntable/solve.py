@@ -75,7 +75,7 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
 
     solution = solved.solution
     two_step = solution.two_step.tool0_from_laser if solution.two_step else None
-    return KnownTool(solution.joint.tool0_from_laser, solution.covariance[:6, :6], two_step)
+    return KnownTool(solution.joint.tool0_from_laser, solution.held, two_step)
 
 
 def _doubts_about_tool(solved: SolvedTcp) -> list[str]:

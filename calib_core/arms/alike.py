@@ -1,0 +1,47 @@
+"""Pose errors that are alike where poses are alike: gears, links and joints err smoothly over the arm's space.
+
+Their covariance between two poses is exp(−½ d²), d² = (|Δposition| / reach)² + (angle / reach)².  It is never
+formed as a whole: a pivoted Cholesky factor of a few columns holds what matters, at a cost that grows with the
+number of captures alone, and what it leaves out is each capture's own.
+"""
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+
+REACH_MM = 400.0
+REACH_RAD = 0.5
+"""Over which distances errors of arms were found to be alike: 200–800 mm and 0.3–0.7 rad."""
+
+MOST_COLUMNS = 20
+_NEGLIGIBLE = 0.003  # of the variance
+
+
+def alike_factor(rotations: FloatArray, translations: FloatArray, reach: float = 1.0) -> FloatArray:
+    """Return a factor F (K, m) with F Fᵀ the correlation of K poses' errors, but for what F leaves out.
+
+    Parameters
+    ----------
+    rotations, translations : (K, 3, 3), (K, 3)
+        base_from_tool0, mm.
+    reach : float
+        A factor on `REACH_MM` and `REACH_RAD`.
+    """
+    from calib_core.kernels.chain import pivoted_factor
+
+    count = len(rotations)
+    # The distance of two rotation matrices as vectors is √2 · 2 sin(angle / 2).
+    turned = rotations.reshape(count, 9) / (np.sqrt(2) * REACH_RAD * reach)
+    features = np.ascontiguousarray(np.hstack([turned, translations / (REACH_MM * reach)]))
+    most = min(count, MOST_COLUMNS)
+    factor = np.zeros((count, most))
+    columns = pivoted_factor(features, np.zeros(most, dtype=np.int64), most, _NEGLIGIBLE, factor)
+    return factor[:, :columns]
+
+
+def visits(rotations: FloatArray, translations: FloatArray) -> FloatArray:
+    """Return how many of K captures were taken in each one's pose, (K,): they share its error."""
+    count = len(rotations)
+    numbers = np.hstack([np.round(rotations.reshape(count, 9), 5), np.round(translations, 2)])
+    _, member, many = np.unique(numbers, axis=0, return_inverse=True, return_counts=True)
+    return many[member.ravel()].astype(float)

@@ -1,0 +1,171 @@
+"""The answer for the scanner's files as they are: their errors of scale, shear and bow stay in them.
+
+Whoever uses the tool with uncorrected files is best served by the tool that such files gave: it has swallowed what
+is wrong with them, and at the distance of the captures both cancel.  So unless the errors are to be applied, tool
+and sphere are solved once more without them, while the covariance stays that of the whole model.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.likelihood import ChainLinearisation, fit
+from calib_core.chain.model import ARM_SCALE_SIGMA, ChainState
+from calib_core.chain.rejection import Judged
+from calib_core.chain.scanner import NAMES, OF_FILES, incidence_shapes
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
+
+_SIGNIFICANT = 4.0
+# Real arcs are bent by some tenths of a per cent for other reasons; scanners that are wrong are wrong by more.
+_WORTH_SAYING = {"scale_x": 0.005, "scale_z": 0.005, "shear": 0.01, "bow": 0.01}
+_ARM_WORTH_SAYING = 0.002
+_CHANCE = 9.49  # χ² of four, 95 %
+
+
+@dataclass(frozen=True)
+class ScannerError:
+    """A significant error: lengths are to be multiplied by 1 + error (scale), x gains error · z (shear)."""
+
+    name: str
+    error: float
+    sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What the answer is about, and what was found of the scanner.
+
+    Attributes
+    ----------
+    state, at
+        The answer, and the likelihood about it.
+    found : ChainState
+        The same with the scanner's errors as they were found.
+    active : (n,)
+        Which nuisances were sought (`scanner.NAMES`).
+    covariance : (9 + table + n, …)
+        Of the unknowns and the nuisances.
+    facing : {1, -1}
+        +1 where z grows away from the scanner.
+    applied : bool
+        Whether the scanner's errors are taken out of the points.
+    errors : list of ScannerError
+        Those that are significant, the arm's length scale among them.
+    """
+
+    state: ChainState
+    at: ChainLinearisation
+    found: ChainState
+    active: np.ndarray
+    covariance: FloatArray
+    facing: int
+    applied: bool
+    errors: list[ScannerError]
+
+    @property
+    def tool_and_scanner(self) -> np.ndarray:
+        """The columns of the covariance that are of the tool and of the nuisances."""
+        size = len(self.covariance)
+        return np.concatenate([np.arange(6), np.arange(size - len(self.active), size)])
+
+    def at_point(self, point_in_laser_mm: FloatArray, half_width_mm: float) -> FloatArray:
+        """Return the covariance (3, 3), mm², along the flange's axes, of a point that the scanner measures.
+
+        The scanner's own errors count together with what they did to the tool: they largely cancel.
+        """
+        rotation = self.state.tool_rotation
+        x, _, z = point_in_laser_mm
+        moves = np.zeros((3, len(NAMES)))
+        moves[0, 1], moves[2, 2], moves[0, 3], moves[2, 4] = x, z, z, x**2 / half_width_mm
+        moves[2, 5:] = self.facing * incidence_shapes(np.ones(1))[0]  # a surface that the light meets straight on
+        # An answer whose points are corrected errs by what is unknown of the correction, one whose points are not
+        # by the whole error: the same covariance, about another mean.
+        jacobian = np.hstack([-rotation @ skew(point_in_laser_mm), np.eye(3), (rotation @ moves)[:, self.active]])
+        some = self.tool_and_scanner
+        return jacobian @ self.covariance[np.ix_(some, some)] @ jacobian.T
+
+
+def hold_files(judged: Judged, apply: bool) -> Held:
+    """Return the answer of captures that were judged, for corrected files or for files as they are."""
+    found, at, data = judged.fit.state, judged.fit.minimum.at, judged.data
+    active = data.active
+    covariance = judged.fit.covariance * judged.inflation
+    heights = data.points[:, 2] - np.repeat(found.centers_in_laser[:, 2], np.diff(data.offsets))
+    facing = -1 if len(heights) and heights.mean() > 0 else 1
+    of_files = np.flatnonzero(OF_FILES & (data.nuisance_sigmas > 0))
+    if len(of_files) == 0:
+        return Held(found, at, found, active, covariance, facing, apply, _arm_errors(judged))
+    surprise, errors = _surprise(judged, covariance, of_files)
+    errors += _arm_errors(judged)
+    if apply:
+        return Held(found, at, found, active, covariance, facing, True, errors)
+    exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas))
+    if data.tool_prior is not None:
+        exact = replace(exact, tool_prior=data.tool_prior.without(OF_FILES[active]))
+    values = np.where(OF_FILES, 0.0, found.scanner)
+    answer = fit(exact, replace(found, scanner=values), judged.fit.sigmas)
+    shift = np.zeros(len(covariance))
+    shift[:9] = np.concatenate([tool_difference(found, answer.state), answer.state.center - found.center])
+    if found.table is not None and answer.state.table is not None:
+        shift[9 : data.unknowns] = found.table.step_to(answer.state.table)
+    shift[len(covariance) - len(active) :] = (values - found.scanner)[active]
+    return Held(
+        answer.state,
+        answer.at,
+        found,
+        active,
+        covariance + surprise * np.outer(shift, shift),
+        facing,
+        False,
+        errors,
+    )
+
+
+def tool_difference(first: ChainState, second: ChainState) -> FloatArray:
+    """Return rx ry rz tx ty tz from one state's tool to another's."""
+    turn = vector_from_rotation(first.tool_rotation.T @ second.tool_rotation)
+    return np.concatenate([turn, second.tool_translation - first.tool_translation])
+
+
+def tool_of(state: ChainState) -> RigidTransform:
+    """Return a state's tool0_from_laser."""
+    return RigidTransform.of(state.tool_rotation, state.tool_translation, "tool0", "laser")
+
+
+def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> tuple[float, list[ScannerError]]:
+    """Return how surely the files' errors are not nothing, 0 … 1, and those that are significant one by one.
+
+    Were they nothing, what is found of them would have the covariance C − C P C, P their priors' information.  Of
+    a squared length χ² the share 1 − c / χ² is more than chance (after James and Stein, who take the mean of
+    χ² for c; its 95 % leaves right scanners alone).
+    """
+    data, size = judged.data, len(covariance)
+    columns = size - len(data.active) + np.searchsorted(data.active, of_files)
+    own = covariance[np.ix_(columns, columns)]
+    scale = data.nuisance_sigmas[of_files]
+    posterior = own / np.outer(scale, scale)
+    by_chance = posterior - posterior @ posterior
+    found = judged.fit.state.scanner[of_files] / scale
+    values, vectors = np.linalg.eigh((by_chance + by_chance.T) / 2)
+    square = float(np.sum((vectors.T @ found) ** 2 / np.maximum(values, 1e-4)))
+    errors: list[ScannerError] = []
+    for n, index in enumerate(of_files):
+        error, name = float(found[n] * scale[n]), NAMES[index]
+        chance = float(scale[n] * np.sqrt(max(by_chance[n, n], 1e-6)))
+        if abs(error) > max(_SIGNIFICANT * chance, _WORTH_SAYING[name]):
+            errors.append(ScannerError(name, error, float(np.sqrt(own[n, n]))))
+    return max(0.0, 1 - _CHANCE / max(square, 1e-12)), errors
+
+
+def _arm_errors(judged: Judged) -> list[ScannerError]:
+    """Return the arm's length scale where the captures show that it is off."""
+    data, state = judged.data, judged.fit.state
+    if data.arm_scale_sigma <= 0 or state.shared is None:
+        return []
+    column = data.width
+    variance = float(covariance_of(judged.fit.minimum.at.hessian)[column, column])
+    error, chance = float(state.shared[0]), float(np.sqrt(max(variance - variance**2, 1e-6)))
+    if abs(error) > _SIGNIFICANT * chance and abs(error) * ARM_SCALE_SIGMA > _ARM_WORTH_SAYING:
+        return [ScannerError("arm_scale", error * ARM_SCALE_SIGMA, ARM_SCALE_SIGMA * float(np.sqrt(variance)))]
+    return []

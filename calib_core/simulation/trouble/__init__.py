@@ -1,0 +1,22 @@
+"""Simulated sessions with what goes wrong in real cells, none of which the solvers' model was made from.
+
+Every family of trouble is one module with a constant `TROUBLES`; the forward model (`cell.py`, `arm.py`) shares no
+code with the solvers.
+"""
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+from calib_core.simulation.trouble.cell import Trouble, Troubled, troubled
+
+__all__ = ["Trouble", "Troubled", "all_troubles", "troubled"]
+
+
+def all_troubles() -> dict[str, Trouble]:
+    """Return every class of trouble by name, in the order of the families' modules."""
+    found: dict[str, Trouble] = {}
+    for module in sorted(iter_modules(__path__), key=lambda m: m.name):
+        family = import_module(f"{__name__}.{module.name}")
+        for trouble in getattr(family, "TROUBLES", ()):
+            found[f"{module.name}: {trouble.name}"] = trouble
+    return found

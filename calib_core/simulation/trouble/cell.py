@@ -1,0 +1,179 @@
+"""One session of a troubled cell: plan, arm, sphere, scanner and bookkeeping, each of which may be changed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from calib_core.records import Session
+from calib_core.simulation.motion import FloatArray, back, pose, turn
+from calib_core.simulation.profile_cell import pose_numbers
+from calib_core.simulation.trouble.arm import ArmErrors, flange, joints_for
+
+
+@dataclass(eq=False)
+class Plan:
+    """What a trouble may change before a session is taken; lengths in mm, angles in rad.
+
+    Attributes
+    ----------
+    radius_mm, told_diameter_mm, told_diameter_sigma_mm
+        The sphere as it is, and as it is told.
+    shifts, tilts, tilt_rad, spread_mm
+        How many shifts and tilts, how far the tilts go (per component), where the sphere is seen.
+    position_mm, orientation_rad
+        Each pose's own random error.
+    arm : ArmErrors or None
+    pose_error : callable
+        Pose (4, 4) commanded, number of the capture, rng → pose that is reached, beside the above.
+    sphere_at : callable
+        Capture's number, number of captures → the sphere's shift in base (3,).
+    scanner : callable
+        Points (N, 2) that a right scanner gives, rng → those that this one gives.
+    noise : callable
+        Number of points, rng → errors along the ray in units of `point_mm`.
+    surface : callable
+        Angles of the surface normal to the light (N,), rng → distance off the sphere (N,), mm.
+    mounting : callable
+        Capture's number → what moves the scanner on the flange (4, 4).
+    book : callable
+        Poses as lists of numbers and profiles, rng → the same as somebody wrote them down.
+    told : dict
+        Merged into the cell's record.
+    """
+
+    radius_mm: float = 20.0
+    told_diameter_mm: float | None = None
+    told_diameter_sigma_mm: float | None = None
+    shifts: int = 4
+    tilts: int = 11
+    tilt_rad: float = 0.5
+    near_mm: float = 150.0
+    far_mm: float = 230.0
+    lateral_mm: float = 20.0
+    offset: tuple[float, float] = (0.2, 0.8)
+    one_side: bool = False
+    pitch_mm: float = 0.1
+    arc_deg: float = 65.0
+    point_mm: float = 0.02
+    position_mm: float = 0.03
+    orientation_rad: float = 1e-4
+    arm: ArmErrors | None = None
+    pose_error: Callable[[FloatArray, int, np.random.Generator], FloatArray] = lambda p, k, rng: p
+    sphere_at: Callable[[int, int], FloatArray] = lambda k, n: np.zeros(3)
+    scanner: Callable[[FloatArray, np.random.Generator], FloatArray] = lambda p, rng: p
+    noise: Callable[[int, np.random.Generator], FloatArray] = lambda n, rng: rng.standard_normal(n)
+    surface: Callable[[FloatArray, np.random.Generator], FloatArray] = lambda angle, rng: np.zeros_like(angle)
+    background: Callable[[FloatArray, FloatArray, float, np.random.Generator], FloatArray] | None = None
+    mounting: Callable[[int], FloatArray] = lambda k: np.eye(4)
+    book: Callable[[list[list[float]], list[FloatArray], np.random.Generator], None] = lambda p, f, rng: None
+    told: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """One class of trouble.
+
+    `clean`: what every cell has, so that 95 % must pass; `hidden`: what no capture can show, listed apart.
+    """
+
+    name: str
+    change: Callable[[Plan, np.random.Generator], None]
+    clean: bool = False
+    hidden: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Troubled:
+    """A session with its files and truth: the tool (4, 4), where the sphere was seen, the scanner's errors."""
+
+    session: Session
+    files: dict[str, bytes]
+    tool0_from_laser: FloatArray
+    seen_in_laser_mm: FloatArray
+    scanner: Callable[[FloatArray], FloatArray]
+
+
+def troubled(trouble: Trouble, seed: int) -> Troubled:
+    """Return a session of a cell that has a trouble, all drawn from a seed."""
+    rng = np.random.default_rng([seed, 907])
+    plan = Plan()
+    trouble.change(plan, rng)
+    mounting = turn([0.0, 0.0, -1.6]) @ turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3))
+    tool = pose(mounting, np.array([35.0, -120.0, 140.0]) + rng.uniform(-5, 5, 3))
+    center = np.array([1000.0, 150.0, 350.0]) + rng.uniform(-60, 60, 3)
+    poses, profiles, seen = _captures(plan, tool, center, rng)
+    plan.book(poses, profiles, rng)
+    files = {f"captures/p{k:03d}.csv": _csv(profile) for k, profile in enumerate(profiles)}
+    cell: dict[str, Any] = {
+        "pose_convention": "abb",
+        "sphere_diameter_mm": plan.told_diameter_mm or 2 * plan.radius_mm,
+        "scanner": {"kind": "profile"},
+    }
+    if plan.told_diameter_sigma_mm is not None:
+        cell["sphere_diameter_sigma_mm"] = plan.told_diameter_sigma_mm
+    cell |= plan.told
+    captures = [
+        {"id": f"p{k:03d}", "step": "tcp", "kind": "profile", "files": [name], "pose": numbers}
+        for k, (name, numbers) in enumerate(zip(files, poses, strict=True))
+    ]
+    session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
+    still = np.random.default_rng(0)
+    return Troubled(session, files, tool, seen, lambda points: plan.scanner(points, still))
+
+
+def _captures(
+    plan: Plan, tool: FloatArray, center: FloatArray, rng: np.random.Generator
+) -> tuple[list[list[float]], list[FloatArray], FloatArray]:
+    count = plan.shifts + plan.tilts
+    nominal = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
+    tilts = [np.zeros(3)] * plan.shifts + [
+        rng.uniform(-plan.tilt_rad, plan.tilt_rad, 3) for _ in range(plan.tilts)
+    ]
+    joints: FloatArray | None = None
+    poses: list[list[float]] = []
+    profiles: list[FloatArray] = []
+    seen: list[FloatArray] = []
+    for k, tilt in enumerate(tilts):
+        y = rng.uniform(*plan.offset) * plan.radius_mm * (1.0 if plan.one_side else rng.choice([-1.0, 1.0]))
+        x = rng.uniform(-plan.lateral_mm, plan.lateral_mm)
+        place = np.array([x, y, rng.uniform(plan.near_mm, plan.far_mm)])
+        rotation = nominal @ turn(tilt)
+        commanded = pose(rotation, center - rotation @ (tool[:3, :3] @ place + tool[:3, 3]))
+        reached = commanded
+        if plan.arm is not None:
+            joints = joints_for(commanded, joints)
+            reached = flange(joints, plan.arm)
+        reached = plan.pose_error(reached, k, rng)
+        own = turn(rng.standard_normal(3) * plan.orientation_rad)
+        reached = pose(reached[:3, :3] @ own, reached[:3, 3] + rng.standard_normal(3) * plan.position_mm)
+        laser_from_base = back(reached @ tool @ plan.mounting(k))
+        there = center + plan.sphere_at(k, count)
+        in_laser = laser_from_base[:3, :3] @ there + laser_from_base[:3, 3]
+        poses.append(pose_numbers(commanded))
+        profiles.append(_profile(plan, in_laser, rng))
+        seen.append(in_laser)
+    return poses, profiles, np.mean(seen, axis=0)
+
+
+def _profile(plan: Plan, center: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return the columns (N, 2), x and z, that show the sphere, and what else is in view."""
+    circle = np.sqrt(max(plan.radius_mm**2 - center[1] ** 2, 1e-3))
+    edge = circle * np.sin(np.deg2rad(plan.arc_deg))
+    x = plan.pitch_mm * np.arange(np.ceil((center[0] - edge) / plan.pitch_mm), (center[0] + edge) / plan.pitch_mm)
+    dx = x - center[0]
+    height = np.sqrt(np.maximum(circle**2 - dx**2, 1e-9))
+    cosine = height / plan.radius_mm
+    radius = plan.radius_mm + plan.surface(np.arccos(np.clip(cosine, -1, 1)), rng)
+    radius = radius + plan.point_mm * plan.noise(len(x), rng)
+    z = center[2] - np.sqrt(np.maximum(radius**2 - center[1] ** 2 - dx**2, 0.0))
+    points = plan.scanner(np.column_stack([x, z]), rng)
+    if plan.background is not None:
+        points = plan.background(points, center, circle, rng)
+    return points
+
+
+def _csv(points: FloatArray) -> bytes:
+    lines = [f"{x:.5f},{z:.5f}" for x, z in points.tolist()]
+    return "\n".join(["x_mm,z_mm", *lines, ""]).encode()

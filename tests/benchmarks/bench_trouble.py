@@ -1,0 +1,92 @@
+"""Sessions with what goes wrong in real cells: is a stated uncertainty true, and is no `pass` false?
+
+For each class: verdicts, and how far the six parameters and a point at the workpiece are off in units of their
+stated 95 %.  Nothing is told but the diameter and what the class tells.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from harness import Row
+
+from calib_core.errors import CalibrationError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.simulation.trouble import Trouble, Troubled, all_troubles, troubled
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
+
+_CHI2_3_95 = 7.81
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """One session: verdict (`refused` where it was not solved), and errors over the stated 95 %, (7,)."""
+
+    verdict: str
+    errors: FloatArray
+    warnings: list[str]
+
+    @property
+    def worst(self) -> float:
+        return float(np.max(self.errors))
+
+
+def outcome(trouble: Trouble, seed: int) -> Outcome:
+    cell = troubled(trouble, seed)
+    try:
+        result = solve_stage(cell.session, "tcp", cell.files.__getitem__)
+    except CalibrationError as error:
+        return Outcome("refused", np.full(7, np.nan), [str(error)])
+    assert isinstance(result, TcpResult)
+    return Outcome(result.verdict, errors_over_stated(result, cell), result.warnings)
+
+
+def errors_over_stated(result: TcpResult, cell: Troubled) -> FloatArray:
+    """Return the errors of rx … tz, and of a point at the workpiece, over half the width of their 95 % (7,)."""
+    found = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
+    truth = RigidTransform.from_rounded(cell.tool0_from_laser, "tool0", "laser")
+    six = np.abs(truth.difference(found)) / (1.96 * np.sqrt(np.diag(np.array(result.covariance))))
+    assert result.workpiece is not None
+    point = np.array(result.workpiece.point_in_laser_mm)
+    seen = cell.scanner(point[None, [0, 2]])[0]
+    off = found.apply(np.array([seen[0], 0.0, seen[1]])) - truth.apply(point)
+    squared = float(off @ np.linalg.solve(np.array(result.workpiece.covariance), off))
+    return np.append(six, np.sqrt(squared / _CHI2_3_95))
+
+
+def run(full: bool) -> list[Row]:
+    """Return a row a class and the sums; `full` takes 40 seeds of each, otherwise 3."""
+    return rows_of(all_troubles(), range(40 if full else 3))
+
+
+def rows_of(troubles: dict[str, Trouble], seeds: range) -> list[Row]:
+    rows: list[Row] = []
+    shown: list[Outcome] = []
+    clean: list[Outcome] = []
+    for name, trouble in troubles.items():
+        outcomes = [outcome(trouble, seed) for seed in seeds]
+        (shown if not trouble.hidden else []).extend(outcomes)
+        (clean if trouble.clean else []).extend(outcomes)
+        rows.append(_row(name, trouble, outcomes))
+    passed = [o for o in shown if o.verdict == "pass"]
+    three, two = (sum(o.worst > times for o in passed) for times in (3, 2))
+    share = np.mean([o.verdict == "pass" for o in clean]) if clean else 1.0
+    inside = np.concatenate([o.errors for o in shown if o.verdict == "pass"]) <= 1
+    return [
+        *rows,
+        Row("pass, and more than 3 × the stated 95 % off", "0", f"{three} of {len(passed)}", three == 0),
+        Row("pass, and more than 2 × off", "≤ 1 %", f"{two} of {len(passed)}", two <= 0.01 * len(passed)),
+        Row("clean classes that pass", "≥ 95 %", f"{share:.1%} of {len(clean)}", bool(share >= 0.95)),
+        Row("stated 95 % that hold, under pass", "≥ 93 %", f"{inside.mean():.1%}", bool(inside.mean() >= 0.93)),
+    ]
+
+
+def _row(name: str, trouble: Trouble, outcomes: list[Outcome]) -> Row:
+    counts = [sum(o.verdict == v for o in outcomes) for v in ("pass", "warn", "fail", "refused")]
+    solved = [o for o in outcomes if o.verdict != "refused"]
+    worst = max((o.worst for o in solved), default=float("nan"))
+    typical = float(np.median([o.worst for o in solved])) if solved else float("nan")
+    at_point = max((o.errors[6] for o in solved), default=float("nan"))
+    kind = "must pass" if trouble.clean else ("cannot be seen" if trouble.hidden else "")
+    text = "/".join(map(str, counts)) + f"  {typical:.2f} {worst:.2f} {at_point:.2f}"
+    return Row(name, kind, text)
