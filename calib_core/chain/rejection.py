@@ -16,7 +16,7 @@ import numpy as np
 from calib_core.chain.likelihood import ChainLinearisation, noise_of, without_pose_errors
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.scanner import corrected
+from calib_core.chain.scanner import corrected, with_true_incidence
 from calib_core.chain.sides import with_better_sides
 from calib_core.chain.start import Start
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, with_averaged_covariance
@@ -221,10 +221,14 @@ def _squared_distances(observations: Sequence[SphereObservation], data: ChainDat
     centers = at.centers_in_laser + at.offset + without.moved
     ordinary = replace(data, pose_scale=np.minimum(data.pose_scale, 1.0))
     spread = noise_of(ordinary, state, found.sigmas).spread + without.spread
+    seen = [
+        with_true_incidence(corrected(o, state.scanner, data.half_width_mm), state.scanner, state.radius_mm)
+        for o in observations
+    ]
     return np.array(
         [
-            _squared_distance(corrected(o, state.scanner, data.half_width_mm), state.radius_mm, q, s, n)
-            for o, q, s, n in zip(observations, centers, spread, data.points_per_independent, strict=True)
+            _squared_distance(o, state.radius_mm, q, s, n)
+            for o, q, s, n in zip(seen, centers, spread, data.points_per_independent, strict=True)
         ]
     )
 

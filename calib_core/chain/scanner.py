@@ -88,3 +88,20 @@ def corrected(observation: SphereObservation, values: FloatArray, half_width_mm:
     circle = np.array([center[0], center[2], observation.circle_radius_mm])
     x, z, radius = circle_step(points[:, [0, 2]], circle).parameters
     return replace(moved, center_in_laser_mm=np.array([x, 0.0, z]), circle_radius_mm=float(radius))
+
+
+def with_true_incidence(observation: SphereObservation, values: FloatArray, radius_mm: float) -> SphereObservation:
+    """Return a profile whose circle (x, z, r) is that of points without the error by incidence (`values`, 8)."""
+    shapes = values[5:]
+    own = observation.circle_radius_mm
+    if own is None or not shapes.any() or not len(observation.points_in_laser_mm):
+        return observation
+    center = observation.center_in_laser_mm[[0, 2]]
+    offsets = observation.points_in_laser_mm[:, [0, 2]] - center
+    cosine = np.sqrt(np.maximum(1 - (offsets[:, 0] / own) ** 2, 0.0)) * own / radius_mm
+    # A distance to the sphere is r/R of the one in the plane of light.
+    outside = incidence_shapes(cosine) @ shapes * radius_mm / own
+    distance = np.linalg.norm(offsets, axis=1)
+    points = center + offsets * (1 - outside / distance)[:, None]
+    x, z, radius = circle_step(points, np.array([*center, own])).parameters
+    return replace(observation, center_in_laser_mm=np.array([x, 0.0, z]), circle_radius_mm=float(radius))
