@@ -4,8 +4,8 @@ So fourteen frames of a sphere calibrate once.
 """
 
 import threading
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import TypeVar
 
 from calib_core.records import Session, StageName
 from calib_core.stages.camera.record import CameraResult
@@ -14,26 +14,13 @@ from calib_core.stages.graph import inputs_sha256, stage_captures
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.stage import ReadFile
 
-_Solved = TypeVar("_Solved", CameraResult, LaserPlaneResult)
+_Solved = TypeVar("_Solved", bound=CameraResult | LaserPlaneResult)
 
 _REMEMBERED = 8
 
 _lock = threading.Lock()
 
 _solved: dict[tuple[StageName, str], CameraResult | LaserPlaneResult] = {}
-
-
-def recall(results: Mapping[str, Mapping[str, Any]]) -> None:
-    """Take stored results of camera and plane of light, as JSON data, for those of a later stage's solve.
-
-    They count only where they were solved from what the session holds then: what is stale is solved anew.
-    """
-    if "camera" in results:
-        camera = CameraResult.model_validate(results["camera"])
-        remembered("camera", camera.inputs_sha256, camera)
-    if "laser-plane" in results:
-        plane = LaserPlaneResult.model_validate(results["laser-plane"])
-        remembered("laser-plane", plane.inputs_sha256, plane)
 
 
 def solve_once(

@@ -128,6 +128,8 @@ CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "side": (-1, SPHERES),
     "board_of": ("c1", ("l1",)),
     "scanner": ("left", PLACED),
+    "format": ("npy", PLACED),
+    "format_settings": ({"unit": "mm"}, PLACED),
     "joints_deg": ([1.0] * 6, ()),  # no arm is named that they would be held against
     "joints_mm": ([1.0], ()),
     "device_time_s": (12.0, ()),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib_core.captures.measure import measure_capture
-from calib_core.captures.solved_optics import recall
+from calib_core.captures.solved_optics import remembered
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
 from calib_core.records import Session
 from calib_core.simulation import SimulatedSession, simulate
@@ -37,7 +37,7 @@ def moved(plane: LaserPlaneResult) -> LaserPlaneResult:
 def test_a_stored_plane_serves_later_stages_until_its_captures_change(
     cell: SimulatedSession, plane: LaserPlaneResult
 ) -> None:
-    recall({"laser-plane": moved(plane).to_json()})
+    remembered("laser-plane", plane.inputs_sha256, moved(plane))
     used = calibration_of(cell.session, cell.files.__getitem__)
     assert used.distance_mm == plane.plane_in_camera.distance_mm + SHIFT_MM
     boards = [c for c in cell.session.captures if c.step == "laser-plane"]
@@ -46,7 +46,7 @@ def test_a_stored_plane_serves_later_stages_until_its_captures_change(
     )
     afresh = calibration_of(fewer, cell.files.__getitem__)
     assert abs(afresh.distance_mm - plane.plane_in_camera.distance_mm) < 6 * plane.distance_sigma_mm
-    recall({"laser-plane": plane.to_json()})
+    remembered("laser-plane", plane.inputs_sha256, plane)
 
 
 def test_a_solved_calibration_in_the_cell_measures_the_sphere_as_the_boards_do(
