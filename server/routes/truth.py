@@ -6,7 +6,7 @@ from fastapi.responses import JSONResponse
 from calib_core.errors import ConflictError
 from calib_core.records import Record
 from calib_core.review.compare import FrameDifference
-from server.http.dependencies import SessionId, StoreDep
+from server.http.dependencies import SessionId, StageName, StoreDep
 from server.http.strict_json import StrictRoute
 from server.store.sessions import load_session, session_row
 
@@ -20,7 +20,7 @@ class OffTheTruth(Record):
 
 
 @router.get("/{stage}", response_model=OffTheTruth)
-def off_the_truth(session_id: SessionId, stage: str, store: StoreDep) -> Response:
+def off_the_truth(session_id: SessionId, stage: StageName, store: StoreDep) -> Response:
     """Return how far the result of a simulated cell lies from the truth."""
     from calib_core.review.compare import Compared, differences_from_truth
     from server.sources.simulated import simulated_session

@@ -102,7 +102,7 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
         "/clouds",
     ):
         send("GET", session + path, names=names)
-    for path in ("/results/{stage}", "/results/{stage}/history", "/timeline/{place}"):
+    for path in ("/results/{stage}", "/results/{stage}/history", "/truth/{stage}", "/timeline/{place}"):
         send("GET", session + path, names=names)
     listed = recorder.examples["solves_list_results"]["answer"]
     recorder.examples["solves_list_results"]["answer"] = {"tcp": listed["tcp"]}  # one is enough
