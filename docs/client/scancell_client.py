@@ -97,6 +97,11 @@ class Scancell:
         """Return what to do now and why, how many captures are still needed, and each step's status."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/guide")
 
+    def sessions_check(self, session_id: str) -> Any:
+        """Return what is wrong with the session and what is missing, worst first; an `error` blocks
+        solving."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/check")
+
     def sessions_pose_lines(self, session_id: str, body: Mapping[str, Any]) -> Any:
         """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/pose-lines", json=body)
@@ -112,7 +117,7 @@ class Scancell:
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
 
     def captures_take_simulated(self, session_id: str, *, step: str | None = None, again: str | None = None) -> Any:
-        """Let the simulated cell take its next capture, one of `step` where some are left; or one of its
+        """Let the simulated cell take its next capture, one of `step` where that is named; or one of its
         own `again`. What is taken again has a name of its own (`p05-again`); arm and scanner err anew."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params={name: value for name, value in {"step": step, "again": again}.items() if value is not None})
 
@@ -152,9 +157,13 @@ class Scancell:
         """Watch no folder for this session any more; what was taken stays."""
         return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/folder")
 
-    def solves_solve(self, session_id: str, stage: str) -> Any:
-        """Start solving a stage; answers at once with the job, whose end brings the result."""
-        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}")
+    def solves_solve(self, session_id: str, stage: str, *, wait: float | None = None) -> Any:
+        """Start solving a stage, or `all` that there are captures for; the job's end brings the results."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}", params={name: value for name, value in {"wait": wait}.items() if value is not None})
+
+    def solves_list_all(self, *, limit: int | None = None, cursor: str | None = None, session: str | None = None, status: str | None = None) -> Any:
+        """List jobs, the newest first."""
+        return self.request("GET", "/api/v1/jobs", params={name: value for name, value in {"limit": limit, "cursor": cursor, "session": session, "status": status}.items() if value is not None})
 
     def solves_get_job(self, job_id: str) -> Any:
         """Return how far a job is."""
@@ -172,9 +181,37 @@ class Scancell:
         """Return a stage's latest result; `stale` where captures or cell changed since."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/results/{quote(stage, safe='')}")
 
-    def solves_export_results(self, session_id: str, name: str) -> Any:
-        """Return the calibrated tool and table in a format's own syntax."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}")
+    def answers_get_answer(self, session_id: str) -> Any:
+        """Return the session's answer, of `chain` or else `tcp`: frames, covariance, verdict, hashes, and
+        `stale`. It is given as it is; `faults` says what speaks against acting on it."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/answer")
+
+    def answers_export_results(self, session_id: str, name: str, *, allow: str | None = None) -> Any:
+        """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused
+        with 409."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", params={name: value for name, value in {"allow": allow}.items() if value is not None})
+
+    def cells_get_cells(self) -> Any:
+        """List the cells: by `cell.id`, or an id made from the session's name where it has none."""
+        return self.request("GET", "/api/v1/cells")
+
+    def cells_get_history(self, cell_id: str) -> Any:
+        """Return a cell's sessions and releases, the newest first."""
+        return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/history")
+
+    def cells_get_released(self, cell_id: str) -> Any:
+        """Return the answer that was released last for a cell, as it was then: later changes do not touch
+        it."""
+        return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/answer")
+
+    def cells_release(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Put the session's answer in force for its cell; one that is stale or failed is refused unless
+        allowed."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/release", json=body)
+
+    def cells_rollback(self, cell_id: str, body: Mapping[str, Any]) -> Any:
+        """Put an earlier release of a cell in force again."""
+        return self.request("POST", f"/api/v1/cells/{quote(cell_id, safe='')}/rollback", json=body)
 
     def history_get_timeline(self, session_id: str) -> Any:
         """Return what happened in order: captures, results, solves that failed; the last item is how it
@@ -288,6 +325,31 @@ class Scancell:
     def access_audit(self, *, limit: int | None = None, cursor: str | None = None) -> Any:
         """List who did what, and who was refused what, the newest first."""
         return self.request("GET", "/api/v1/audit", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
+
+    def registries_formats(self) -> Any:
+        """List the file formats, and what may be said about a file that does not say it itself."""
+        return self.request("GET", "/api/v1/formats")
+
+    def registries_conventions(self) -> Any:
+        """List the pose conventions: the names that `pose_convention` may have."""
+        return self.request("GET", "/api/v1/conventions")
+
+    def registries_exports(self) -> Any:
+        """List the exports: the names that `GET …/exports/{name}` takes."""
+        return self.request("GET", "/api/v1/exports")
+
+    def registries_sources(self) -> Any:
+        """List where captures come from besides uploads."""
+        return self.request("GET", "/api/v1/sources")
+
+    def registries_stages(self) -> Any:
+        """List the stages: the names that `POST …/solve/{stage}` takes; `all` solves them in their
+        order."""
+        return self.request("GET", "/api/v1/stages")
+
+    def results_off_the_truth(self, session_id: str, stage: str) -> Any:
+        """Return how far the result of a simulated cell lies from the truth."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/truth/{quote(stage, safe='')}")
 
     def server_health(self) -> Any:
         """Return `ready` once the store answers and the workers are warm, `starting` before, `stopping` at

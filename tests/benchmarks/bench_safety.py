@@ -70,14 +70,15 @@ def trials() -> Iterator[Trial]:
 def role_that_should_do(method: str, path: str) -> str:
     """Return the least role of a route by the rule that people know, not by the server's own table.
 
-    Who looks needs `read`, who changes something `capture`. Tokens, the log, removing a session are the admin's;
-    the login page, its files and the signs of life are anybody's.
+    Who looks needs `read`, who changes something `capture`. Tokens, the log, removing a session, and
+    which answer of a cell is in force are the admin's; the login page, its files and the signs of life are
+    anybody's.
     """
     if path in ("/login", "/web/{path:path}") or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
         return "nobody"
     if (
         "/tokens" in path
-        or path.endswith("/audit")
+        or path.endswith(("/audit", "/release", "/rollback"))
         or (method, path) == ("DELETE", "/api/v1/sessions/{session_id}")
     ):
         return "admin"

@@ -136,4 +136,6 @@ def test_frames_of_the_sphere_give_the_tcp() -> None:
     shift = np.array(result.tool0_from_laser)[:3, 3] - np.array(simulated.truth["tool0_from_laser"])[:3, 3]
     stated = np.sqrt(np.trace(np.array(result.covariance)[3:, 3:]))
     assert np.linalg.norm(shift) < 3 * stated
-    assert stated < 0.5
+    assert (
+        stated < 1.5 * 0.5
+    )  # 0.5 by noise alone; the scanner's own errors, always covered, cost up to half of it

@@ -238,7 +238,7 @@ def test_the_simulated_cell_delivers_all_its_captures_and_then_says_so(client: h
     again = client.post(path, headers={"Idempotency-Key": "last"})
     assert first.json() == again.json()
     assert first.json()["measured"]["verdict"] == "pass"
-    assert_problem(client.post(path), 409, "14 captures", "Solve")
+    assert_problem(client.post(path), 409, "all of its captures", "Solve")
     assert client.get("/sessions", params={"limit": 1}).json()["items"][0]["capture_count"] == 14
     assert_problem(client.post(f"/sessions/{make_session(client)}/sources/simulated/capture"), 409, "real cell")
 

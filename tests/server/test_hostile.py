@@ -5,7 +5,7 @@ import socket
 import httpx
 from bench_hostile import KINDS, attack
 
-from tests.server.live_server import make_session, upload
+from tests.server.live_server import assert_problem, make_session, upload
 from tests.server.test_captures import record
 
 
@@ -17,13 +17,21 @@ def test_altered_files_and_records_end_in_no_500(client: httpx.Client) -> None:
     assert trials.statuses[201] > 5
 
 
-def test_a_capture_whose_figures_have_no_end_is_kept(client: httpx.Client) -> None:
+def test_a_capture_whose_figures_are_beyond_all_scanners_is_kept(client: httpx.Client) -> None:
     session = make_session(client)
-    cloud = b"\n".join(b"1e308 %d -1e308" % number for number in range(100))
+    cloud = b"\n".join(b"%d.3e34 %d.7e33 -%d.9e34" % (n, 2 * n, 3 * n) for n in range(100, 200))
     answer = upload(client, session, {**record(), "kind": "cloud", "files": ["a.xyz"]}, cloud)
     assert answer.status_code == 201, answer.text
     assert answer.json()["measured"]["verdict"] == "fail"
     assert client.get(f"/sessions/{session}/guide").status_code == 200
+
+
+def test_a_capture_of_figures_that_stand_for_nothing_is_refused(client: httpx.Client) -> None:
+    session = make_session(client)
+    cloud = b"\n".join(b"1e308 %d -1e308" % number for number in range(100))
+    answer = upload(client, session, {**record(), "kind": "cloud", "files": ["a.xyz"]}, cloud)
+    assert_problem(answer, 422, "a cloud with points", "100 blanks")
+    assert client.get(f"/sessions/{session}/captures").json()["items"] == []
 
 
 def test_a_refusal_in_the_middle_of_a_body_reaches_who_is_still_sending(client: httpx.Client) -> None:
