@@ -35,6 +35,11 @@ export interface ArmTable {
   last_from_tool0?: number[][] | null;
 }
 
+export interface AtPoint {
+  point_in_laser_mm: number[];
+  covariance: number[][];
+}
+
 export interface AtWorkpiece {
   of: "tool" | "table" | "both";
   where?: string;
@@ -224,6 +229,7 @@ export interface Cell {
   pose_convention: "matrix" | "quaternion-xyzw" | "quaternion-wxyz" | "abb" | "kuka" | "fanuc" | "ur" | "staubli" | "kawasaki" | "mitsubishi" | "yaskawa" | "nachi" | "ros";
   sphere_diameter_mm?: number | null;
   sphere_diameter_sigma_mm?: number | null;
+  sphere_class?: "certified" | "bearing" | "coated" | "turned" | null;
   scanner?: Scanner;
   scanners?: Record<string, unknown> | null;
   robot?: Robot;
@@ -294,6 +300,8 @@ export interface ChainResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
+  scanner?: ScannerFound | null;
+  workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: (TcpResidual | TurntableResidual)[];
 }
@@ -933,6 +941,17 @@ export interface Scanner {
   kind?: "frame" | "profile" | "cloud" | "sweep" | "center" | null;
   point_sigma_mm?: number | null;
   z_axis?: "away" | "toward" | null;
+  errors?: "cover" | "apply" | null;
+}
+
+export interface ScannerFound {
+  names: string[];
+  values: number[];
+  sigmas: number[];
+  covariance: number[][];
+  covariance_with_tool: number[][];
+  applied: boolean;
+  sphere_diameter_sigma_mm: number;
 }
 
 export interface SceneControls {
@@ -1160,6 +1179,8 @@ export interface StoredChainResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
+  scanner?: ScannerFound | null;
+  workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: (TcpResidual | TurntableResidual)[];
 }
@@ -1270,6 +1291,8 @@ export interface StoredTcpResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
+  scanner?: ScannerFound | null;
+  workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: TcpResidual[];
 }
@@ -1372,6 +1395,7 @@ export interface TcpResidual {
   leave_one_out_rms_mm?: number | null;
   two_step_surface_rms_mm?: number | null;
   mahalanobis?: number | null;
+  weight?: number | null;
   side?: number | null;
   zone?: number | null;
   profiles?: number | null;
@@ -1397,6 +1421,8 @@ export interface TcpResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
+  scanner?: ScannerFound | null;
+  workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: TcpResidual[];
 }
@@ -1526,6 +1552,11 @@ export interface VarianceComponents {
   orientation_sigma_rad: number;
   orientation_sigma_deg: number;
   estimated?: string[];
+  alike_position_sigma_mm?: number;
+  alike_orientation_sigma_rad?: number;
+  reach_mm?: number;
+  reach_rad?: number;
+  points_per_independent?: number;
 }
 
 export interface VerifyResidual {

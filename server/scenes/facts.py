@@ -45,6 +45,8 @@ class SceneInput:
         Gives the mesh that says what the object should be, None where there is none.
     outputs : tuple of str
         Says which files the three above read, so that what was read can be kept.
+    stale : frozenset of str
+        The stages whose results are older than the captures.
     """
 
     session: Session
@@ -55,6 +57,7 @@ class SceneInput:
     load_merged: Callable[[], MergedScans | None] = lambda: None
     load_reference: Callable[[], ReferenceMesh | None] = lambda: None
     outputs: tuple[str, ...] = ()
+    stale: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +156,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
 def _next_pose(scene: SceneInput) -> RigidTransform | None:
     from calib_core.stages.guide import guide
 
-    rows = guide(scene.session, scene.measured, scene.results).current.suggested_pose
+    rows = guide(scene.session, scene.measured, scene.results, scene.stale).current.suggested_pose
     return None if rows is None else RigidTransform.from_rounded(rows, "base", "tool0")
 
 

@@ -13,6 +13,7 @@ from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Measured, Session
+from calib_core.stages.graph import Graph
 from calib_core.stages.registry import stages
 from calib_core.stages.stage import ReadFile
 from server.scenes.deviation import ReferenceMesh
@@ -109,7 +110,9 @@ def scene_of(stored: "StoredSession") -> SceneInput:
     """Return a session of the store as its scene needs it."""
     read = output_reader(stored)
     scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results, read)
-    return replace(scene, outputs=tuple(f"{name} {output.sha256}" for name, output in stored.outputs.items()))
+    outputs = tuple(f"{name} {output.sha256}" for name, output in stored.outputs.items())
+    stale = Graph(stored.session, stored.digests.__getitem__).stale(stored.results)
+    return replace(scene, outputs=outputs, stale=stale)
 
 
 def follow_scene(hub: "Hub", session_id: str, changed: Callable[[], None]) -> Callable[[], None]:
