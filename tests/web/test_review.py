@@ -50,14 +50,14 @@ def test_keys_move_through_time_and_everything_follows(open_page: Callable[..., 
     expect(words).to_contain_text("16 of 17 · TCP solved, usable")
     expect(page.locator("sc-review-captures tbody tr")).to_have_count(14)
     expect(page.locator("sc-review-captures tr", has_text="p03")).to_contain_text("excluded")
-    newest = page.locator("sc-result .frame dd").first.inner_text()
+    newest = page.locator("sc-result .frame-numbers dd").first.inner_text()
 
     slider = page.get_by_role("slider")
     slider.focus()
     page.keyboard.press("ArrowLeft")
     expect(words).to_contain_text("15 of 17 · TCP solved")
     expect(page.locator("sc-review-captures tr", has_text="p03")).to_contain_text("used")
-    expect(page.locator("sc-result .frame dd").first).not_to_have_text(newest)
+    expect(page.locator("sc-result .frame-numbers dd").first).not_to_have_text(newest)
     for _ in range(4):
         page.keyboard.press("ArrowLeft")
     expect(words).to_contain_text("11 of 17 · Capture p11")
