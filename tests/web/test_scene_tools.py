@@ -52,7 +52,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
 
         # A view moves this page's camera.
         before = np.array(scene.evaluate(CAMERA))
-        page.get_by_label("View of the scene").select_option("Top")
+        page.get_by_label("View", exact=True).select_option("Top")
         scene.wait_for_function(MOVED, arg=before.tolist())
 
         # A click on a flange picks its capture in the table.
@@ -76,7 +76,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
         scene.wait_for_function(DRAWN, arg="/ghost/flange")
 
         with page.expect_download() as saved:
-            page.get_by_role("button", name="Picture").click()
+            page.get_by_role("button", name="Image", exact=True).click()
         picture = np.array(Image.open(BytesIO(Path(saved.value.path()).read_bytes())))
         assert picture.shape[2] == 4
         assert abs(picture.shape[1] - box["width"]) <= 1
