@@ -52,7 +52,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
 
         # A view moves this page's camera.
         before = np.array(scene.evaluate(CAMERA))
-        page.get_by_label("View", exact=True).select_option("Top")
+        page.locator("sc-scene select[aria-label=View]").select_option("Top")
         scene.wait_for_function(MOVED, arg=before.tolist())
 
         # A click on a flange picks its capture in the table.
