@@ -47,7 +47,7 @@ def flange(joints_rad: FloatArray, errors: ArmErrors | None = None) -> FloatArra
         a, alpha = a + errors.lengths_mm, alpha + errors.twists_rad
         reach = float(np.hypot(*flange(joints_rad)[:2, 3]))
         angles = angles + errors.sag_rad_per_mm * reach * np.array([0.0, 1.0, 0.6, 0.0, 0.0, 0.0])
-    matrix = np.eye(4)
+    matrix: FloatArray = np.eye(4)
     for theta, length, twist, shift in zip(angles, a, alpha, _D, strict=True):
         c, s, ct, st = np.cos(theta), np.sin(theta), np.cos(twist), np.sin(twist)
         matrix = matrix @ np.array(
@@ -58,7 +58,7 @@ def flange(joints_rad: FloatArray, errors: ArmErrors | None = None) -> FloatArra
 
 def joints_for(wanted: FloatArray, start: FloatArray | None = None) -> FloatArray:
     """Return joint angles (6,) that bring the nominal arm to a pose (4, 4): damped least squares."""
-    joints = _HOME.copy() if start is None else start.copy()
+    joints: FloatArray = _HOME.copy() if start is None else start.copy()
     for _ in range(200):
         off = _difference(flange(joints), wanted)
         if np.abs(off).max() < 1e-9:
