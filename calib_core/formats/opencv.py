@@ -1,5 +1,6 @@
 """OpenCV's FileStorage in YAML and XML: a matrix or a list of points."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -57,18 +58,42 @@ def read(data: bytes, name: str, settings: OpenCvSettings, kind: PointKind | Non
 
 def _nodes(text: str, where: str) -> dict[str, FloatArray]:
     """Return the nodes that can hold points, by their path."""
+    found: dict[str, FloatArray] = {}
+    _in_storage(text, where, lambda root: _collect(root, "", 0, found))
+    return found
+
+
+def storage_matrices(text: str, where: str) -> dict[str, FloatArray]:
+    """Return every matrix of real numbers, by its path; raises InputError where the file is not whole."""
+    found: dict[str, FloatArray] = {}
+    _in_storage(text, where, lambda root: _collect_matrices(root, "", 0, found))
+    return found
+
+
+def _in_storage(text: str, where: str, look: Callable[[Any], None]) -> None:
     import cv2
 
     form = cv2.FILE_STORAGE_FORMAT_XML if text.lstrip().startswith("<") else cv2.FILE_STORAGE_FORMAT_YAML
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | form)
-        found: dict[str, FloatArray] = {}
-        _collect(storage.root(), "", 0, found)
+        look(storage.root())
         storage.release()
     except (cv2.error, SystemError, UnicodeError, ValueError) as error:
         got = " ".join(str(error).split())[-160:]
         raise InputError("a whole OpenCV file", got, _TO_DO, where) from None
-    return found
+
+
+def _collect_matrices(node: Any, path: str, depth: int, found: dict[str, FloatArray]) -> None:
+    matrix = node.mat() if node.isMap() and path else None
+    if matrix is not None:
+        if matrix.dtype.kind in "fiu" and matrix.ndim == 2:
+            found[path] = matrix.astype(np.float64)
+    elif node.isMap():
+        for key in node.keys() if depth < _MOST_DEPTH else ():
+            _collect_matrices(node.getNode(key), f"{path}.{key}" if path else key, depth + 1, found)
+    elif node.isSeq() and depth < _MOST_DEPTH:
+        for place in range(node.size()):
+            _collect_matrices(node.at(place), f"{path}[{place}]", depth + 1, found)
 
 
 def _collect(node: Any, path: str, depth: int, found: dict[str, FloatArray]) -> None:

@@ -9,11 +9,12 @@ from calib_core.robots.controller_file import ControllerFile, Found, Skipped
 from calib_core.robots.conventions import BRANDS
 from calib_core.robots.resolve import resolved
 from calib_core.robots.text import decoded
+from calib_core.robots.told import NOTHING_TOLD, Told
 from calib_core.robots.xml_file import unzipped
 
 
 def read_controller_files(
-    files: Mapping[str, bytes], brand: str | None = None, as_written: bool = False
+    files: Mapping[str, bytes], brand: str | None = None, as_written: bool = False, told: Told = NOTHING_TOLD
 ) -> ControllerFile:
     """Return poses, tools and frames of a controller's files, read together.
 
@@ -25,6 +26,8 @@ def read_controller_files(
         A name in `BRANDS`; found out by what stands in the files where it is left out.
     as_written : bool
         Take poses as they stand even where their tool or frame is unknown.
+    told : Told, optional
+        What is said about files that do not say it themselves: tables, recordings.
 
     Raises
     ------
@@ -35,7 +38,8 @@ def read_controller_files(
     if not opened:
         raise InputError("a controller's file", "none", "Give a program, a data list or a backup.")
     where = next(iter(files))
-    chosen = BRANDS.get(brand, "brand") if brand else brand_of(opened, where)
+    named = brand or ("table" if told.columns or told.convention else None)
+    chosen = (BRANDS.get(named, "brand") if named else brand_of(opened, where)).telling(told)
     if not chosen.reads:
         raise InputError(f"a brand with a reader: {_readers()}", f"'{chosen.name}'", "Name one of these.", "brand")
     alone = len(opened) == 1

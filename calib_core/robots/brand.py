@@ -7,6 +7,7 @@ from calib_core.robots.convention import Convention
 if TYPE_CHECKING:
     from calib_core.exports.entry import Export
     from calib_core.robots.controller_file import ControllerFile, Found, Reference
+    from calib_core.robots.told import Told
 
 
 class Brand:
@@ -47,6 +48,10 @@ class Brand:
     def recognises(self, text: str, name: str) -> bool:
         """Return whether a file is surely of this brand, by the text in it (unpacked, with plain line ends)."""
         return False
+
+    def telling(self, told: "Told") -> "Brand":
+        """Return the brand with what the user says about its files; most files say all themselves."""
+        return self
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return what stands in one file, nothing applied yet.

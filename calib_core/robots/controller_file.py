@@ -82,6 +82,8 @@ class Taught:
         Why it cannot be used at all, or empty.
     doubt : str
         What the file leaves open about it, or empty.
+    time_s : float or None
+        When the robot was there, by the recording's clock.
     """
 
     name: str
@@ -95,6 +97,7 @@ class Taught:
     file: str = ""
     refused: str = ""
     doubt: str = ""
+    time_s: float | None = None
 
 
 @dataclass
@@ -136,6 +139,7 @@ class FilePose:
     file: str = ""
     as_written: tuple[float, ...] | None = None
     doubt: str = ""
+    time_s: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""
@@ -151,6 +155,7 @@ class FilePose:
             "file": self.file or None,
             "as_written": None if self.as_written is None else list(self.as_written),
             "doubt": self.doubt or None,
+            "time_s": self.time_s,
         }
 
 

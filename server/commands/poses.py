@@ -20,19 +20,36 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     brand = "the controller's brand, where the files do not tell it"
     parser.add_argument("--brand", metavar="NAME", help=brand)
     as_written = "take poses as they stand, where the tool or frame they were taught with is not in the files"
+    told = "what the files do not say: convention, unit, columns of a table, topic, base, flange of a recording"
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=told)
     parser.add_argument("--as-written", action="store_true", help=as_written)
 
 
 def _run(options: argparse.Namespace) -> int:
     """Print poses, tools and frames of a controller's files, and what was skipped."""
     from calib_core.robots.backup import read_controller_files
+    from calib_core.robots.told import Told
 
+    told = Told.of(pairs_of(options.set))
     files: dict[str, bytes] = {}
     for path in options.files:
         files |= files_of(path)
-    read = read_controller_files(files, options.brand, options.as_written)
+    read = read_controller_files(files, options.brand, options.as_written, told)
     print_result(options, _text(read), read.to_json())
     return OK
+
+
+def pairs_of(words: list[str]) -> dict[str, str]:
+    """Return what ``NAME=VALUE`` options say; raises InputError."""
+    from calib_core.errors import InputError
+
+    pairs: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise InputError("NAME=VALUE", f"'{word}'", "Write it as unit=mm.", "--set")
+        pairs[name.strip()] = value
+    return pairs
 
 
 def files_of(path: Path) -> dict[str, bytes]:

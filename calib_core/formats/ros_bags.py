@@ -1,0 +1,61 @@
+"""ROS bags, rosbag 2's SQLite and MCAP: their messages, by the library rosbags."""
+
+import tempfile
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from calib_core.errors import InputError
+
+MCAP, SQLITE = b"\x89MCAP0\r\n", b"SQLite format 3\0"
+_LARGEST_BYTES = 256_000_000
+_MOST_MESSAGES = 1_000_000
+
+
+def is_bag(data: bytes) -> bool:
+    """Return whether data begin like a recording."""
+    return data.startswith((MCAP, SQLITE))
+
+
+def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tuple[str, str, float, Any]]:
+    """Yield topic, type, time of recording in seconds, and message, of the types that are wanted.
+
+    Raises
+    ------
+    InputError
+        If the library is not installed, or the recording is damaged, too large, or has over a million messages.
+    """
+    if len(data) > _LARGEST_BYTES:
+        to_do = "Record the poses' topics alone: ros2 bag record /tf /tf_static."
+        raise InputError("a recording of at most 256 MB", f"{len(data) / 1e6:.0f} MB", to_do, name)
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError:
+        to_do = "Install it: pip install 'scancell[ros]'."
+        raise InputError("the library rosbags", "an installation without it", to_do, name) from None
+    with tempfile.TemporaryDirectory(prefix="scancell-bag-") as folder:
+        file = Path(folder) / ("bag.mcap" if data.startswith(MCAP) else "bag.db3")
+        file.write_bytes(data)
+        try:
+            with AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+                wanted = [connection for connection in reader.connections if connection.msgtype in types]
+                if not wanted:
+                    topics = (
+                        ", ".join(sorted(f"{c.topic} ({c.msgtype})" for c in reader.connections)[:8]) or "none"
+                    )
+                    to_do = f"Record topics of the types {', '.join(sorted(types))}."
+                    raise InputError("a recording with poses or transforms", f"the topics {topics}", to_do, name)
+                for count, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
+                    if count >= _MOST_MESSAGES:
+                        to_do = "Cut the recording: ros2 bag convert."
+                        raise InputError("at most a million messages", "more", to_do, name)
+                    message = reader.deserialize(raw, connection.msgtype)
+                    yield connection.topic, connection.msgtype, time_ns * 1e-9, message
+        except InputError:
+            raise
+        except Exception as error:  # the library's readers raise whatever a damaged byte leads to
+            got = " ".join(str(error).split())[:160] or type(error).__name__
+            raise InputError(
+                "a whole recording", got, "Copy it again; ros2 bag reindex may mend it.", name
+            ) from None

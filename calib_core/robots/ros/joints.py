@@ -1,0 +1,29 @@
+"""The order of an arm's joints in a JointState, which lists them in any order, often by the alphabet."""
+
+import math
+import re
+
+_UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_NUMBERED = re.compile(r"(?:joint|axis|[aj])_?([1-9])(?!\d)[a-z_]*$", re.IGNORECASE)
+
+
+def in_order(names: list[str], positions: list[float]) -> tuple[float, ...]:
+    """Return the arm's angles in degrees, first joint first.
+
+    Raises
+    ------
+    ValueError
+        If the names do not tell the order, with a phrase.
+    """
+    if len(names) != len(positions):
+        raise ValueError(f"{len(names)} names of joints with {len(positions)} positions")
+    known = dict(zip(names, positions, strict=True))
+    by_part = [[n for n in names if n.removesuffix("_joint").endswith(part)] for part in _UR]
+    if all(len(found) == 1 for found in by_part):
+        return tuple(math.degrees(known[found[0]]) for found in by_part)
+    numbered = {
+        int(m[1]): n for n in names if (m := re.search(r"(?:joint|axis|[aj])_?([1-9])(?!\d)[a-z_]*$", n, re.I))
+    }
+    if len(numbered) != len(names) or sorted(numbered) != list(range(1, len(names) + 1)):
+        raise ValueError(f"the names {', '.join(names[:8])} do not tell the order of the joints: none are taken")
+    return tuple(math.degrees(known[numbered[k]]) for k in sorted(numbered))

@@ -1,0 +1,50 @@
+"""Poses of no brand: tables with named columns, and matrices in OpenCV's YAML."""
+
+import re
+from typing import TYPE_CHECKING
+
+from calib_core.robots.brand import Brand
+from calib_core.robots.told import NOTHING_TOLD, Told
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
+
+
+class Table(Brand):
+    """Tables and OpenCV's files."""
+
+    name = "table"
+    title = "Table or OpenCV file"
+    conventions = ()
+    writes_like = "matrix"
+    endings = (".csv", ".tsv", ".txt", ".yaml", ".yml", ".xml")
+    rank = 2000
+    base = frozenset({"0", "base"})
+    flange = frozenset({"0", "tool0"})
+    told: Told = NOTHING_TOLD
+
+    def recognises(self, text: str, name: str) -> bool:
+        """Return whether it is OpenCV's, or a table whose header names the numbers of a pose."""
+        if text.startswith("%YAML:1.0") or "<opencv_storage>" in text[:200]:
+            return True
+        from calib_core.robots.table.columns import roles_of
+
+        head = next((line for line in text.split("\n", 40)[:40] if line.strip() and line.strip()[0] != "#"), "")
+        return "actual_TCP_pose_0" not in head and bool(roles_of(re.split(r"[;\t]|,\s*|\s+", head.strip())))
+
+    def telling(self, told: Told) -> "Table":
+        """Return the brand with what the user says about its files."""
+        chosen = Table()
+        chosen.told = told
+        return chosen
+
+    def find(self, data: bytes, name: str) -> "Found":
+        """Return the poses of a table or of OpenCV's matrices."""
+        if data.lstrip(b"\xef\xbb\xbf").startswith((b"%YAML:1.0", b"<?xml")):
+            from calib_core.robots.table.opencv import find
+        else:
+            from calib_core.robots.table.reader import find
+        return find(data, name, self.told)
+
+
+BRAND = Table()
