@@ -7,10 +7,11 @@ from calib_core.robots.conventions import CONVENTIONS
 
 OTHERS = ("name", "tool", "frame", "table", "-", *(f"j{k}" for k in range(1, 8)))
 _UNIT = re.compile(r"[\s_]*[\[(]?(mm|deg|rad|°|m)[\])]?$", re.IGNORECASE)
-_NAMES = {"name": "name", "id": "name", "file": "name", "capture": "name", "tool": "tool", "frame": "frame"}
-_NAMES |= {"table": "table", "table_deg": "table", "turntable": "table"}
+_NAMES = {
+    "name": "name", "id": "name", "file": "name", "capture": "name", "tool": "tool", "frame": "frame",
+    "table": "table", "table_deg": "table", "turntable": "table", "parent": "parent", "child": "child",
+}  # fmt: skip
 _SAME = {"tx": "x", "ty": "y", "tz": "z", "px": "x", "py": "y", "pz": "z"}
-_NAMES |= {"parent": "parent", "child": "child"}
 _CERTAIN = ("qx", "qy", "qz", "qw")
 
 
