@@ -47,6 +47,7 @@ from server.routes import (
     solves,
     tokens,
     truth,
+    webhooks,
 )
 from server.scenes.cloud_controls import cloud_router
 from server.scenes.controls import controls_router
@@ -59,6 +60,7 @@ from server.settings import Settings
 from server.sources.watched_folder import session_watcher
 from server.store.database import Store
 from server.store.group_commit import GroupCommit
+from server.webhooks.sender import WebhookSender
 
 _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
 
@@ -78,6 +80,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         store = Store(settings, hub.publish)
+        sender = app.state.webhooks = WebhookSender(settings, store)
+        hub.wake_at_events(sender.wake)
         app.state.metrics.watch_store(store, settings.data)
         measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s)
         measuring_queue = MeasuringQueue(store, measuring)
@@ -98,6 +102,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             measuring_queue.start()
             watcher.start()
             housekeeping.start()
+            sender.start()
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield
@@ -108,6 +113,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(watcher.stop)
             await run_in_threadpool(measuring_queue.stop)
             await run_in_threadpool(housekeeping.stop)
+            await run_in_threadpool(sender.stop)
             await run_in_threadpool(group_commit.stop)
             await run_in_threadpool(measuring.stop)
             store.close()
@@ -145,6 +151,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         tokens,
         registries,
         truth,
+        webhooks,
         health,
     ):
         api.include_router(module.router)

@@ -9,6 +9,7 @@ from sqlalchemy import delete, select
 from server.store.answers import forget_old_answers
 from server.store.database import Store
 from server.store.models import EventRow, FileRow, OutputRow, SessionRow
+from server.store.webhooks import forget_old_deliveries
 
 log = logging.getLogger("scancell")
 
@@ -39,6 +40,7 @@ class Housekeeping:
             try:
                 with self._store.write() as db:
                     forget_old_answers(db)
+                    forget_old_deliveries(db)
                 forget_old_events(self._store)
                 remove_orphans(self._store, self._stopping)
             except Exception:  # a full disk, a locked database: next hour is soon enough

@@ -139,6 +139,7 @@ export interface CameraResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -284,6 +285,7 @@ export interface ChainResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -582,6 +584,7 @@ export interface LaserPlaneResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -622,6 +625,17 @@ export interface MadeToken {
   expires: string | null;
   revoked: string | null;
   token: string | null;
+}
+
+export interface MadeWebhook {
+  id: string;
+  url: string;
+  name: string;
+  events: ("capture" | "result" | "verdict" | "job" | "session" | "release")[];
+  cell: string | null;
+  created: string;
+  disabled: string | null;
+  secret: string;
 }
 
 export interface Me {
@@ -677,6 +691,7 @@ export interface MergeResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -742,6 +757,13 @@ export interface NewToken {
   name: string;
   role: "read" | "capture" | "admin";
   days?: number | null;
+}
+
+export interface NewWebhook {
+  url: string;
+  name?: string;
+  events?: ("capture" | "result" | "verdict" | "job" | "session" | "release")[];
+  cell?: string | null;
 }
 
 export interface Note {
@@ -959,6 +981,10 @@ export interface SceneControls {
   layers: LayerShown[];
 }
 
+export interface SentPing {
+  id: string;
+}
+
 export interface Series {
   label?: string;
   x?: number[];
@@ -1090,6 +1116,7 @@ export interface StoredCameraResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1163,6 +1190,7 @@ export interface StoredChainResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1204,6 +1232,7 @@ export interface StoredLaserPlaneResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1229,6 +1258,7 @@ export interface StoredMergeResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1277,6 +1307,7 @@ export interface StoredTcpResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1321,6 +1352,7 @@ export interface StoredTurntableResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1340,6 +1372,7 @@ export interface StoredVerifyResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1407,6 +1440,7 @@ export interface TcpResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1519,6 +1553,7 @@ export interface TurntableResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1579,6 +1614,7 @@ export interface VerifyResult {
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
@@ -1613,4 +1649,36 @@ export interface Watch {
 export interface WatchedFolder {
   folder: string;
   step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+}
+
+export interface Webhook {
+  id: string;
+  url: string;
+  name: string;
+  events: ("capture" | "result" | "verdict" | "job" | "session" | "release")[];
+  cell: string | null;
+  created: string;
+  disabled: string | null;
+}
+
+export interface WebhookDeliveries {
+  items: WebhookDelivery[];
+  next: string | null;
+}
+
+export interface WebhookDelivery {
+  number: number;
+  event: string;
+  payload: Record<string, unknown>;
+  status: "waiting" | "delivered" | "failed";
+  attempts: number;
+  due: string | null;
+  answered: number | null;
+  error: string | null;
+  created: string;
+  finished: string | null;
+}
+
+export interface Webhooks {
+  items: Webhook[];
 }

@@ -19,7 +19,7 @@ from calib_core.archive.session_versions import to_present_format
 from calib_core.archive.stored_results import require_result
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
-from calib_core.formats.shared.writing import require_replaceable
+from calib_core.formats.shared.writing import replacing
 from calib_core.records import Record, Session, Verdict, parse_session
 from calib_core.stages.stage import ReadFile
 
@@ -68,26 +68,11 @@ def pack(folder: Path, out: Path, extra: Mapping[str, Content] | None = None) ->
         If the session cannot be read, a file is missing or outside of the folder, or a name cannot be stored
         everywhere.
     """
-    require_replaceable(out)
     folder = folder_of(folder)
     session, _ = load_session(folder)
     payload = {**_folder_files(folder, out), **(extra or {})}
-    temporary: Path | None = None
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.")
-        temporary = Path(name)
-        with os.fdopen(handle, "w+b") as file:
-            facts = pack_files(session, payload, file, str(folder))
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.chmod(0o644)
-        temporary.replace(out)
-    except OSError as error:
-        raise _no_place(error, out) from None
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+    with replacing(out) as file:
+        facts = pack_files(session, payload, file, str(folder))
     _sync_folder(out.parent)
     return facts
 

@@ -4,17 +4,14 @@ Nothing stored is ever changed in place: a file is written beside its name, flus
 """
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
 from calib_core.archive.session_versions import to_present_format
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
-from calib_core.formats.shared.writing import require_replaceable
+from calib_core.formats.shared.writing import write_atomically
 from calib_core.records import Record, Session, parse_session
 from calib_core.stages.stage import ReadFile
 
@@ -135,34 +132,6 @@ def result_data(result: Record) -> dict[str, Any]:
 def to_json_bytes(data: Any) -> bytes:
     """Return JSON text with its end of line; raises ValueError for NaN and infinities, unknown to JSON."""
     return (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that a failure at any moment leaves the old one, whole.
-
-    Raises
-    ------
-    InputError
-        If the disk is full or the folder cannot be written, or no plain file stands under the name.
-    """
-    require_replaceable(path)
-    temporary = ""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except OSError as error:
-        if temporary:
-            with suppress(OSError):
-                Path(temporary).unlink()
-        got = error.strerror or type(error).__name__
-        to_do = "Make room, or give a folder that may be written."
-        raise InputError("a place to write to", got, to_do, str(path)) from None
 
 
 def _reader(folder: Path) -> ReadFile:

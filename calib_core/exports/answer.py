@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.archive.folder import result_data
+from calib_core.archive.stored_results import require_result
 from calib_core.errors import ConflictError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
@@ -27,7 +28,7 @@ class Answer:
     ----------
     session : Session
     results : mapping
-        All results as JSON data, for exports that tell more.
+        Results as JSON data, for exports that tell more: those of the answer, and of others what is not stale.
     stage : str
         The stage whose tool this is: `chain` or, without a table, `tcp`.
     tool0_from_laser : RigidTransform
@@ -103,10 +104,14 @@ def answer_of(
     date : str, optional
         When it was solved.
 
+    The numbers are in the pose convention that they were solved with, whatever the cell says now.
+
     Raises
     ------
     ConflictError
         If neither `chain` nor `tcp` is solved.
+    InputError
+        If a result is none.
     """
     data = {
         stage: result_data(result) if isinstance(result, Record) else dict(result)
@@ -115,9 +120,11 @@ def answer_of(
     stage = next((name for name in _CHOICE if name in data), None)
     if stage is None:
         raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
-    result = data[stage]
-    table = result if stage == "chain" else data.get("turntable")
-    parts = [stage] if stage == "chain" or table is None else [stage, "turntable"]
+    table_stage = stage if stage == "chain" else "turntable"
+    parts = list(dict.fromkeys(part for part in (stage, table_stage) if part in data))
+    for part in parts:
+        require_result(part, data[part], f"results/{part}.json")
+    result, table = data[stage], data.get(table_stage)
     verdicts = [data[part]["verdict"] for part in parts]
     covariance_name = "turntable_covariance" if stage == "chain" else "covariance"
     table_covariance = None if table is None else np.array(table[covariance_name], dtype=float)[:6, :6]
@@ -125,8 +132,8 @@ def answer_of(
     if table is not None:
         turntable = RigidTransform.from_rounded(table["base_from_turntable"], "base", "turntable")
     return Answer(
-        session=session,
-        results=data,
+        session=_as_solved(session, result),
+        results={name: record for name, record in data.items() if name in parts or name not in stale},
         stage=stage,
         tool0_from_laser=RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser"),
         tool_covariance=np.array(result["covariance"], dtype=float)[:6, :6],
@@ -138,3 +145,11 @@ def answer_of(
         stale=any(part in stale for part in parts),
         warnings=tuple(result.get("warnings", ())),
     )
+
+
+def _as_solved(session: Session, result: Mapping[str, Any]) -> Session:
+    """Return a session with the pose convention that a result was solved with, where it says so."""
+    convention = result.get("pose_convention")
+    if convention is None or convention == session.cell.pose_convention:
+        return session
+    return session.model_copy(update={"cell": session.cell.model_copy(update={"pose_convention": convention})})

@@ -90,8 +90,8 @@ def write_export(
 def frames_json(answer: Answer, settings: Settings) -> str:
     """Return tool and table in every convention, with their uncertainty, as JSON."""
     results = answer.results
-    source = results.get("tcp") or results[answer.stage]
-    frames = tool_frame(answer.session, source) | table_frames(results)
+    frames = tool_frame(answer.session, results[answer.stage]) | table_frames(results)
+    frames |= {"verdict": answer.verdict, "stale": answer.stale}
     if answer.faults:
         frames["not_to_be_used"] = list(answer.faults)
     return json.dumps(frames, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

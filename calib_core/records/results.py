@@ -23,13 +23,14 @@ class Result(Record):
     """What every stage's result has, beside the name of its `stage`.
 
     `warnings` are doubts, one sentence a cause; `notes` say what else is worth knowing; `evidence` is the result
-    told in blocks, as terminal, report and page show it.
+    told in blocks, as terminal, report and page show it.  `pose_convention` is the cell's when it was solved.
     """
 
     method: str
     software: str
     inputs_sha256: str
     verdict: Verdict
+    pose_convention: str | None = None
     warnings: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
     evidence: list[AnyBlock] = Field(default_factory=list[AnyBlock])

@@ -16,8 +16,9 @@ _BLOCKS = TypeAdapter(list[AnyBlock])
 
 
 def with_evidence(session: Session, result: Result) -> Result:
-    """Return a result that tells itself."""
-    return result.model_copy(update={"evidence": made_evidence(session, result)})
+    """Return a result that tells itself, and the pose convention that it was solved with."""
+    convention = session.cell.pose_convention
+    return result.model_copy(update={"pose_convention": convention, "evidence": made_evidence(session, result)})
 
 
 def made_evidence(session: Session, result: Result) -> list[AnyBlock]:

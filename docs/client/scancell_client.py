@@ -351,6 +351,30 @@ class Scancell:
         """Return how far the result of a simulated cell lies from the truth."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/truth/{quote(stage, safe='')}")
 
+    def webhooks_list_all(self) -> Any:
+        """List all webhooks."""
+        return self.request("GET", "/api/v1/webhooks")
+
+    def webhooks_make(self, body: Mapping[str, Any]) -> Any:
+        """Make a webhook; its secret stands in this answer alone."""
+        return self.request("POST", "/api/v1/webhooks", json=body)
+
+    def webhooks_get_webhook(self, webhook_id: str) -> Any:
+        """Return a webhook."""
+        return self.request("GET", f"/api/v1/webhooks/{quote(webhook_id, safe='')}")
+
+    def webhooks_remove(self, webhook_id: str) -> Any:
+        """Remove a webhook; what waits for its receiver is not sent any more."""
+        return self.request("DELETE", f"/api/v1/webhooks/{quote(webhook_id, safe='')}")
+
+    def webhooks_get_deliveries(self, webhook_id: str, *, limit: int | None = None, cursor: str | None = None) -> Any:
+        """List what was sent to a webhook or waits to be, the newest first."""
+        return self.request("GET", f"/api/v1/webhooks/{quote(webhook_id, safe='')}/deliveries", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
+
+    def webhooks_ping(self, webhook_id: str) -> Any:
+        """Send a message of the type `ping`, to try the way to the receiver."""
+        return self.request("POST", f"/api/v1/webhooks/{quote(webhook_id, safe='')}/ping")
+
     def server_health(self) -> Any:
         """Return `ready` once the store answers and the workers are warm, `starting` before, `stopping` at
         the end."""

@@ -143,6 +143,12 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"POST {_API}/tokens",
         f"DELETE {_API}/tokens/{{token_id}}",
         f"GET {_API}/audit",
+        f"GET {_API}/webhooks",
+        f"POST {_API}/webhooks",
+        f"GET {_API}/webhooks/{{webhook_id}}",
+        f"DELETE {_API}/webhooks/{{webhook_id}}",
+        f"GET {_API}/webhooks/{{webhook_id}}/deliveries",
+        f"POST {_API}/webhooks/{{webhook_id}}/ping",
     ),
 }
 

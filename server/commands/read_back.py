@@ -33,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
     if (options.numbers is None) == (options.file is None):
         raise InputError("FILE or --numbers", "both or neither", "Give one of them.", "read-back")
     if options.numbers is not None:
-        convention = options.convention or session.cell.pose_convention
+        convention = options.convention or answer.session.cell.pose_convention
         numbers = _numbers(options.numbers)
     else:
         convention, numbers = _from_file(options)

@@ -14,6 +14,7 @@ from server.jobs.measuring_processes import Measuring
 from server.metrics import Metrics
 from server.settings import Settings
 from server.store.database import Store
+from server.webhooks.sender import WebhookSender
 
 # These are coroutines because FastAPI hands every plain function to another thread first.
 
@@ -50,6 +51,10 @@ async def _measuring_queue(request: Request) -> MeasuringQueue:
     return request.app.state.measuring_queue
 
 
+async def _webhooks(request: Request) -> WebhookSender:
+    return request.app.state.webhooks
+
+
 async def _intake(request: Request) -> Intake:
     return request.app.state.intake
 
@@ -62,6 +67,7 @@ MeasuringDep = Annotated[Measuring, Depends(_measuring)]
 MetricsDep = Annotated[Metrics, Depends(_metrics)]
 UploadMemoryDep = Annotated[UploadMemory, Depends(_upload_memory)]
 MeasuringQueueDep = Annotated[MeasuringQueue, Depends(_measuring_queue)]
+WebhooksDep = Annotated[WebhookSender, Depends(_webhooks)]
 IntakeDep = Annotated[Intake, Depends(_intake)]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64, examples=["4c1f0a92e6b37d58"])]

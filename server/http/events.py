@@ -28,6 +28,7 @@ class Hub:
 
     def __init__(self) -> None:
         self._listeners: dict[str, set[Listener]] = {}
+        self._at_events: list[Callable[[], None]] = []
         self._at_close: set[Callable[[], None]] = set()
         self._lock = threading.Lock()
         self.closed = False
@@ -50,8 +51,14 @@ class Hub:
 
         return unsubscribe
 
+    def wake_at_events(self, wake: Callable[[], None]) -> None:
+        """Call `wake`, which must return at once, after every event of any session."""
+        self._at_events.append(wake)
+
     def publish(self, event: EventRow) -> None:
         """Tell the session's listeners."""
+        for wake in self._at_events:
+            wake()
         with self._lock:
             listeners = list(self._listeners.get(event.session_id, ()))
         for listener in listeners:

@@ -1,8 +1,12 @@
-"""HTTP/1.1 as uvicorn reads it with httptools, which gathers heads without end: here they have one."""
+"""HTTP/1.1 as uvicorn reads it with httptools: heads have an end, and refusals are problem details."""
 
+import json
 from typing import Any
 
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.http.flow_control import service_unavailable
+from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
+
+from server.http.errors import PROBLEM_JSON, problem_of_status, problem_response
 
 MOST_HEAD_BYTES = 64 * 1024
 
@@ -20,6 +24,21 @@ class LimitedHttp(HttpToolsProtocol):
         super().data_received(data)
         if self._since_body > MOST_HEAD_BYTES and not self.transport.is_closing():
             self.send_400_response("Request head too large.")
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what no route ever sees, and hang up."""
+        body = json.dumps(problem_of_status(400, msg.rstrip(".").lower())).encode()
+        head = STATUS_LINE[400] + (
+            f"content-type: {PROBLEM_JSON}\r\ncontent-length: {len(body)}\r\n"
+            "cache-control: no-store\r\nx-content-type-options: nosniff\r\nconnection: close\r\n\r\n"
+        ).encode("ascii")
+        self.transport.write(head + body)
+        self.transport.close()
+
+    def _start_asgi_task(self, cycle: Any, app: Any) -> None:
+        if app is service_unavailable:
+            app = problem_response(problem_of_status(503, "more connections at once than this server holds"))
+        super()._start_asgi_task(cycle, app)
 
     def on_headers_complete(self) -> None:
         """Begin to serve a request, whose head may have come with its body."""

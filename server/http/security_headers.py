@@ -52,11 +52,12 @@ class SecurityHeaders:
 
     def _check(self, scope: Scope) -> None:
         headers = Headers(scope=scope)
-        host = headers.get("host", "")
-        if not self._is_own(host):
+        hosts = headers.getlist("host")
+        host = ", ".join(hosts)
+        if len(hosts) != 1 or not self._is_own(host):
             raise ForbiddenError(
-                "a name of this server in the Host header",
-                repr(host),
+                "one Host header with a name of this server",
+                repr(host[:200]),
                 "Open it by the address that it printed at its start, or add the name to SCANCELL_ALLOWED_HOSTS.",
             )
         if not is_safe(scope):

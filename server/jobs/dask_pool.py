@@ -22,6 +22,8 @@ from server.settings import Settings
 log = logging.getLogger("scancell")
 _CONNECT_S = 10.0
 _RESTART_S = 30.0
+_LEAVING_S = 5.0
+"""How long the pool's end waits until nannies have heard which workers to end; it does not wait for new ones."""
 
 
 class DaskPool(Pool):
@@ -67,7 +69,7 @@ class DaskPool(Pool):
     def close(self) -> None:
         """Leave the cluster; it goes on without."""
         for restart in self._restarts:
-            restart.join(timeout=_RESTART_S)
+            restart.join(timeout=_LEAVING_S)
         self._told.put(None)
         self._client.close(timeout=5)
 
@@ -80,7 +82,15 @@ class DaskPool(Pool):
 
     def _restart(self, place: str) -> None:
         try:
-            self._client.restart_workers([place], timeout=_RESTART_S, raise_for_error=False)
+            # Not the client's own method: it waits until the new worker is there.
+            self._client.sync(
+                self._client.scheduler.restart_workers,
+                workers=[place],
+                timeout=_RESTART_S,
+                wait_for_workers=False,
+                on_error="return",
+                stimulus_id=f"scancell-{token_hex(4)}",
+            )
         except Exception:  # it has gone by itself, or has no nanny
             log.exception("worker %s could not be restarted", place)
 

@@ -15,8 +15,9 @@ from typing import Any, Final
 import sqlalchemy as sa
 
 from calib_core import __version__
-from calib_core.archive.folder import parse_json, to_json_bytes, write_atomically
+from calib_core.archive.folder import parse_json, to_json_bytes
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
+from calib_core.formats.shared.writing import write_atomically
 from server.auth.secrets import copy_key
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs

@@ -13,6 +13,7 @@ from server.store.blob_places import open_blobs
 from server.store.engine import engine_of, reading
 from server.store.models import EventRow, SessionRow, now
 from server.store.schema import upgrade
+from server.store.webhooks import tell_event
 
 Publish = Callable[[EventRow], None]
 _EVENTS = "events"
@@ -80,5 +81,6 @@ def record_event(db: Session, session: SessionRow, kind: str, data: dict[str, An
 
 
 def publish_later(db: Session, event: EventRow) -> None:
-    """Have listeners told of an event once the transaction that stores it is on the disk."""
+    """Have listeners and webhooks told of an event once the transaction that stores it is on the disk."""
     db.info.setdefault(_EVENTS, []).append(event)
+    tell_event(db, event)

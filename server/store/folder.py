@@ -1,6 +1,8 @@
 """The data folder: made where it is missing, and one server's alone."""
 
+import errno
 import os
+import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -44,11 +46,16 @@ def folder_lock(folder: Path) -> Generator[None]:
 
 def _locked(handle: int) -> bool:
     try:
-        import fcntl
-    except ImportError:  # no such locks on Windows, where the database's own keep the worst from happening
-        return True
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # the file's first byte, also where it is empty
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in (errno.EACCES, errno.EAGAIN, errno.EDEADLK):
+            raise
         return False
     return True

@@ -7,13 +7,14 @@ from calib_core.errors import ConflictError, NotFoundError
 from calib_core.review.answer import cell_id
 from server.store.models import Data, ReleaseRow, SessionRow, now
 from server.store.sessions import empty_session
+from server.store.webhooks import tell
 
 
 def list_cells(db: Transaction) -> list[Data]:
     """Return all cells by id: how many sessions each has, the newest of them, and what is released."""
     cells: dict[str, Data] = {}
     for row in db.scalars(select(SessionRow).order_by(SessionRow.created)):
-        cell = cells.setdefault(_cell_of(row), {"sessions": 0})
+        cell = cells.setdefault(cell_of(row), {"sessions": 0})
         cell.update(sessions=cell["sessions"] + 1, newest_session=row.id, newest_created=row.created)
     latest = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
     for release in db.scalars(select(ReleaseRow).where(ReleaseRow.number.in_(latest))):
@@ -25,7 +26,7 @@ def list_cells(db: Transaction) -> list[Data]:
 def cell_history(db: Transaction, cell: str) -> Data:
     """Return a cell's sessions and releases, the newest first; raises NotFoundError."""
     rows = db.scalars(select(SessionRow).order_by(SessionRow.created.desc()))
-    sessions = [{"id": row.id, "name": row.name, "created": row.created} for row in rows if _cell_of(row) == cell]
+    sessions = [{"id": row.id, "name": row.name, "created": row.created} for row in rows if cell_of(row) == cell]
     releases = [release_data(row) for row in _releases(db, cell)]
     if not sessions and not releases:
         raise NotFoundError("the id of a cell", repr(cell[:80]), "List the cells.", "cell")
@@ -83,6 +84,7 @@ def _add(db: Transaction, cell: str, session_id: str, action: str, answer: Data,
     )
     db.add(row)
     db.flush()
+    tell(db, "release", session_id, release_data(row), cell)
     return row
 
 
@@ -91,5 +93,6 @@ def _releases(db: Transaction, cell: str, limit: int | None = None) -> list[Rele
     return list(db.scalars(query.limit(limit)))
 
 
-def _cell_of(row: SessionRow) -> str:
+def cell_of(row: SessionRow) -> str:
+    """Return the id of the cell that a session is of."""
     return cell_id(empty_session(row.record, row.id))

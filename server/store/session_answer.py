@@ -34,7 +34,7 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     session = stored.session
     if answer.stale and row.solved_from is not None:
         then = parse_session(row.solved_from["session"], stored.id)
-        session = session.model_copy(update={"cell": then.cell})
+        session = session.model_copy(update={"cell": then.cell, "captures": then.captures})
     return answer_of(session, stored.results, stale, row.created)
 
 

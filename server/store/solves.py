@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from sqlalchemy import select, tuple_
+from sqlalchemy import bindparam, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
@@ -10,7 +10,14 @@ from server.store.database import record_event
 from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, now
 from server.store.paging import Page, after_cursor, page_of
 from server.store.sessions import Output, locked_session, new_id
+from server.store.webhooks import tell
 
+_LATEST_VERDICT = (
+    select(ResultRow.verdict)
+    .where(ResultRow.session_id == bindparam("session_id"), ResultRow.stage == bindparam("stage"))
+    .order_by(ResultRow.number.desc())
+    .limit(1)
+)
 ENDED = ("done", "failed", "cancelled")
 ALL = "all"
 """The same: a job that solves the session's stages one after the other, each by a job of its own."""
@@ -143,6 +150,7 @@ def store_result(
 
     The files that the stage made before give way to `outputs`; returns their digests.
     """
+    before = db.scalars(_LATEST_VERDICT, {"session_id": session.id, "stage": stage}).first()
     db.add(
         ResultRow(
             session_id=session.id,
@@ -157,6 +165,14 @@ def store_result(
     for name, made in (outputs or {}).items():
         db.add(OutputRow(session_id=session.id, name=name, stage=stage, sha256=made.sha256, size=made.size))
     record_event(db, session, "result", {"stage": stage})
+    if record["verdict"] != before:
+        data = {
+            "stage": stage,
+            "verdict": record["verdict"],
+            "before": before,
+            "warnings": record.get("warnings", []),
+        }
+        tell(db, "verdict", session.id, data)
     return former
 
 

@@ -168,7 +168,7 @@ def test_a_failure_in_the_middle_leaves_nothing(archive, tmp_path, monkeypatch):
         fsync(handle)
 
     monkeypatch.setattr("os.fsync", failing)
-    with pytest.raises(InputError, match="no space left"):
+    with pytest.raises(InputError, match="No space left"):
         unpack(archive, tmp_path / "new" / "deep" / "out")
     assert [p.name for p in tmp_path.iterdir()] == ["cell.zip"]
 
@@ -178,7 +178,7 @@ def test_a_failed_pack_keeps_the_older_archive(solved_folder, archive, packed, m
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(InputError, match="no space left"):
+    with pytest.raises(InputError, match="No space left"):
         pack(solved_folder, archive)
     assert archive.read_bytes() == packed
     assert [p.name for p in archive.parent.iterdir()] == ["cell.zip"]

@@ -10,10 +10,10 @@ from calib_core.archive.folder import (
     result_data,
     save_session,
     to_json_bytes,
-    write_atomically,
     write_result,
 )
 from calib_core.errors import ConflictError, InputError
+from calib_core.formats.shared.writing import write_atomically
 from calib_core.records import Record, Session, parse_session
 
 RECORD = {

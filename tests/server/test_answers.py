@@ -117,6 +117,43 @@ def test_a_failed_answer_is_refused_unless_allowed(start: Callable[..., Any], tm
         assert given.json()["not_to_be_used"] == ["fail"]
 
 
+def test_a_stored_result_that_is_none_is_refused_in_words(
+    client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = unpacked(client, solved, tmp_path)
+    file = folder / "results" / "tcp.json"
+    whole = json.loads(file.read_text())
+    assert whole["pose_convention"] == "abb"
+    for lacking in ("verdict", "covariance", "tool0_from_laser"):
+        file.write_text(json.dumps({name: value for name, value in whole.items() if name != lacking}))
+        for command in (["export", str(folder), "--format", "json"], ["answer", str(folder)]):
+            assert main(command) == 2
+            assert lacking in capsys.readouterr().err
+
+
+def test_numbers_of_a_folder_stay_in_the_convention_that_they_were_solved_with(
+    client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = unpacked(client, solved, tmp_path)
+    record = json.loads((folder / "session.json").read_text())
+    record["cell"]["pose_convention"] = "quaternion-wxyz"
+    (folder / "session.json").write_text(json.dumps(record))
+    capsys.readouterr()
+    assert main(["answer", str(folder), "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["pose_convention"], answer["stale"]) == ("abb", True)
+    assert main(["export", str(folder), "--format", "json", "--allow", "stale"]) == 0
+    exported = json.loads(capsys.readouterr().out)
+    assert (exported["pose_convention"], exported["stale"]) == ("abb", True)
+
+
+def unpacked(client: httpx.Client, session: str, folder: Path) -> Path:
+    archive = client.get(f"/sessions/{session}/archive", params={"scene": False}).content
+    (folder / "cell.zip").write_bytes(archive)
+    assert main(["archive", "unpack", str(folder / "cell.zip"), "--out", str(folder / "cell")]) == 0
+    return folder / "cell" / "data"
+
+
 def test_the_command_prints_the_same_answer_as_the_server(
     client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -103,3 +103,16 @@ def test_settings_from_the_environment_are_checked(tmp_path: Path, monkeypatch: 
 def test_beyond_this_machine_a_login_is_required(tmp_path: Path, host: str, required: bool) -> None:
     assert Settings(host=host, data=tmp_path).login_required is required
     assert Settings(host=host, data=tmp_path, require_login=True).login_required
+
+
+def test_a_second_host_is_refused(client: httpx.Client) -> None:
+    own = client.base_url.netloc
+    for hosts in ((own, own), (own, b"evil.example"), (b"evil.example", own)):
+        with socket.create_connection(
+            (client.base_url.host, client.base_url.port or 80), timeout=20
+        ) as connection:
+            lines = b"".join(b"Host: " + host + b"\r\n" for host in hosts)
+            connection.sendall(b"GET /api/v1/me HTTP/1.1\r\n" + lines + b"Connection: close\r\n\r\n")
+            answer = b"".join(iter(lambda c=connection: c.recv(65536), b""))
+        assert answer.startswith(b"HTTP/1.1 403"), answer
+        assert b"one Host header" in answer

@@ -90,10 +90,27 @@ def test_what_is_no_body_has_an_end(client: httpx.Client, what: str) -> None:
 def test_a_long_head_is_refused_also_where_it_comes_at_once(client: httpx.Client) -> None:
     with connected(client) as connection:
         connection.sendall(HEAD + b"X-Long: " + b"a" * 66_000 + b"\r\n\r\n")
-        assert connection.recv(65536).startswith(b"HTTP/1.1 400")
+        assert_refused_as_problem(connection)
     with connected(client) as connection:
         connection.sendall(HEAD + b"X-Long: " + b"a" * 60_000 + b"\r\n\r\n")
         assert connection.recv(65536).startswith(b"HTTP/1.1 200")
+
+
+@pytest.mark.parametrize(
+    "sent", [b"\x16\x03\x01\x02\x00\x01", b"GET / HTTP/1.1\r\nA\x00: b\r\n\r\n", b"BREW / HTTP/9\r\n\r\n"]
+)
+def test_what_is_no_http_is_refused_as_a_problem(client: httpx.Client, sent: bytes) -> None:
+    with connected(client) as connection:
+        connection.sendall(sent)
+        assert_refused_as_problem(connection)
+
+
+def assert_refused_as_problem(connection: Any) -> None:
+    answer = b"".join(iter(lambda: connection.recv(65536), b""))
+    head, _, body = answer.partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 400"), answer
+    assert b"application/problem+json" in head
+    assert json.loads(body)["detail"].endswith(json.loads(body)["to_do"])
 
 
 def test_a_body_in_small_chunks_may_be_long(client: httpx.Client) -> None:

@@ -133,9 +133,23 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
     send("GET", f"{api}/audit", params={"limit": 2})
     recorder.examples["access_log_in"] = {"answer": recorder.examples["access_me"]["answer"]}
     client.delete(f"/tokens/{token['id']}")
+    webhook_examples(recorder)
     send("GET", f"{api}/health")
     send("GET", "/health")
     return recorder.examples
+
+
+def webhook_examples(recorder: Recorder) -> None:
+    """Record a webhook from its making to its end."""
+    of_one = "/api/v1/webhooks/{webhook_id}"
+    body = {"url": "https://plc.example/scancell", "events": ["result", "verdict"], "name": "PLC of cell 4"}
+    names = {"webhook_id": recorder.send("POST", "/api/v1/webhooks", body)["id"]}
+    recorder.examples["webhooks_make"]["answer"]["secret"] = "whsec_…"
+    recorder.send("GET", "/api/v1/webhooks")
+    recorder.send("GET", of_one, names=names)
+    recorder.send("POST", f"{of_one}/ping", names=names)
+    recorder.send("GET", f"{of_one}/deliveries", names=names)
+    recorder.send("DELETE", of_one, names=names)
 
 
 def _uploads(recorder: Recorder, names: dict[str, Any]) -> None:

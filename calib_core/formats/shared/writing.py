@@ -1,11 +1,12 @@
-"""Pieces of bytes into a file that appears whole or not at all; tables and triangles as writers take them."""
+"""Files that appear whole or not at all; tables and triangles as writers take them."""
 
 import errno
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,8 @@ SingleArray = NDArray[np.float32]
 XYZ = ("x", "y", "z")
 BLOCK = 50_000
 _LARGE = 1 << 20
+_NAME_KEPT = 100
+"""Of a name in that of the temporary file: a name may be as long as the file system allows."""
 
 
 def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
@@ -30,31 +33,56 @@ def write_pieces(path: Path, pieces: Iterable[bytes | memoryview]) -> int:
         If the disk is full or the folder cannot be written, or no plain file stands under the name; nothing is
         left behind.
     """
+    size = 0
+    with replacing(path, durable=False) as file:
+        for step in _in_large_steps(pieces):
+            length = sum(len(piece) for piece in step)
+            if size or length >= _LARGE:
+                _reserve(file.fileno(), size, length)
+            for piece in step:
+                size += _write_all(file.fileno(), piece)
+    return size
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file so that a failure, a power cut too, leaves the old one whole; raises InputError."""
+    with replacing(path) as file:
+        file.write(content)
+
+
+@contextmanager
+def replacing(path: Path, durable: bool = True) -> Generator[IO[bytes]]:
+    """Give a new file that takes the place of what stands under a name once all of it was written.
+
+    `durable` waits until the disk has it, so that a power cut leaves either all of it or what was there before.
+
+    Raises
+    ------
+    InputError
+        If the disk is full or the folder cannot be written, or no plain file stands under the name; nothing is
+        left behind.
+    """
     require_replaceable(path)
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:_NAME_KEPT]}.")
         temporary = Path(name)
-        size = 0
-        with os.fdopen(handle, "wb", buffering=0) as file:
-            for step in _in_large_steps(pieces):
-                length = sum(len(piece) for piece in step)
-                if size or length >= _LARGE:
-                    _reserve(file.fileno(), size, length)
-                for piece in step:
-                    size += _write_all(file.fileno(), piece)
+        with os.fdopen(handle, "w+b") as file:
+            yield file
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
         temporary.chmod(0o644)
         temporary.replace(path)
     except OSError as error:
         _remove(temporary)
         got = error.strerror or type(error).__name__
-        to_do = "Make room, or give a folder that may be written."
+        to_do = "Make room, or name a folder that may be written."
         raise InputError("a place to write to", got, to_do, str(path)) from None
     except BaseException:
         _remove(temporary)
         raise
-    return size
 
 
 def require_replaceable(path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Webhooks: what happens here, told to other programs as signed POSTs that are repeated until they are taken."""

@@ -1,0 +1,90 @@
+"""What delivers webhooks: a thread that sends what is due, to each receiver in order."""
+
+import json
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import groupby
+from typing import Final
+
+import httpx
+
+from calib_core import __version__
+from server.auth.secrets import load_key
+from server.settings import Settings
+from server.store.database import Store
+from server.store.webhooks import Delivery, due_deliveries, note_attempt
+from server.webhooks.signing import secret_of, signed_headers
+
+log = logging.getLogger("scancell")
+
+_TIMEOUT_S: Final = httpx.Timeout(10.0, connect=5.0)
+_LOOK_S: Final = 5.0
+_PAUSE_S: Final = 0.2  # events come by the hundred a second
+_AT_ONCE: Final = 8  # webhooks whose receivers are spoken to at the same time
+_HEADERS: Final = {"Content-Type": "application/json", "User-Agent": f"scancell/{__version__}"}
+
+
+class WebhookSender:
+    """Sends what a transaction left to be delivered; what a killed server left, the next one sends."""
+
+    def __init__(self, settings: Settings, store: Store) -> None:
+        self._settings, self._store = settings, store
+        self._woken, self._stopping = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._work, name="webhooks", daemon=True)
+
+    def start(self) -> None:
+        """Begin with what is due."""
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Look at once."""
+        self._woken.set()
+
+    def stop(self) -> None:
+        """End after the requests that are under way; the rest waits for the next start."""
+        self._stopping.set()
+        self._woken.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _work(self) -> None:
+        with (
+            httpx.Client(timeout=_TIMEOUT_S, follow_redirects=False, headers=_HEADERS, trust_env=False) as client,
+            ThreadPoolExecutor(_AT_ONCE, "webhook") as threads,
+        ):
+            while not self._stopping.is_set():
+                self._woken.clear()
+                try:
+                    with self._store.read() as db:
+                        due = due_deliveries(db)
+                    by_webhook = [list(group) for _, group in groupby(due, key=lambda one: one.webhook_id)]
+                    list(threads.map(lambda group: self._deliver(client, group), by_webhook))
+                except Exception:  # a locked database, a full disk: it stays due
+                    log.exception("webhooks could not be served")
+                    due = []
+                if not due and not self._stopping.wait(_PAUSE_S):
+                    self._woken.wait(_LOOK_S)
+
+    def _deliver(self, client: httpx.Client, deliveries: Sequence[Delivery]) -> None:
+        """Send a webhook's deliveries until one fails: the others wait with it and stay in their order."""
+        for delivery in deliveries:
+            if self._stopping.is_set():
+                return
+            answered, error = self._send(client, delivery)
+            with self._store.write() as db:
+                if not note_attempt(db, delivery, answered, error):
+                    return
+
+    def _send(self, client: httpx.Client, delivery: Delivery) -> tuple[int | None, str | None]:
+        """Return the status that the receiver answered with, or in words why there was none."""
+        body = json.dumps(delivery.payload, ensure_ascii=False).encode()
+        secret = secret_of(load_key(self._settings.data), delivery.webhook_id)
+        try:
+            headers = signed_headers(secret, delivery.payload["id"], int(time.time()), body)
+            with client.stream("POST", delivery.url, content=body, headers=headers) as answer:
+                return answer.status_code, None  # what it says beside its status is of no use here
+        except (httpx.HTTPError, httpx.InvalidURL, OSError, ValueError) as error:
+            return None, str(error)[:300] or type(error).__name__
