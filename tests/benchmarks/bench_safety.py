@@ -70,7 +70,7 @@ def trials() -> Iterator[Trial]:
 def role_that_should_do(method: str, path: str) -> str:
     """Return the least role of a route by the rule that people know, not by the server's own table.
 
-    Who looks needs `read`, who changes something `capture`. Tokens, the log, removing a session, and
+    Who looks needs `read`, who changes something `capture`. Tokens, the log, webhooks, removing a session, and
     which answer of a cell is in force are the admin's; the login page, its files and the signs of life are
     anybody's.
     """
@@ -78,6 +78,7 @@ def role_that_should_do(method: str, path: str) -> str:
         return "nobody"
     if (
         "/tokens" in path
+        or "/webhooks" in path
         or path.endswith(("/audit", "/release", "/rollback"))
         or (method, path) == ("DELETE", "/api/v1/sessions/{session_id}")
     ):
