@@ -81,10 +81,11 @@ class DaskPool(Pool):
             listen(message)
 
     def _restart(self, place: str) -> None:
+        scheduler: Any = self._client.scheduler
         try:
             # Not the client's own method: it waits until the new worker is there.
             self._client.sync(
-                self._client.scheduler.restart_workers,
+                scheduler.restart_workers,
                 workers=[place],
                 timeout=_RESTART_S,
                 wait_for_workers=False,

@@ -146,8 +146,9 @@ def tell_event(db: Session, event: EventRow) -> None:
 def send(db: Session, webhook_id: str, kind: str, session_id: str | None, data: Data) -> str:
     """Leave a delivery to one webhook; returns the message's id."""
     moment = now()
-    payload = {
-        "id": f"msg_{token_hex(12)}",
+    message = f"msg_{token_hex(12)}"
+    payload: Data = {
+        "id": message,
         "type": kind,
         "timestamp": moment,
         "session": session_id,
@@ -155,7 +156,7 @@ def send(db: Session, webhook_id: str, kind: str, session_id: str | None, data: 
     }
     values = {"webhook_id": webhook_id, "event": kind, "payload": payload, "due": moment, "created": moment}
     db.connection().execute(insert(DeliveryRow).values(**values))
-    return payload["id"]
+    return message
 
 
 def due_deliveries(db: Session) -> list[Delivery]:

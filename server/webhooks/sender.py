@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import groupby
 from typing import Final
 
@@ -61,7 +62,7 @@ class WebhookSender:
                     with self._store.read() as db:
                         due = due_deliveries(db)
                     by_webhook = [list(group) for _, group in groupby(due, key=lambda one: one.webhook_id)]
-                    list(threads.map(lambda group: self._deliver(client, group), by_webhook))
+                    list(threads.map(partial(self._deliver, client), by_webhook))
                 except Exception:  # a locked database, a full disk: it stays due
                     log.exception("webhooks could not be served")
                     due = []
