@@ -27,16 +27,38 @@ def alike_factor(rotations: FloatArray, translations: FloatArray, reach: float =
     reach : float
         A factor on `REACH_MM` and `REACH_RAD`.
     """
+    return alike_factors((rotations, translations), None, reach)[0]
+
+
+Poses = tuple[FloatArray, FloatArray]
+"""Rotations (K, 3, 3) and translations (K, 3), mm, of base_from_tool0."""
+
+
+def alike_factors(poses: Poses, others: Poses | None, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Return the factor of some poses, and beside it the rows (N, m) of others that are added one at a time.
+
+    An added pose's error is the row times what the columns stand for, and a rest of its own: 1 − |row|².
+    """
     from calib_core.kernels.chain import pivoted_factor
 
-    count = len(rotations)
-    # The distance of two rotation matrices as vectors is √2 · 2 sin(angle / 2).
-    turned = rotations.reshape(count, 9) / (np.sqrt(2) * REACH_RAD * reach)
-    features = np.ascontiguousarray(np.hstack([turned, translations / (REACH_MM * reach)]))
+    features = _features(poses, reach)
+    count = len(features)
     most = min(count, MOST_COLUMNS)
-    factor = np.zeros((count, most))
-    columns = pivoted_factor(features, np.zeros(most, dtype=np.int64), most, _NEGLIGIBLE, factor)
-    return factor[:, :columns]
+    factor, pivots = np.zeros((count, most)), np.zeros(most, dtype=np.int64)
+    columns = pivoted_factor(features, pivots, most, _NEGLIGIBLE, factor) if count else 0
+    factor, pivots = factor[:, :columns], pivots[:columns]
+    if others is None or columns == 0:
+        return factor, np.zeros((0 if others is None else len(others[0]), columns))
+    apart = _features(others, reach)[:, None] - features[pivots]
+    correlation = np.exp(-0.5 * np.sum(apart**2, axis=2))
+    return factor, np.linalg.solve(factor[pivots], correlation.T).T
+
+
+def _features(poses: Poses, reach: float) -> FloatArray:
+    rotations, translations = poses
+    # The distance of two rotation matrices as vectors is √2 · 2 sin(angle / 2).
+    turned = rotations.reshape(-1, 9) / (np.sqrt(2) * REACH_RAD * reach)
+    return np.ascontiguousarray(np.hstack([turned, translations / (REACH_MM * reach)]))
 
 
 def visits(rotations: FloatArray, translations: FloatArray) -> FloatArray:

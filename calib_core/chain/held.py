@@ -74,16 +74,23 @@ class Held:
 
         The scanner's own errors count together with what they did to the tool: they largely cancel.
         """
-        rotation = self.state.tool_rotation
-        x, _, z = point_in_laser_mm
-        moves = np.zeros((3, len(NAMES)))
-        moves[0, 1], moves[2, 2], moves[0, 3], moves[2, 4] = x, z, z, x**2 / half_width_mm
-        moves[2, 5:] = self.facing * incidence_shapes(np.ones(1))[0]  # a surface that the light meets straight on
+        rows = point_rows(self.state.tool_rotation, point_in_laser_mm, half_width_mm, self.facing)
         # An answer whose points are corrected errs by what is unknown of the correction, one whose points are not
         # by the whole error: the same covariance, about another mean.
-        jacobian = np.hstack([-rotation @ skew(point_in_laser_mm), np.eye(3), (rotation @ moves)[:, self.active]])
+        jacobian = rows[:, np.concatenate([np.arange(6), 6 + self.active])]
         some = self.tool_and_scanner
         return jacobian @ self.covariance[np.ix_(some, some)] @ jacobian.T
+
+
+def point_rows(
+    rotation: FloatArray, point_in_laser_mm: FloatArray, half_width_mm: float, facing: int
+) -> FloatArray:
+    """Return how a measured point moves along the flange's axes with the tool (6) and every nuisance, (3, 14)."""
+    x, _, z = point_in_laser_mm
+    moves = np.zeros((3, len(NAMES)))
+    moves[0, 1], moves[2, 2], moves[0, 3], moves[2, 4] = x, z, z, x**2 / half_width_mm
+    moves[2, 5:] = facing * incidence_shapes(np.ones(1))[0]  # a surface that the light meets straight on
+    return np.hstack([-rotation @ skew(point_in_laser_mm), np.eye(3), rotation @ moves])
 
 
 def hold_files(judged: Judged, apply: bool) -> Held:

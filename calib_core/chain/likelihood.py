@@ -287,17 +287,33 @@ def noise_about(
     data: ChainData, centers_in_laser: FloatArray, state: ChainState, sigmas: Sigmas, levers: FloatArray | None
 ) -> Noise:
     """Return the same for given centres (K, 3) and levers of the table's angle (K, 3)."""
+    factor = np.empty((data.count, 0))
+    if sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0:
+        factor = alike_factor(data.rotations, data.translations, sigmas.reach)
+    middle = data.translations.mean(axis=0)
+    return noise_by(data, centers_in_laser, state, sigmas, levers, factor, middle)
+
+
+def noise_by(
+    data: ChainData,
+    centers_in_laser: FloatArray,
+    state: ChainState,
+    sigmas: Sigmas,
+    levers: FloatArray | None,
+    factor: FloatArray,
+    middle: FloatArray,
+) -> Noise:
+    """Return the same for a factor (K, m) of the alike part and the middle (3,) of the arm's places."""
     tool = state.tool_in_laser
     spread = pose_spread(centers_in_laser, tool, sigmas, levers) * data.pose_scale[:, None, None]
     laser_from_base = state.tool_rotation.T @ np.swapaxes(data.rotations, 1, 2)
     shared = [np.empty((data.count, 3, 0))]
     if data.arm_scale_sigma > 0:
-        from_middle = data.translations - data.translations.mean(axis=0)
+        from_middle = data.translations - middle
         shared.append(laser_from_base @ from_middle[:, :, None] * data.arm_scale_sigma)
     if data.drift_sigma_mm > 0:
         shared.append(laser_from_base * (data.order * data.drift_sigma_mm)[:, None, None])
     if sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0:
-        factor = alike_factor(data.rotations, data.translations, sigmas.reach)
         left = np.maximum(1 - np.sum(factor**2, axis=1), 0.0)
         alike = Sigmas(sigmas.alike_position_mm, sigmas.alike_orientation_rad)
         spread = spread + left[:, None, None] * pose_spread(centers_in_laser, tool, alike)

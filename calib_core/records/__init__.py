@@ -29,6 +29,8 @@ from calib_core.records.guidance import (
     GuideStatus,
     GuideStep,
     Measured,
+    Meter,
+    MeterPoint,
     Still,
 )
 from calib_core.records.parsing import (
@@ -82,6 +84,8 @@ __all__ = [
     "Matrix4",
     "Measured",
     "MergeSettings",
+    "Meter",
+    "MeterPoint",
     "NotNegative",
     "PoseConvention",
     "Positive",

@@ -78,11 +78,36 @@ class GuideStep(Record):
     note: str | None = None
 
 
+class MeterPoint(Record):
+    """How well the workpiece was known after a capture, ± mm (k = 2); null where a direction was still open."""
+
+    capture: str
+    uncertainty_mm: float | None
+
+
+class Meter(Record):
+    """How well a point of the workpiece is known by now, and how well it should be; every ± is k = 2, in mm.
+
+    `uncertainty_mm` is null where a direction is still open; `after_next_mm` is what the proposed pose will leave;
+    `still_needed` how many more captures, each the best next one, reach `wanted_mm`: null where more than a dozen
+    would not. `history` has one point a capture, in their order.
+    """
+
+    uncertainty_mm: float | None
+    wanted_mm: float | None = None
+    after_next_mm: float | None = None
+    still_needed: int | None = None
+    enough: bool = False
+    stated: bool = False
+    history: list[MeterPoint] = Field(default_factory=list[MeterPoint])
+
+
 class GuideNow(Record):
     """The one thing to do now.
 
     `drawing` names the picture beside it.  `suggested_pose` is base_from_tool0 of a capture that would help, and
-    `suggested_pose_numbers` the same as the controller writes it.
+    `suggested_pose_numbers` the same as the controller writes it. `meter` tells what the captures are worth at the
+    workpiece; its `stated` says that this is a result's own figure and not a prediction.
     """
 
     step: str
@@ -97,6 +122,7 @@ class GuideNow(Record):
     suggested_pose: Matrix4 | None = None
     suggested_pose_numbers: list[float] | None = None
     suggested_note: str | None = None
+    meter: Meter | None = None
 
 
 class GuideLast(Record):

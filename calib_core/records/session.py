@@ -19,6 +19,7 @@ from calib_core.records.base import (
     Vector3,
     mismatch,
 )
+from calib_core.records.planning import FieldOfView, Limits, Nominal
 
 SphereClass = Literal["certified", "bearing", "coated", "turned"]
 """Of a sphere: with a certificate, a bearing ball, coated so that it is matt (assumed), turned or printed."""
@@ -29,12 +30,16 @@ class Scanner(Record):
 
     `errors`: what becomes of a scale, shear or bow that is found with the tool: `cover` (left out) solves the tool
     for the files as they are, `apply` solves it for points from which the errors are taken out.
+
+    `field_of_view` and `pitch_mm` (between points along the stripe) are for planning alone.
     """
 
     kind: Kind | None = None
     point_sigma_mm: Positive | None = None
     z_axis: Literal["away", "toward"] | None = None
     errors: Literal["cover", "apply"] | None = None
+    field_of_view: FieldOfView | None = None
+    pitch_mm: Positive | None = None
 
 
 class ArmJoint(Record):
@@ -159,6 +164,9 @@ class Cell(Record):
 
     `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `id` is
     what sessions of one cell share; left out, it is made from the session's name.
+
+    `wanted_mm` is the ± (k = 2) that is wanted at the workpiece, `workpiece_in_laser_mm` where the scanner sees it
+    and `workpiece_in_turntable_mm` where it stands; `limits` and `nominal` are for planning poses.
     """
 
     id: Identifier | None = None
@@ -174,6 +182,11 @@ class Cell(Record):
     board: Board | None = None
     known: Known = Field(default_factory=Known)
     merge: MergeSettings = Field(default_factory=MergeSettings)
+    wanted_mm: Positive | None = None
+    workpiece_in_laser_mm: Vector3 | None = None
+    workpiece_in_turntable_mm: Vector3 | None = None
+    limits: Limits = Field(default_factory=Limits)
+    nominal: Nominal | None = None
 
 
 class TimedPose(Record):

@@ -8,6 +8,8 @@ import numpy as np
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.guidance.advice import Advice, amount, tcp_advice
+from calib_core.guidance.place import SeenCenter, probable_place
 from calib_core.records import Capture, Cell, GuideNow, Measured
 from calib_core.robots import parse_pose, to_pose
 from calib_core.stages.guide import GuideView
@@ -23,7 +25,6 @@ from calib_core.stages.tcp.motion import (
     next_turn,
     turn_between_deg,
 )
-from calib_core.stages.tcp.place import SeenCenter, probable_place
 
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
 _MANY = 12  # so many captures of different orientations do without pure translations
@@ -45,8 +46,11 @@ def tcp_now(view: GuideView) -> GuideNow | None:
     usable = [pose for capture, pose in poses.items() if verdicts.get(capture) != "fail"]
     if not usable:
         return _first(session.cell)
+    advice = tcp_advice(session, measured, view.results)
     if result is not None and not result.get("stale"):
-        return review(result)
+        return _reviewed(session.cell, review(result), advice)
+    if advice is not None:
+        return _by_worth(session.cell, advice, again=result is not None)
     motion = motion_of(usable)
     home = usable[motion.reference]
     shifts, turns = len(motion.shifts_mm), len(motion.turns_rad)
@@ -58,6 +62,61 @@ def tcp_now(view: GuideView) -> GuideNow | None:
         return _shift(session.cell, motion, home)
     names = [name for name in poses if verdicts.get(name) != "fail"]
     return _turn(session.cell, motion, home, _sphere(session.cell, names, poses, measured, motion, result))
+
+
+def _reviewed(cell: Cell, now: GuideNow, advice: Advice | None) -> GuideNow:
+    """Return the look at a result with what it is worth; where more is wanted, the capture that helps most."""
+    if advice is None:
+        return now
+    meter = advice.meter
+    if meter.wanted_mm is not None and meter.enough and now.action == "review":
+        return now.model_copy(update={"meter": meter, "progress": f"enough: {advice.words()}"})
+    more = meter.wanted_mm is not None and not meter.enough and now.action == "review" and meter.still_needed != 0
+    if advice.next is None or not (more or now.action == "capture"):
+        return now.model_copy(update={"meter": meter})
+    step = _by_worth(cell, advice, again=False)
+    if now.action == "capture":
+        step = step.model_copy(update={"instruction": now.instruction, "drawing": now.drawing})
+    return step
+
+
+def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
+    """Return the capture that takes most off the uncertainty at the workpiece; enough of them: the solve."""
+    meter, pose = advice.meter, advice.next
+    if meter.enough or pose is None:
+        progress = (
+            f"enough: {advice.words()}"
+            if meter.enough
+            else f"no pose is left that the limits allow: {advice.words()}"
+        )
+        solve = _solve(GOOD_TURNS, again=again)
+        why = f"At the workpiece {advice.words()}, by the poses and arcs so far."
+        return solve.model_copy(update={"why": why, "progress": progress, "meter": meter})
+    more = meter.still_needed
+    left = "" if more is None or meter.wanted_mm is None else f", about {more} more"
+    note = (
+        "The sphere stays in view there, as far as is known."
+        if pose.sure
+        else f"The sphere may be {pose.doubt_mm:.0f} mm beside its place in the view: go there slowly, and shift "
+        "the scanner until it sees the sphere as before."
+    )
+    still = f" Still open: {_sentence(advice.open_directions[0])}" if advice.open_directions else ""
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action="capture",
+        instruction="Move the flange to the pose below and capture the sphere.",
+        why=f"No other pose tells more: at the workpiece from {amount(meter.uncertainty_mm)} to "
+        f"{amount(meter.after_next_mm)}.{still}",
+        exit=f"{amount(meter.wanted_mm)} at the workpiece, as wanted."
+        if meter.wanted_mm is not None
+        else "Nothing is left open, and another capture would change little.",
+        drawing="tcp-turn",
+        progress=f"{advice.words()}{left}",
+        still_needed=more or 1,
+        meter=meter,
+        **_suggested(cell, pose.base_from_tool0, note),
+    )
 
 
 def _sphere(

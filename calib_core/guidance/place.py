@@ -41,10 +41,13 @@ class ProbablePlace:
     center_in_base_mm : (3,)
     scanner_sigma_mm : float
         How far the scanner's place on the flange, on which the guess rests, may be off in its weakest direction.
+    tool0_from_laser : RigidTransform
+        The scanner's place as it is guessed.
     """
 
     center_in_base_mm: FloatArray
     scanner_sigma_mm: float
+    tool0_from_laser: RigidTransform
 
 
 def probable_place(shifted: Sequence[SeenCenter], turned: Sequence[SeenCenter]) -> ProbablePlace | None:
@@ -130,6 +133,8 @@ def _solved(rotation: FloatArray, seen: Sequence[SeenCenter]) -> tuple[ProbableP
     found = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
     covariance = np.linalg.pinv(matrix.T @ matrix)[3:, 3:]
     place = ProbablePlace(
-        np.array(found[:3], dtype=np.float64), float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+        np.array(found[:3], dtype=np.float64),
+        float(np.sqrt(np.linalg.eigvalsh(covariance)[-1])),
+        RigidTransform.of(rotation, found[3:], "tool0", "laser"),
     )
     return place, float(np.sum((matrix @ found - wanted) ** 2))

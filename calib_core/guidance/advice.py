@@ -1,0 +1,143 @@
+"""What the still sphere's captures are worth at the workpiece so far, and the pose that helps most."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from calib_core.chain.undetermined import open_directions
+from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
+from calib_core.guidance.design import Design, worst_sigma_mm
+from calib_core.guidance.known import situation_of
+from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
+from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
+
+_OPEN_MM = 20.0  # beyond it ± is no figure yet
+_PLENTY, _LITTLE = 10, 0.95
+_WEAK = 0.2  # of the limits of what is undetermined: what a result warns of
+_HISTORY = 24
+_OF_CAPTURE = ("id", "step", "kind", "files", "pose", "side", "excluded")
+_OF_MEASURED = (
+    "capture",
+    "kind",
+    "verdict",
+    "center_mm",
+    "radius_mm",
+    "point_sigma_mm",
+    "extent_deg",
+    "on_sphere",
+)
+_OF_RESULT = ("stage", "tool0_from_laser", "sphere_center_in_base_mm", "variance_components", "workpiece", "stale")
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """What the captures are worth by now, and what to do next.
+
+    Attributes
+    ----------
+    meter : Meter
+    open_directions : list of str
+        What the captures do not determine, by the same rule as a result's `undetermined`.
+    next : NextPose or None
+        None where there is enough, or no pose is allowed.
+    """
+
+    meter: Meter
+    open_directions: list[str]
+    next: NextPose | None
+
+    def words(self) -> str:
+        """Return ``± 0.9 mm, wanted ± 0.2 mm``."""
+        wanted = self.meter.wanted_mm
+        now = amount(self.meter.uncertainty_mm)
+        return now if wanted is None else f"{now}, wanted {amount(wanted)}"
+
+
+def amount(expanded_mm: float | None) -> str:
+    """Return an expanded uncertainty as text; where there is none yet, that."""
+    return "not determined yet" if expanded_mm is None else quantity_text(plus_minus(expanded_mm / COVERAGE, "mm"))
+
+
+def tcp_advice(
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
+) -> Advice | None:
+    """Return what to do next for the TCP, None where too little is known for a pose to be chosen.
+
+    The same captures give the same advice; it is kept, because page, scene and command line ask for it at once.
+    """
+    captures = [c.model_dump(include=set(_OF_CAPTURE)) for c in session.captures if c.step == "tcp"]
+    names = {c["id"] for c in captures}
+    seen = [m.model_dump(include=set(_OF_MEASURED)) for m in measured if m.capture in names]
+    solved = {stage: _told(result) for stage, result in results.items() if stage in ("tcp", "chain")}
+    told = {"cell": session.cell.model_dump(mode="json"), "captures": captures, "seen": seen, "results": solved}
+    return _advised(json.dumps(told, sort_keys=True))
+
+
+def _told(result: Mapping[str, Any]) -> dict[str, Any]:
+    rows = [{"capture": row["capture"], "used": row.get("used", True)} for row in result.get("residuals", [])]
+    return {name: result.get(name) for name in _OF_RESULT} | {"residuals": rows}
+
+
+@lru_cache(maxsize=64)
+def _advised(told: str) -> Advice | None:
+    data = json.loads(told)
+    cell = Cell.model_validate(data["cell"])
+    captures = [Capture.model_validate(capture) for capture in data["captures"]]
+    measured = [Measured.model_validate(one) for one in data["seen"]]
+    session = Session(cell=cell, captures=captures)
+    situation = situation_of(session, measured, data["results"])
+    return None if situation is None else advice_in(situation, cell.wanted_mm, _stated(data["results"]))
+
+
+def _stated(results: Mapping[str, Mapping[str, Any]]) -> float | None:
+    """Return the ± (k = 2) at the workpiece that a result states which is up to date."""
+    for stage in ("chain", "tcp"):
+        result = results.get(stage)
+        if result is not None and not result.get("stale") and result.get("workpiece"):
+            covariance = np.array(result["workpiece"]["covariance"], dtype=float)
+            return COVERAGE * float(worst_sigma_mm(covariance))
+    return None
+
+
+def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | None = None) -> Advice:
+    """Return what to do next in a situation; ± are k = 2, `stated_mm` is a result's own."""
+    count = len(situation.taken)
+    design = Design(situation.taken, situation.assumed)
+    after_each = [float(worst_sigma_mm(design.workpiece(range(n + 1)))) for n in range(count)]
+    history = [
+        MeterPoint(capture=o.capture, uncertainty_mm=_expanded(sigma))
+        for o, sigma in zip(situation.taken, after_each, strict=True)
+    ]
+    covariance = design.tool(range(count))
+    still_open = [d.description for d in open_directions(covariance, _WEAK)]
+    now = stated_mm if stated_mm is not None else _expanded(after_each[-1]) if count else None
+    if stated_mm is not None and history:
+        history[-1] = history[-1].model_copy(update={"uncertainty_mm": stated_mm})
+    meter = Meter(
+        uncertainty_mm=now, wanted_mm=wanted_mm, stated=stated_mm is not None, history=history[-_HISTORY:]
+    )
+    if not still_open and now is not None and wanted_mm is not None and now <= wanted_mm:
+        return Advice(meter.model_copy(update={"enough": True, "still_needed": 0}), [], None)
+    chosen = next_pose(situation)
+    if chosen is None:
+        return Advice(meter, still_open, None)
+    # A stated figure is the better one: what a capture gains is a share of it.
+    scale = 1.0 if stated_mm is None or not count else stated_mm / (COVERAGE * after_each[-1])
+    update: dict[str, Any] = {"after_next_mm": _expanded(chosen.after_mm * scale)}
+    enough = False
+    if wanted_mm is not None:
+        more = still_needed(situation, wanted_mm / COVERAGE / scale)
+        update["still_needed"] = None if more is None else max(more, 1)
+    else:
+        little = chosen.after_mm > _LITTLE * chosen.before_mm
+        enough = not still_open and (count >= _PLENTY or little)
+        update["still_needed"] = 0 if enough else max(_PLENTY - count, 1)
+    return Advice(meter.model_copy(update={**update, "enough": enough}), still_open, chosen)
+
+
+def _expanded(sigma_mm: float) -> float | None:
+    return COVERAGE * sigma_mm if sigma_mm < _OPEN_MM else None

@@ -1,0 +1,184 @@
+"""Poses that a capture could be taken from: the sphere in the field, the scanner leaning within its limits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
+from calib_core.guidance.sight import LEAST_OFFSET, MOST_OFFSET, Sight
+from calib_core.records.planning import Box, Limits
+
+TILT_DEG, TURN_DEG, CLEARANCE_MM = 30.0, 40.0, 30.0
+"""Where a cell gives no limits: how far the scanner leans and turns; what is kept clear."""
+
+_APPROACH_MM = 150.0
+_ALONG = np.linspace(0.0, 1.0, 9)[:, None]
+_AT_EDGE = 0.5  # of the candidates: good poses lie at the edges of what is allowed
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """Where poses may be.
+
+    Attributes
+    ----------
+    sight : Sight
+    limits : Limits
+    home : (3, 3)
+        base_from_tool0's rotation from which tilts and turns are counted.
+    """
+
+    sight: Sight
+    limits: Limits
+    home: FloatArray
+
+    @property
+    def tilt_rad(self) -> float:
+        """How far the scanner may lean."""
+        return float(np.deg2rad(self.limits.tilt_deg or TILT_DEG))
+
+    @property
+    def turn_rad(self) -> float:
+        """How far it may turn about its own z."""
+        return float(np.deg2rad(self.limits.turn_deg or TURN_DEG))
+
+    def leans_enough(self, rotation: FloatArray, tool_rotation: FloatArray) -> bool:
+        """Return whether an orientation of the flange (3, 3) is within the scanner's lean and turn."""
+        lean = (self.home @ tool_rotation).T @ rotation @ tool_rotation
+        tilt = float(np.arccos(np.clip(lean[2, 2], -1.0, 1.0)))
+        turn = float(np.arctan2(lean[1, 0] - lean[0, 1], lean[0, 0] + lean[1, 1]))
+        return tilt <= self.tilt_rad and abs(turn) <= self.turn_rad
+
+    @property
+    def clearance_mm(self) -> float:
+        """How far flange and scanner keep from what is around them."""
+        return CLEARANCE_MM if self.limits.clearance_mm is None else self.limits.clearance_mm
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Poses, and where the sphere's centre will be seen in L from each, (N, 3), mm."""
+
+    poses: tuple[RigidTransform, ...]
+    centers_in_laser: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def chosen(self, mask: np.ndarray) -> "Candidates":
+        """Return those of a mask (N,)."""
+        poses = tuple(pose for pose, kept in zip(self.poses, mask, strict=True) if kept)
+        return Candidates(poses, self.centers_in_laser[mask])
+
+
+def candidates(
+    room: Room,
+    tool0_from_laser: RigidTransform,
+    center_in_base_mm: FloatArray,
+    radius_mm: float,
+    count: int,
+    rng: np.random.Generator,
+    at_edge: float = _AT_EDGE,
+) -> Candidates:
+    """Return up to `count` poses that see the sphere well and keep within the limits.
+
+    A share `at_edge` of them has each of its numbers at one of its ends; 0 spreads all evenly.
+    """
+    found: list[RigidTransform] = []
+    seen: list[FloatArray] = []
+    for _ in range(12):
+        places = _places(room.sight, radius_mm, 2 * count, rng, at_edge)
+        leans = _leans(room, len(places), rng, at_edge)
+        good = room.sight.sees(places, radius_mm)
+        places, leans = places[good], leans[good]
+        rotations = room.home @ tool0_from_laser.rotation @ leans @ tool0_from_laser.rotation.T
+        arms = tool0_from_laser.apply(places) if len(places) else places
+        translations = center_in_base_mm - np.einsum("kij,kj->ki", rotations, arms)
+        free = _free(room, rotations, translations, tool0_from_laser, center_in_base_mm, radius_mm)
+        for rotation, translation, place in zip(rotations[free], translations[free], places[free], strict=True):
+            found.append(RigidTransform.of(rotation, translation, "base", "tool0"))
+            seen.append(place)
+        if len(found) >= count:
+            break
+    return Candidates(tuple(found[:count]), np.array(seen[:count]).reshape(-1, 3))
+
+
+def allowed(
+    room: Room,
+    pose: RigidTransform,
+    tool0_from_laser: RigidTransform,
+    center_in_base_mm: FloatArray,
+    radius_mm: float,
+) -> bool:
+    """Return whether a pose sees the sphere well and keeps within the limits, its orientation apart."""
+    seen = (pose @ tool0_from_laser).inverse().apply(center_in_base_mm)
+    if not room.sight.sees(seen[None], radius_mm)[0]:
+        return False
+    here = pose.rotation[None], pose.translation_mm[None]
+    return bool(_free(room, *here, tool0_from_laser, center_in_base_mm, radius_mm)[0])
+
+
+def _places(sight: Sight, radius_mm: float, count: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
+    """Return places of the sphere's centre in L (count, 3) all over the field."""
+    unit = _spread(count, 3, rng, at_edge)
+    middle = (sight.near_half_width_mm + sight.far_half_width_mm) / 2
+    widest = max(sight.near_half_width_mm, sight.far_half_width_mm, middle)
+    x = (2 * unit[:, 0] - 1) * max(widest - 0.3 * radius_mm, 0.0)
+    if sight.kind == "profile":
+        y = (LEAST_OFFSET + (MOST_OFFSET - LEAST_OFFSET) * unit[:, 1]) * radius_mm * rng.choice([-1.0, 1.0], count)
+    else:
+        y = (2 * unit[:, 1] - 1) * max(widest - radius_mm, 0.0)
+    nearest, farthest = sight.near_mm + radius_mm * 0.45, sight.far_mm + 0.7 * radius_mm
+    z = nearest + (farthest - nearest) * unit[:, 2]
+    return np.column_stack([x, y, sight.facing * z])
+
+
+def _leans(room: Room, count: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
+    """Return turns of the scanner (count, 3, 3), in L: a lean about an axis across z, then a turn about z."""
+    unit = _spread(count, 2, rng, at_edge)
+    about = rng.uniform(0, 2 * np.pi, count)
+    lean = room.tilt_rad * np.sqrt(unit[:, 0])
+    turn = room.turn_rad * (2 * unit[:, 1] - 1)
+    across = np.column_stack([np.cos(about) * lean, np.sin(about) * lean, np.zeros(count)])
+    along = np.column_stack([np.zeros(count), np.zeros(count), turn])
+    return np.array(
+        [rotation_from_vector(a) @ rotation_from_vector(b) for a, b in zip(across, along, strict=True)]
+    )
+
+
+def _spread(count: int, size: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
+    unit = rng.random((count, size))
+    edge = rng.random((count, 1)) < at_edge
+    return np.where(edge, np.round(unit), unit)
+
+
+def _free(
+    room: Room,
+    rotations: FloatArray,
+    translations: FloatArray,
+    tool0_from_laser: RigidTransform,
+    center_in_base_mm: FloatArray,
+    radius_mm: float,
+) -> np.ndarray:
+    """Return which poses keep the reach, stay off the boxes and off the sphere, (N,) bool."""
+    free = np.ones(len(translations), dtype=bool)
+    if room.limits.reach is not None:
+        free &= _inside(translations, room.limits.reach, 0.0)
+    scanner = np.einsum("kij,j->ki", rotations, tool0_from_laser.translation_mm) + translations
+    apart = np.linalg.norm(scanner - center_in_base_mm, axis=1)
+    free &= apart - radius_mm >= room.clearance_mm
+    if not room.limits.no_go:
+        return free
+    toward = (center_in_base_mm - scanner) / np.maximum(apart, 1e-9)[:, None]
+    outside = scanner - toward * _APPROACH_MM
+    ends = scanner + toward * (apart - radius_mm - room.clearance_mm)[:, None]
+    for start, end in ((translations, scanner), (scanner, ends), (scanner, outside)):
+        way = start[:, None] + _ALONG * (end - start)[:, None]
+        for box in room.limits.no_go:
+            free &= ~_inside(way, box, room.clearance_mm).any(axis=1)
+    return free
+
+
+def _inside(points: FloatArray, box: Box, margin_mm: float) -> np.ndarray:
+    low, high = np.array(box.low_mm) - margin_mm, np.array(box.high_mm) + margin_mm
+    return np.all((points >= low) & (points <= high), axis=-1)

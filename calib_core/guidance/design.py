@@ -1,0 +1,189 @@
+"""What a set of captures will tell, before it is taken: the covariance by the chain's own likelihood.
+
+Nothing of the model is written here a second time: a planned capture is an observation without noise
+(`guidance.sight`), and `chain.likelihood` is linearised about the state that is known.  One more capture is a
+low-rank step of the covariance, so that thousands of candidates are compared at once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calib_core.arms.alike import alike_factors, visits
+from calib_core.chain.held import point_rows
+from calib_core.chain.likelihood import linearise, linearised_at, noise_by, without_pose_errors
+from calib_core.chain.model import ChainData, ChainState, Sigmas, chain_data, prior
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.scanner import ScannerPriors
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray, RigidTransform
+
+_TURN_RAD, _MOUNTED_MM, _SPHERE_MM = 1.0, 300.0, 3000.0
+"""What is known of the tool's rotation and place and of the sphere's place before any capture."""
+
+SIGMAS = Sigmas(0.05, 1.5e-4, 1e-4, 0.03, 7e-5, 1.0)
+"""Of an ordinary arm and table, where nothing is told: the middle of what `chain.variance` believes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assumed:
+    """What a prediction rests on.
+
+    Attributes
+    ----------
+    sphere : SphereSize
+    tool0_from_laser : RigidTransform
+    center_in_base_mm : (3,)
+        Of the still sphere.
+    sigmas : Sigmas
+    point_in_laser_mm : (3,)
+        Where the scanner sees the workpiece.
+    facing : {1, -1}
+        +1 where z grows away from the scanner.
+    priors : ScannerPriors or None
+        None takes the scanner as exact.
+    tool_sigma_mm, tool_sigma_rad : float
+        How well the tool is known by a drawing, per axis: it says where the sphere will be seen, and counts for
+        nothing in what the captures determine, as it does not in a result.
+    """
+
+    sphere: SphereSize
+    tool0_from_laser: RigidTransform
+    center_in_base_mm: FloatArray
+    sigmas: Sigmas
+    point_in_laser_mm: FloatArray
+    facing: int = 1
+    priors: ScannerPriors | None = field(default_factory=ScannerPriors)
+    tool_sigma_mm: float = _MOUNTED_MM
+    tool_sigma_rad: float = _TURN_RAD
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """What each of some captures would do, one at a time.
+
+    Attributes
+    ----------
+    workpiece : (N, 3, 3)
+        The covariance at the workpiece with it, mm².
+    doubt_mm : (N, 3)
+        Twice the standard deviation of where it will see the sphere in L, by what is known without it.
+    """
+
+    workpiece: FloatArray
+    doubt_mm: FloatArray
+
+
+class Design:
+    """Captures, taken or only thought of, of which any set's covariance can be asked for."""
+
+    def __init__(self, observations: Sequence[SphereObservation], assumed: Assumed) -> None:
+        self.assumed = assumed
+        data = chain_data(observations, assumed.sphere, None, assumed.priors)
+        self._data = data
+        tool = assumed.tool0_from_laser
+        self._tool = tool.rotation, tool.translation_mm
+        rows = point_rows(tool.rotation, assumed.point_in_laser_mm, data.half_width_mm, assumed.facing)
+        self._rows = rows[:, :6], rows[:, 6 + data.active]
+
+    def __len__(self) -> int:
+        return self._data.count
+
+    def covariance(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the covariance (P, P) of all unknowns that some captures will give together."""
+        return covariance_of(self.hessian(chosen))
+
+    def workpiece(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the covariance (3, 3), mm², of a point measured at the workpiece, along the flange's axes."""
+        return self.at_workpiece(self.hessian(chosen))
+
+    def at_workpiece(self, hessian: FloatArray) -> FloatArray:
+        """Return the same for a Hessian (P, P) that is there already."""
+        rows = self._moves(len(hessian))
+        return rows @ covariance_of(hessian) @ rows.T
+
+    def tool(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the covariance (6, 6) of tool0_from_laser."""
+        return self.covariance(chosen)[:6, :6]
+
+    def adding(self, chosen: Sequence[int], others: Sequence[int]) -> Added:
+        """Return what each of others would add to some captures."""
+        return self.added(self.hessian(chosen), chosen, others)
+
+    def added(self, hessian: FloatArray, chosen: Sequence[int], others: Sequence[int]) -> Added:
+        """Return the same for a Hessian (P, P) of the chosen ones that is there already."""
+        covariance = covariance_of(hessian)
+        size = len(covariance)
+        data = self._taken(others)
+        here = self._state(data)
+        chosen = sorted(chosen)
+        poses = self._data.rotations[chosen], self._data.translations[chosen]
+        sigmas = self.assumed.sigmas
+        _, factor = alike_factors(poses, (data.rotations, data.translations), sigmas.reach)
+        middle = (poses[1] if len(chosen) else data.translations).mean(axis=0)
+        noise = noise_by(data, here.centers_in_laser, here, sigmas, None, factor, middle)
+        here = replace(here, shared=np.zeros(noise.shared.shape[2]))
+        at = linearise(data, here, noise.spread, noise.precision, noise.shared)
+        told, _ = without_pose_errors(at.information, at.vector, at.gain, at.share)
+        own = np.zeros((len(others), told.shape[1] - 3, size))
+        own[:, np.arange(own.shape[1]), np.arange(data.unknowns, data.width)] = 1.0
+        jacobian = np.concatenate([at.jacobian, own], axis=1)
+        reach = jacobian @ covariance
+        between = reach @ np.swapaxes(jacobian, 1, 2)
+        rows = self._moves(size)
+        toward = reach @ rows.T
+        gained = np.linalg.solve(np.eye(told.shape[1]) + told @ between, told @ toward)
+        less = np.swapaxes(toward, 1, 2) @ gained
+        by_drawing = _with_tool(hessian, self.assumed.tool_sigma_rad, self.assumed.tool_sigma_mm)
+        moves = at.jacobian.reshape(-1, size)
+        variance = np.sum((moves @ covariance_of(by_drawing)) * moves, axis=1).reshape(-1, 3)
+        doubt = 2 * np.sqrt(np.maximum(variance, 0.0))
+        return Added(rows @ covariance @ rows.T - (less + np.swapaxes(less, 1, 2)) / 2, doubt)
+
+    def _moves(self, size: int) -> FloatArray:
+        """Return how the measured point moves with every unknown, (3, P)."""
+        moves = np.zeros((3, size))
+        moves[:, :6] = self._rows[0]
+        moves[:, self._data.unknowns : self._data.width] = self._rows[1]
+        return moves
+
+    def _taken(self, chosen: Sequence[int]) -> ChainData:
+        """Return captures in the order they are named, as if taken last."""
+        mask = np.zeros(self._data.count, dtype=bool)
+        mask[list(chosen)] = True
+        if np.any(np.diff(chosen) <= 0):
+            raise ValueError("captures are to be named in ascending order, each once")
+        return replace(self._data.chosen(mask), order=np.ones(len(chosen)))
+
+    def _state(self, data: ChainData) -> ChainState:
+        return ChainState.predicted(data, *self._tool, self.assumed.center_in_base_mm)
+
+    def hessian(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the Hessian (P, P) of some captures with what is known beforehand."""
+        chosen = sorted(chosen)
+        data = self._taken(chosen)
+        count = len(chosen)
+        data = replace(
+            data, order=np.linspace(-1.0, 1.0, count), pose_scale=visits(data.rotations, data.translations)
+        )
+        if count:
+            hessian = linearised_at(data, self._state(data), self.assumed.sigmas).hessian
+        else:
+            shared = (1 if data.arm_scale_sigma > 0 else 0) + (3 if data.drift_sigma_mm > 0 else 0)
+            state = replace(self._state(data), shared=np.zeros(shared))
+            hessian = prior(data, state, shared)[2]
+        return _with_tool(hessian, _TURN_RAD, _MOUNTED_MM)
+
+
+def _with_tool(hessian: FloatArray, turn_rad: float, shift_mm: float) -> FloatArray:
+    """Return a Hessian with what is known of the tool beforehand, and of the sphere's place."""
+    known = hessian.copy()
+    sigmas = np.array([turn_rad] * 3 + [shift_mm] * 3 + [_SPHERE_MM] * 3)
+    known[np.arange(9), np.arange(9)] += 1 / sigmas**2
+    return known
+
+
+def worst_sigma_mm(workpiece: FloatArray) -> FloatArray:
+    """Return the standard deviation in the worst direction of covariances (…, 3, 3), mm."""
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(workpiece)[..., -1], 0.0))

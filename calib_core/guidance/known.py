@@ -1,0 +1,218 @@
+"""What is known before the next capture of the still sphere: from results, else from the captures themselves."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from calib_core.arms.alike import REACH_MM
+from calib_core.captures.content import sphere_of
+from calib_core.chain.model import Sigmas
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
+from calib_core.guidance.candidates import Room
+from calib_core.guidance.design import SIGMAS, Assumed
+from calib_core.guidance.planner import Situation
+from calib_core.guidance.sight import Sight, sight_of
+from calib_core.records import Capture, Cell, Measured, Session
+from calib_core.robots import parse_pose
+
+_LEAST_SEARCHED = 5  # captures from which tool and sphere are found whatever the motions
+_GOOD_SCATTER_MM = 2.0
+_LEAST_TURN_RAD = np.deg2rad(5.0)
+_NOMINAL_MM, _NOMINAL_DEG = 10.0, 3.0
+_MANY = 40  # captures beyond these change no advice, and would only make it slow
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A guess of tool and sphere, and how well they are known beside the captures."""
+
+    tool0_from_laser: RigidTransform
+    center_in_base_mm: FloatArray
+    tool_sigma_mm: float = 300.0
+    tool_sigma_rad: float = 1.0
+
+
+def situation_of(
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
+) -> Situation | None:
+    """Return what is known of tool, sphere and scanner, None where too little is for a pose to be chosen.
+
+    Parameters
+    ----------
+    session : Session
+    measured : sequence of Measured
+    results : mapping
+        From stage to the JSON data of its result; a stale one's tool is as good for planning.
+    """
+    cell = session.cell
+    if cell.sphere_diameter_mm is None or cell.arrangement != "scanner-on-robot":
+        return None
+    captures = [c for c in session.captures if c.step == "tcp" and not c.excluded and c.pose is not None]
+    kept = {m.capture: m for m in measured if m.verdict != "fail"}
+    sight = sight_of(cell, [c for c in captures if c.id in kept], list(kept.values()))
+    sphere = sphere_of(cell, [])
+    seen = _observations(cell, captures, kept, sight, sphere)
+    result = _solved(results)
+    seen = _used(seen, result)
+    place = _place(cell, seen, sphere, result)
+    home = _home(cell, seen)
+    if place is None or home is None:
+        return None
+    point = cell.workpiece_in_laser_mm
+    assumed = Assumed(
+        sphere=sphere,
+        tool0_from_laser=place.tool0_from_laser,
+        center_in_base_mm=place.center_in_base_mm,
+        sigmas=sigmas_of(cell, result),
+        point_in_laser_mm=_middle(sight, result) if point is None else np.array(point),
+        facing=sight.facing,
+        tool_sigma_mm=place.tool_sigma_mm,
+        tool_sigma_rad=place.tool_sigma_rad,
+    )
+    return Situation(seen[-_MANY:], assumed, Room(sight, cell.limits, home))
+
+
+def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
+    """Return how much robot and table scatter: as told, else as a result found it, else as arms usually do."""
+    found = (result or {}).get("variance_components") or {}
+    sigmas = SIGMAS
+    if found.get("position_sigma_mm") is not None:
+        sigmas = replace(
+            sigmas,
+            position_mm=found["position_sigma_mm"],
+            orientation_rad=found["orientation_sigma_rad"],
+            alike_position_mm=found.get("alike_position_sigma_mm", 0.0),
+            alike_orientation_rad=found.get("alike_orientation_sigma_rad", 0.0),
+            reach=(found.get("reach_mm") or REACH_MM) / REACH_MM,
+        )
+    robot, table = cell.robot, cell.turntable
+    if robot.position_sigma_mm is not None:
+        sigmas = replace(sigmas, position_mm=robot.position_sigma_mm)
+    if robot.orientation_sigma_deg is not None:
+        sigmas = replace(sigmas, orientation_rad=float(np.deg2rad(robot.orientation_sigma_deg)))
+    if table.angle_sigma_deg is not None:
+        sigmas = replace(sigmas, angle_rad=float(np.deg2rad(table.angle_sigma_deg)))
+    return sigmas
+
+
+def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    for stage in ("chain", "tcp"):
+        result = results.get(stage)
+        if result is not None and result.get("tool0_from_laser") and result.get("sphere_center_in_base_mm"):
+            return result
+    return None
+
+
+def _used(seen: list[SphereObservation], result: Mapping[str, Any] | None) -> list[SphereObservation]:
+    """Return captures without those that a result left out."""
+    rows = (result or {}).get("residuals", [])
+    left_out = {row["capture"] for row in rows if not row.get("used", True)}
+    return [o for o in seen if o.capture not in left_out]
+
+
+def _middle(sight: Sight, result: Mapping[str, Any] | None) -> FloatArray:
+    """Return where the scanner sees the workpiece: where it saw the sphere, else the middle of its field."""
+    at = (result or {}).get("workpiece")
+    return sight.middle_mm if at is None else np.array(at["point_in_laser_mm"], dtype=float)
+
+
+def _observations(
+    cell: Cell, captures: Sequence[Capture], kept: Mapping[str, Measured], sight: Sight, sphere: SphereSize
+) -> list[SphereObservation]:
+    found: list[SphereObservation] = []
+    for capture in captures:
+        measured = kept.get(capture.id)
+        if measured is None or measured.center_mm is None:
+            continue
+        try:
+            pose = parse_pose(cell.pose_convention, capture.pose or [])
+        except InputError:
+            continue  # the guide asks for it to be mended
+        center = np.array(measured.center_mm, dtype=float)
+        if len(center) == 2:
+            height = np.sqrt(max(sphere.radius_mm**2 - (measured.radius_mm or sphere.radius_mm) ** 2, 0.0))
+            center = np.array([center[0], (capture.side or 1) * height, center[1]])
+        own = replace(sight, point_sigma_mm=measured.point_sigma_mm or sight.point_sigma_mm)
+        if measured.extent_deg and measured.kind == "profile":
+            own = replace(own, arc_rad=float(np.clip(np.deg2rad(measured.extent_deg) / 2, 0.2, 1.5)))
+        observation = own.observation(capture.id, pose, center, sphere.radius_mm)
+        if len(measured.center_mm) == 2:
+            observation = replace(observation, side=capture.side)
+        found.append(observation)
+    return found
+
+
+def _home(cell: Cell, seen: Sequence[SphereObservation]) -> FloatArray | None:
+    if seen:
+        return seen[0].base_from_tool0.rotation
+    nominal = cell.nominal
+    if nominal is None or nominal.base_from_tool0 is None:
+        return None
+    return RigidTransform.from_rounded(nominal.base_from_tool0, "base", "tool0").rotation
+
+
+def _place(
+    cell: Cell, seen: Sequence[SphereObservation], sphere: SphereSize, result: Mapping[str, Any] | None
+) -> _Place | None:
+    if result is not None:
+        tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+        return _Place(tool, np.array(result["sphere_center_in_base_mm"], dtype=float))
+    return _searched(seen, sphere) or _by_shifts(seen, sphere) or _by_drawing(cell, seen)
+
+
+def _searched(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:
+    """Return tool and sphere as the captures' own centres tell them, where these are enough and agree."""
+    from calib_core.chain.start import centers_of, find_start
+
+    if len(seen) < _LEAST_SEARCHED:
+        return None
+    rotations = np.array([o.base_from_tool0.rotation for o in seen])
+    turns = np.linalg.norm(vector_from_rotation(rotations[0].T @ rotations), axis=1)
+    if np.sum(turns > _LEAST_TURN_RAD) < 2:
+        return None
+    start = find_start(centers_of(seen, sphere))
+    rival = start.rival_scatter_mm
+    if start.scatter_mm > _GOOD_SCATTER_MM or (rival is not None and rival < 2 * start.scatter_mm):
+        return None
+    return _Place(RigidTransform.of(start.rotation, start.translation, "tool0", "laser"), start.center)
+
+
+def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:
+    """Return what shifts tell: the scanner's rotation; where it sits on the flange only as far as turns tell."""
+    from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
+    from calib_core.guidance.place import SeenCenter, probable_place
+
+    if not seen:
+        return None
+    first = seen[0].base_from_tool0.rotation
+    centers = [
+        SeenCenter(
+            o.base_from_tool0,
+            o.sphere_center_in_laser_mm(sphere, 1),
+            o.circle_radius_mm is not None and o.side is None,
+        )
+        for o in seen
+    ]
+    alike = [float(np.linalg.norm(first - o.base_from_tool0.rotation)) < EQUAL_ORIENTATION_RAD for o in seen]
+    shifted = [c for c, same in zip(centers, alike, strict=True) if same]
+    place = probable_place(shifted, [c for c, same in zip(centers, alike, strict=True) if not same])
+    return None if place is None else _Place(place.tool0_from_laser, place.center_in_base_mm, 150.0, 0.05)
+
+
+def _by_drawing(cell: Cell, seen: Sequence[SphereObservation]) -> _Place | None:
+    """Return what a drawing tells, with the sphere where the captures so far saw it by that."""
+    nominal = cell.nominal
+    if nominal is None or nominal.tool0_from_laser is None:
+        return None
+    tool = RigidTransform.from_rounded(nominal.tool0_from_laser, "tool0", "laser")
+    center = nominal.sphere_center_in_base_mm
+    if seen:
+        center = np.mean([(o.base_from_tool0 @ tool).apply(o.center_in_laser_mm) for o in seen], axis=0)
+    if center is None:
+        return None
+    sigma_deg = nominal.tool_sigma_deg or _NOMINAL_DEG
+    return _Place(tool, np.array(center), nominal.tool_sigma_mm or _NOMINAL_MM, float(np.deg2rad(sigma_deg)))

@@ -1,0 +1,265 @@
+"""Which pose next, and which set: chosen by what each takes off the uncertainty at the workpiece."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.observations import SphereObservation
+from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
+from calib_core.guidance.candidates import Candidates, Room, allowed, candidates
+from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+
+_CANDIDATES, _NEAR = 300, 60
+_NEAR_MM, _NEAR_RAD = 8.0, 0.08
+_SEED = 20_270
+_SWEEPS = 4
+_WORTH = 0.999  # of the criterion: an exchange that gains less is none
+_SHARE_SURE = 0.1
+_TIMID_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
+_AXES = np.array(
+    [[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1], [1, 1, 0], [1, -1, 0]], dtype=float
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What is known before the next capture.
+
+    Attributes
+    ----------
+    taken : sequence of SphereObservation
+    assumed : Assumed
+    room : Room
+    """
+
+    taken: Sequence[SphereObservation]
+    assumed: Assumed
+    room: Room
+
+    def proposed(self, count: int, seed: int = _SEED) -> Candidates:
+        """Return poses that a capture could be taken from."""
+        given = self.assumed
+        rng = np.random.default_rng([seed, len(self.taken)])
+        radius = given.sphere.radius_mm
+        return candidates(self.room, given.tool0_from_laser, given.center_in_base_mm, radius, count, rng)
+
+    def seen_from(self, poses: Candidates) -> list[SphereObservation]:
+        """Return what captures from poses will show."""
+        radius = self.assumed.sphere.radius_mm
+        pairs = zip(poses.poses, poses.centers_in_laser, strict=True)
+        return [self.room.sight.observation(f"c{k}", *pair, radius) for k, pair in enumerate(pairs)]
+
+
+@dataclass(frozen=True, eq=False)
+class NextPose:
+    """The pose that helps most.
+
+    Attributes
+    ----------
+    base_from_tool0 : RigidTransform
+    center_in_laser_mm : (3,)
+        Where the scanner will see the sphere's centre.
+    before_mm, after_mm : float
+        Standard deviation at the workpiece in the worst direction, without and with it.
+    doubt_mm : float
+        Twice the standard deviation of where the sphere will be seen, in the worst axis of L.
+    sure : bool
+        Whether the sphere stays in view wherever it may be by what is known.
+    """
+
+    base_from_tool0: RigidTransform
+    center_in_laser_mm: FloatArray
+    before_mm: float
+    after_mm: float
+    doubt_mm: float
+    sure: bool
+
+
+def next_pose(situation: Situation, count: int = _CANDIDATES) -> NextPose | None:
+    """Return the pose that takes most off the uncertainty at the workpiece, None where no pose is allowed.
+
+    The best of `count` candidates is refined by others near it.
+    """
+    poses = situation.proposed(count)
+    if not len(poses):
+        return None
+    best = _best(situation, poses)
+    if not best.sure and len(situation.taken):
+        timid = _timid(situation)
+        return _best(situation, timid) if len(timid) else best
+    near = _near(situation, best)
+    return _best(situation, near) if len(near) else best
+
+
+def _best(situation: Situation, poses: Candidates) -> NextPose:
+    taken = len(situation.taken)
+    design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
+    chosen = list(range(taken))
+    hessian = design.hessian(chosen)
+    added = design.added(hessian, chosen, range(taken, taken + len(poses)))
+    radius = situation.assumed.sphere.radius_mm
+    sure = situation.room.sight.sees(poses.centers_in_laser, radius, added.doubt_mm)
+    score = _score(added.workpiece, taken)
+    worst = added.doubt_mm.max(axis=1)
+    if sure.any():
+        best = int(np.argmin(np.where(sure, score, np.inf)))
+    else:  # the least bold ones, and of those the best
+        bold = worst > np.quantile(worst, _SHARE_SURE)
+        best = int(np.argmin(np.where(bold, np.inf, score)))
+    return NextPose(
+        poses.poses[best],
+        poses.centers_in_laser[best],
+        float(worst_sigma_mm(design.at_workpiece(hessian))),
+        float(worst_sigma_mm(added.workpiece[best])),
+        float(worst[best]),
+        bool(sure.any()),
+    )
+
+
+def _timid(situation: Situation) -> Candidates:
+    """Return poses that turn the flange little about the sphere: it stays in view by a tool hardly known."""
+    given, room = situation.assumed, situation.room
+    last = situation.taken[-1].base_from_tool0
+    poses: list[RigidTransform] = []
+    places: list[FloatArray] = []
+    for side in (1.0, -1.0):
+        place = room.sight.safest(given.sphere.radius_mm, side)
+        for axis in _AXES:
+            for angle in np.deg2rad(_TIMID_DEG):
+                turn = given.tool0_from_laser.rotation @ rotation_from_vector(axis * angle)
+                rotation = last.rotation @ turn @ given.tool0_from_laser.rotation.T
+                origin = given.center_in_base_mm - rotation @ given.tool0_from_laser.apply(place)
+                pose = RigidTransform.of(rotation, origin, "base", "tool0")
+                if allowed(room, pose, given.tool0_from_laser, given.center_in_base_mm, given.sphere.radius_mm):
+                    poses.append(pose)
+                    places.append(place)
+    return Candidates(tuple(poses), np.array(places).reshape(-1, 3))
+
+
+def _near(situation: Situation, best: NextPose) -> Candidates:
+    """Return the pose itself and allowed ones near it."""
+    rng = np.random.default_rng(_SEED)
+    given, room = situation.assumed, situation.room
+    steps = rng.standard_normal((_NEAR, 6)) * np.array([_NEAR_RAD] * 3 + [_NEAR_MM] * 3)
+    poses = [best.base_from_tool0]
+    for step in steps:
+        turned = best.base_from_tool0.perturbed([*step[:3], 0.0, 0.0, 0.0])
+        # Turned about the sphere, then shifted: the sphere stays in view.
+        seen = given.tool0_from_laser.apply(best.center_in_laser_mm + step[3:])
+        pose = RigidTransform.of(
+            turned.rotation, given.center_in_base_mm - turned.rotation @ seen, "base", "tool0"
+        )
+        known = given.tool0_from_laser, given.center_in_base_mm, given.sphere.radius_mm
+        if room.leans_enough(pose.rotation, given.tool0_from_laser.rotation) and allowed(room, pose, *known):
+            poses.append(pose)
+    seen = [(p @ given.tool0_from_laser).inverse().apply(given.center_in_base_mm) for p in poses]
+    return Candidates(tuple(poses), np.array(seen).reshape(-1, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedSet:
+    """Poses for a whole step, in the order in which they help most.
+
+    Attributes
+    ----------
+    poses : Candidates
+    after_mm : (N,)
+        Standard deviation at the workpiece in the worst direction after each.
+    """
+
+    poses: Candidates
+    after_mm: FloatArray
+
+
+def planned_set(situation: Situation, count: int, grid: int = 500, sweeps: int = _SWEEPS) -> PlannedSet:
+    """Return the set of `count` poses that together leave least uncertainty: greedy, then by exchange.
+
+    Raises
+    ------
+    ValueError
+        If fewer poses are allowed than are asked for.
+    """
+    poses = situation.proposed(grid)
+    if len(poses) < count:
+        raise ValueError(f"{len(poses)} allowed poses, {count} wanted")
+    taken = len(situation.taken)
+    design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
+    first = list(range(taken))
+    chosen = exchanged(design, first, _greedy(design, first, count), sweeps)
+    ordered = _in_order(design, first, chosen)
+    index = np.array(ordered) - taken
+    after = [float(worst_sigma_mm(design.workpiece([*first, *ordered[: n + 1]]))) for n in range(len(ordered))]
+    picked = Candidates(tuple(poses.poses[k] for k in index), poses.centers_in_laser[index])
+    return PlannedSet(picked, np.array(after))
+
+
+def _greedy(design: Design, first: Sequence[int], count: int) -> list[int]:
+    chosen: list[int] = []
+    for _ in range(count):
+        others = [k for k in range(len(first), len(design)) if k not in chosen]
+        added = design.adding([*first, *chosen], others)
+        chosen.append(others[int(np.argmin(_score(added.workpiece, len(first) + len(chosen))))])
+    return chosen
+
+
+def _score(workpiece: FloatArray, taken: int) -> FloatArray:
+    """Return what the best capture makes least, of covariances (N, 3, 3) at the workpiece.
+
+    First the sum of the variances; the more captures there are, the more the worst direction counts, in which the
+    uncertainty is stated: from the start, that leads to sets that are worse in the end.
+    """
+    values = np.maximum(np.linalg.eigvalsh(workpiece), 1e-18)
+    power = min(1 + taken / 3, 6.0)
+    return np.sum((values / values.max()) ** power, axis=1)
+
+
+def exchanged(design: Design, first: Sequence[int], chosen: Sequence[int], sweeps: int) -> list[int]:
+    """Return a set of captures in which none can be replaced by another for the better."""
+    chosen = list(chosen)
+    best = float(worst_sigma_mm(design.workpiece([*first, *chosen])))
+    for _ in range(sweeps):
+        before = best
+        for one in tuple(chosen):
+            rest = [k for k in chosen if k != one]
+            others = [k for k in range(len(first), len(design)) if k not in rest]
+            found = worst_sigma_mm(design.adding([*first, *rest], others).workpiece)
+            at = int(np.argmin(found))
+            if found[at] < best * _WORTH:
+                best, chosen = float(found[at]), [*rest, others[at]]
+        if best > before * _WORTH:
+            break
+    return chosen
+
+
+def _in_order(design: Design, first: Sequence[int], chosen: Sequence[int]) -> list[int]:
+    """Return a set in the order in which each next one helps most."""
+    left, ordered = list(chosen), list[int]()
+    while left:
+        added = design.adding([*first, *ordered], sorted(left))
+        score = _score(added.workpiece, len(first) + len(ordered))
+        ordered.append(sorted(left)[int(np.argmin(score))])
+        left.remove(ordered[-1])
+    return ordered
+
+
+def still_needed(situation: Situation, wanted_sigma_mm: float, most: int = 12, grid: int = 150) -> int | None:
+    """Return how many best next captures reach a standard deviation; None: more than `most`."""
+    poses = situation.proposed(grid, _SEED + 1)
+    taken = len(situation.taken)
+    design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
+    first, chosen = list(range(taken)), list[int]()
+    for count in range(min(most, len(poses)) + 1):
+        if float(worst_sigma_mm(design.workpiece([*first, *chosen]))) <= wanted_sigma_mm:
+            return count
+        others = [k for k in range(taken, len(design)) if k not in chosen]
+        if not others:
+            return None
+        added = design.adding([*first, *chosen], others)
+        chosen.append(others[int(np.argmin(_score(added.workpiece, taken + len(chosen))))])
+    return None
+
+
+def with_taken(situation: Situation, observation: SphereObservation) -> Situation:
+    """Return a situation after one more capture."""
+    return replace(situation, taken=[*situation.taken, observation])
