@@ -108,6 +108,11 @@ export interface Board {
   fixed?: boolean;
 }
 
+export interface Box {
+  low_mm: number[];
+  high_mm: number[];
+}
+
 export interface CameraCandidate {
   model: string;
   parameters: number;
@@ -238,6 +243,11 @@ export interface Cell {
   board?: Board | null;
   known?: Known;
   merge?: MergeSettings;
+  wanted_mm?: number | null;
+  workpiece_in_laser_mm?: number[] | null;
+  workpiece_in_turntable_mm?: number[] | null;
+  limits?: Limits;
+  nominal?: Nominal | null;
 }
 
 export interface CellHistory {
@@ -393,6 +403,13 @@ export interface ExportFormats {
   items: ExportFormat[];
 }
 
+export interface FieldOfView {
+  near_mm: number;
+  far_mm: number;
+  near_width_mm: number;
+  far_width_mm?: number | null;
+}
+
 export interface Figure {
   id?: string | null;
   title?: string | null;
@@ -504,6 +521,7 @@ export interface GuideNow {
   suggested_pose?: number[][] | null;
   suggested_pose_numbers?: number[] | null;
   suggested_note?: string | null;
+  meter?: Meter | null;
 }
 
 export interface GuideStep {
@@ -611,6 +629,14 @@ export interface LayerShown {
   name: string;
   title: string;
   shown: boolean;
+}
+
+export interface Limits {
+  reach?: Box | null;
+  tilt_deg?: number | null;
+  turn_deg?: number | null;
+  no_go?: Box[];
+  clearance_mm?: number | null;
 }
 
 export interface LoginRequest {
@@ -727,6 +753,21 @@ export interface MergeSettings {
   memory_mb?: number;
 }
 
+export interface Meter {
+  uncertainty_mm: number | null;
+  wanted_mm?: number | null;
+  after_next_mm?: number | null;
+  still_needed?: number | null;
+  enough?: boolean;
+  stated?: boolean;
+  history?: MeterPoint[];
+}
+
+export interface MeterPoint {
+  capture: string;
+  uncertainty_mm: number | null;
+}
+
 export interface MomentChange {
   place: number;
 }
@@ -764,6 +805,14 @@ export interface NewWebhook {
   name?: string;
   events?: ("capture" | "result" | "verdict" | "job" | "session" | "release")[];
   cell?: string | null;
+}
+
+export interface Nominal {
+  tool0_from_laser?: number[][] | null;
+  tool_sigma_mm?: number | null;
+  tool_sigma_deg?: number | null;
+  sphere_center_in_base_mm?: number[] | null;
+  base_from_tool0?: number[][] | null;
 }
 
 export interface Note {
@@ -964,6 +1013,8 @@ export interface Scanner {
   point_sigma_mm?: number | null;
   z_axis?: "away" | "toward" | null;
   errors?: "cover" | "apply" | null;
+  field_of_view?: FieldOfView | null;
+  pitch_mm?: number | null;
 }
 
 export interface ScannerFound {
