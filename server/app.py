@@ -28,6 +28,8 @@ from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
+from server.live.manager import LiveCells
+from server.live.robot_port import RobotPorts
 from server.metrics import Metrics
 from server.routes import (
     answers,
@@ -37,12 +39,14 @@ from server.routes import (
     captures,
     cells,
     clouds,
+    devices,
     folders,
     health,
     history,
     merged,
     pages,
     registries,
+    robot,
     sessions,
     solves,
     tokens,
@@ -96,11 +100,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         intake = app.state.intake = Intake(store, measuring, group_commit)
         app.state.logins = Logins(settings.data, store)
         watcher = app.state.watcher = session_watcher(settings, store, intake)
+        live = app.state.live = LiveCells(settings.data, store, intake)
+        ports = app.state.robot_ports = RobotPorts(store, live, app.state.logins, app.state.refusals)
         try:
             await run_in_threadpool(_start, store, jobs)
             group_commit.start()
             measuring_queue.start()
             watcher.start()
+            await run_in_threadpool(live.start)
             housekeeping.start()
             sender.start()
             if settings.warm_up:
@@ -111,6 +118,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(scenes.stop)
             await run_in_threadpool(jobs.stop)
             await run_in_threadpool(watcher.stop)
+            await ports.close_all()
+            await run_in_threadpool(live.stop)
             await run_in_threadpool(measuring_queue.stop)
             await run_in_threadpool(housekeeping.stop)
             await run_in_threadpool(sender.stop)
@@ -140,6 +149,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         captures,
         batches,
         folders,
+        devices,
+        robot,
         solves,
         answers,
         cells,

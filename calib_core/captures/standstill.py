@@ -1,6 +1,6 @@
 """Standstill of a capture: what its exposures at one commanded pose say, as a record and in words."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -57,6 +57,11 @@ def doubt_of(still: Still | None) -> tuple[str, str] | None:
     return reason, "Let the arm settle before the capture, and fix what shakes: scanner, sphere or stand."
 
 
+def is_resting(poses: Sequence[RigidTransform], within_mm: float, within_rad: float) -> bool:
+    """Return whether poses told one after the other are one pose, but for what is within these limits."""
+    differences = np.abs([poses[0].difference(pose) for pose in poses])
+    return bool(differences[:, :3].max() <= within_rad and differences[:, 3:].max() <= within_mm)
+
+
 def _is_same(one: RigidTransform, other: RigidTransform) -> bool:
-    difference = np.abs(one.difference(other))
-    return bool(difference[:3].max() < _SAME_ORIENTATION_RAD and difference[3:].max() < _SAME_PLACE_MM)
+    return is_resting([one, other], _SAME_PLACE_MM, _SAME_ORIENTATION_RAD)

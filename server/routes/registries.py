@@ -54,10 +54,16 @@ class ExportFormat(_Entry):
 
 
 class CaptureSource(_Entry):
-    """Where captures come from besides uploads; `triggered` where it takes one when it is asked to."""
+    """Where captures come from besides uploads; `triggered` where it takes one when it is asked to.
+
+    One that `delivers` something is a live device: robot, table or scanner.  `extra` names what must be installed
+    for it.
+    """
 
     does: str
     triggered: bool
+    delivers: list[str]
+    extra: str | None
 
 
 class StepOfCaptures(BaseModel):

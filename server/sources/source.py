@@ -1,4 +1,8 @@
-"""What a source of captures is: a module of this package, or an entry point of the group ``scancell.sources``."""
+"""What a source is: a module of this package, or an entry point of the group ``scancell.sources``.
+
+It takes captures when it is asked to (`trigger`), or it is a live device (`connect`), or captures come from it by
+themselves.
+"""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -7,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from calib_core.records import Capture, Session
+from server.sources.device import Device, Role
 
 Taken = tuple[Capture, Mapping[str, bytes]]
 """A capture and its files by name."""
@@ -56,6 +61,13 @@ class Source:
         The record of its settings.
     trigger : callable, optional
         Takes one capture now; raises CalibrationError.  Left out where captures come by themselves.
+    connect : callable, optional
+        Takes an instance of `settings` and returns the connected device; raises OSError, CalibrationError, or
+        ImportError where `extra` is not installed.
+    delivers : tuple of str
+        What the device tells of: "robot", "table", "scanner".
+    extra : str, optional
+        The extra of this package that must be installed: `pip install scancell[opcua]`.
     """
 
     name: str
@@ -63,6 +75,9 @@ class Source:
     does: str
     settings: type[Settings] = field(default=Settings)
     trigger: Callable[[Occasion], Taken] | None = None
+    connect: Callable[[Any], Device] | None = None
+    delivers: tuple[Role, ...] = ()
+    extra: str | None = None
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data, with the JSON Schema of its settings."""
@@ -71,5 +86,7 @@ class Source:
             "title": self.title,
             "does": self.does,
             "triggered": self.trigger is not None,
+            "delivers": list(self.delivers),
+            "extra": self.extra,
             "settings": self.settings.model_json_schema(),
         }

@@ -184,3 +184,14 @@ class ReleaseRow(Base):
     answer: Mapped[Data]
 
     __table_args__ = (Index("releases_by_cell", "cell", "number"),)
+
+
+class DeviceRow(Base):
+    """A live device of a cell, its settings without secrets, and the session that it is connected for."""
+
+    __tablename__ = "devices"
+    cell: Mapped[str] = mapped_column(String(64), primary_key=True)
+    name: Mapped[str] = mapped_column(String(64), primary_key=True)
+    source: Mapped[str] = mapped_column(String(64))
+    settings: Mapped[Data]
+    session_id: Mapped[str | None] = mapped_column(String(32))

@@ -1,0 +1,105 @@
+"""The simulated cell as it lives: its robot goes from capture to capture, its table turns, its scanner sees.
+
+Nothing here keeps time: whoever serves it asks for a moment.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.simulation.motion import FloatArray, pose, quaternion_wxyz, turn
+from calib_core.simulation.profile_cell import Shot, World, measure
+from calib_core.simulation.session import SimulatedSession
+from calib_core.simulation.writing import profile_csv
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The cell at one moment.
+
+    Parameters
+    ----------
+    shot : Shot
+        Where the robot stands, or goes.
+    reported, actual : (4, 4)
+        base_from_tool0 as the controller tells it, and as it is.
+    sphere_center_in_base_mm : (3,)
+    table_deg : float
+        As the encoder tells it.
+    moving : bool
+    """
+
+    shot: Shot
+    reported: FloatArray
+    actual: FloatArray
+    sphere_center_in_base_mm: FloatArray
+    table_deg: float
+    moving: bool
+
+
+class LiveCell:
+    """A simulated cell whose robot travels between the poses of its captures.
+
+    Parameters
+    ----------
+    simulated : SimulatedSession
+        Of profiles of the sphere.
+    travel_s : float
+        From one pose to the next.
+    """
+
+    def __init__(self, simulated: SimulatedSession, travel_s: float = 0.5) -> None:
+        assert simulated.world is not None
+        self.world: World = simulated.world
+        self._travel_s = travel_s
+        self._from = self._to = self._standing(self.world.shots[0])
+        self._began_s = -np.inf
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """The captures whose poses the robot can go to."""
+        return self.world.shots
+
+    def go(self, number: int, now_s: float) -> None:
+        """Send robot and table to where a capture is taken, from where they are."""
+        self._from = self.at(now_s)
+        self._to = self._standing(self.world.shots[number])
+        self._began_s = now_s
+
+    def at(self, now_s: float) -> Moment:
+        """Return the cell at a moment: on its way, slow at both ends, or there."""
+        part = float(np.clip((now_s - self._began_s) / self._travel_s, 0.0, 1.0))
+        if part >= 1.0:
+            return self._to
+        eased = part * part * (3 - 2 * part)
+        lift = np.array([0.0, 0.0, 8.0 * eased * (1 - eased)])  # never along a straight line of what it sees
+        return Moment(
+            shot=self._to.shot,
+            reported=_between(self._from.reported, self._to.reported, eased, lift),
+            actual=_between(self._from.actual, self._to.actual, eased, lift),
+            sphere_center_in_base_mm=(1 - eased) * self._from.sphere_center_in_base_mm
+            + eased * self._to.sphere_center_in_base_mm,
+            table_deg=(1 - eased) * self._from.table_deg + eased * self._to.table_deg,
+            moving=True,
+        )
+
+    def profile(self, now_s: float, rng: np.random.Generator) -> bytes:
+        """Return what the scanner sees at a moment, as its CSV."""
+        moment = self.at(now_s)
+        _, _, measured = measure(0, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)
+        return profile_csv(measured, 1.0)
+
+    def _standing(self, shot: Shot) -> Moment:
+        table_deg = shot.table.reported_angle if shot.table else 0.0
+        return Moment(shot, shot.reported, shot.actual, shot.sphere_center_in_base_mm, table_deg, False)
+
+
+def _between(one: FloatArray, other: FloatArray, part: float, lift_mm: FloatArray) -> FloatArray:
+    """Return a pose between two, by their quaternions' chord."""
+    first, last = quaternion_wxyz(one[:3, :3]), quaternion_wxyz(other[:3, :3])
+    last = last if first @ last >= 0 else -last
+    w, *v = (1 - part) * first + part * last
+    axis = np.array(v)
+    length = float(np.linalg.norm(axis))
+    rotation = turn(2 * np.arctan2(length, w) / length * axis) if length > 0 else np.eye(3)
+    return pose(rotation, (1 - part) * one[:3, 3] + part * other[:3, 3] + lift_mm)

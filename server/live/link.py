@@ -1,0 +1,191 @@
+"""The link to one device: a thread that connects, reads, and connects again whatever happens to it."""
+
+import logging
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from calib_core.errors import CalibrationError
+from server.live.sense import nonsense
+from server.sources.device import Description, Device, Reading, Triggered, host_now_s
+from server.sources.source import Source
+
+log = logging.getLogger("scancell")
+
+Status = Literal["connecting", "live", "silent", "nonsense", "lost"]
+
+SILENT_S = 1.5
+"""A device that is connected and tells nothing for longer is called silent."""
+
+_RETRY_S = (0.25, 0.5, 1.0)
+_MOST_NONSENSE = 50
+
+
+@dataclass(frozen=True)
+class LinkState:
+    """How a link stands: its status, since when (`host_now_s`), what is wrong, and how much came over it."""
+
+    status: Status
+    since_s: float
+    problem: str
+    readings: int
+    refused: int
+    rate_hz: float
+    description: Description | None
+
+
+class Link:
+    """Keeps one device connected.
+
+    Parameters
+    ----------
+    name : str
+    source : Source
+        With `connect`.
+    settings : object
+        An instance of the source's settings, secrets included.
+    take : callable
+        Gets every reading that can be true, in this link's thread.
+    lost : callable
+        Is told when what came before no longer connects to what will come: the device is gone or sends nonsense.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        source: Source,
+        settings: Any,
+        take: Callable[[str, Reading], None],
+        lost: Callable[[str], None],
+    ) -> None:
+        self.name, self.source = name, source
+        self._settings, self._take, self._lost = settings, take, lost
+        self._stopped = threading.Event()
+        self._device: Device | None = None
+        self._description: Description | None = None
+        self._status: Status = "connecting"
+        self._since_s = self._last_s = self._rate_from_s = host_now_s()
+        self._problem = ""
+        self._readings = self._refused = self._rate_from = self._in_a_row = 0
+        self._rate_hz = 0.0
+        self._thread = threading.Thread(target=self._run, name=f"device {name}", daemon=True)
+
+    def start(self) -> None:
+        """Connect, and read from now on."""
+        self._thread.start()
+
+    def stop(self, timeout_s: float = 5.0) -> None:
+        """Close the device; a driver that hangs is left to its daemon thread."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+
+    def trigger(self) -> bool:
+        """Ask a device that is triggered for an exposure; return whether it is one."""
+        device = self._device
+        if not isinstance(device, Triggered):
+            return False
+        device.trigger()
+        return True
+
+    def state(self) -> LinkState:
+        """Return how the link stands now; a device that says nothing shows as silent by the clock alone."""
+        status, since_s, problem = self._status, self._since_s, self._problem
+        if status in ("live", "nonsense") and host_now_s() - self._last_s > SILENT_S:
+            status, since_s = "silent", self._last_s
+            problem = f"Connected, but nothing came for {host_now_s() - self._last_s:.1f} s."
+        return LinkState(status, since_s, problem, self._readings, self._refused, self._rate_hz, self._description)
+
+    def _run(self) -> None:
+        failures = 0
+        while not self._stopped.is_set():
+            try:
+                device = self._connected()
+            except Exception as error:  # drivers raise what they like
+                self._fail(f"Cannot be reached: {_sentence(error, self.source)}")
+            else:
+                before = self._readings
+                try:
+                    self._read_on(device)
+                except Exception as error:
+                    self._fail(f"Lost: {_sentence(error, self.source)}")
+                finally:
+                    self._device = None
+                    with suppress(Exception):
+                        device.close()
+                failures = 0 if self._readings > before else failures
+            self._stopped.wait(_RETRY_S[min(failures, len(_RETRY_S) - 1)])
+            failures += 1
+
+    def _connected(self) -> Device:
+        connect = self.source.connect
+        assert connect is not None
+        device = connect(self._settings)
+        self._device, self._description = device, device.describe()
+        self._last_s = host_now_s()
+        self._set("live", "")
+        return device
+
+    def _read_on(self, device: Device) -> None:
+        before: Reading | None = None
+        while not self._stopped.is_set():
+            try:
+                reading = device.read()
+            except CalibrationError as error:
+                before = None
+                self._refuse(str(error))
+                continue
+            if reading is None:
+                continue
+            self._last_s = host_now_s()
+            wrong = nonsense(reading, before)
+            if wrong is not None:
+                before = None
+                self._refuse(f"{wrong}.")
+                continue
+            self._in_a_row = 0
+            before = reading
+            self._count()
+            self._set("live", "")
+            self._take(self.name, reading)
+
+    def _refuse(self, what: str) -> None:
+        """Leave out what cannot be true; after much of it, connect anew."""
+        self._last_s = host_now_s()
+        self._refused += 1
+        self._in_a_row += 1
+        self._set("nonsense", f"It sent what cannot be used: {what}")
+        self._lost(self.name)
+        if self._in_a_row >= _MOST_NONSENSE:
+            self._in_a_row = 0
+            raise ConnectionError("it sent nothing that can be used")
+
+    def _count(self) -> None:
+        self._readings += 1
+        elapsed_s = self._last_s - self._rate_from_s
+        if elapsed_s >= 1.0:
+            self._rate_hz = (self._readings - self._rate_from) / elapsed_s
+            self._rate_from, self._rate_from_s = self._readings, self._last_s
+
+    def _fail(self, problem: str) -> None:
+        self._rate_hz = 0.0
+        self._set("lost", problem)
+        self._lost(self.name)
+
+    def _set(self, status: Status, problem: str) -> None:
+        if status != self._status:
+            self._since_s = host_now_s()
+            if status in ("lost", "nonsense"):
+                log.warning("device %s: %s", self.name, problem)
+        self._status, self._problem = status, problem
+
+
+def _sentence(error: Exception, source: Source) -> str:
+    if isinstance(error, ImportError) and source.extra:
+        return f"this server lacks what it needs. Install it: pip install 'scancell[{source.extra}]'."
+    if isinstance(error, CalibrationError):
+        return str(error)
+    text = " ".join(str(error).split()) or type(error).__name__
+    return f"{text[:200]}."

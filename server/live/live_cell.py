@@ -1,0 +1,276 @@
+"""A session's live cell: its links, the newest readings, and the thread that takes captures from them."""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.standstill import is_resting
+from calib_core.errors import CalibrationError, ConflictError
+from calib_core.records import Capture, Cell, Measured
+from server.live.exposures import Exposure, Profiler, exposure_of, in_short
+from server.live.link import Link
+from server.live.shots import CaptureSettings, Shot, Taken, capture_of_rest
+from server.live.standstill import Rest, Rules, stood_still
+from server.sources.device import Frame, Reading, Sample, host_now_s
+from server.store.audit import acting
+
+log = logging.getLogger("scancell")
+
+Take = Callable[[Capture, Mapping[str, bytes]], Measured]
+"""Stores a capture and returns what was measured in it; raises CalibrationError."""
+
+SHOT_WAITS_S = 8.0
+_SAMPLES, _EXPOSURES = 4000, 12
+_NEW_PLACE_MM, _NEW_PLACE_RAD, _NEW_TABLE_DEG = 3.0, 0.01, 0.5
+_POSES_AGREE_MM, _POSES_AGREE_RAD = 1.0, 0.005
+_IDLE_S = 0.1
+
+
+class LiveCell:
+    """Devices of a session while they are connected.
+
+    Parameters
+    ----------
+    load : callable
+        Returns the session's cell, its captures' ids, and what turns exposures into profiles; raises
+        CalibrationError.
+    take : callable
+        Stores a capture.
+    settings : CaptureSettings
+    """
+
+    def __init__(
+        self,
+        load: Callable[[], tuple[Cell, set[str], Profiler]],
+        take: Take,
+        settings: CaptureSettings,
+        rules: Rules | None = None,
+    ) -> None:
+        self._load, self._take = load, take
+        self.settings, self.rules = settings, rules or Rules()
+        self.links: dict[str, Link] = {}
+        self._robot: deque[Sample] = deque(maxlen=_SAMPLES)
+        self._table: deque[Sample] = deque(maxlen=_SAMPLES)
+        self._exposures: deque[Exposure] = deque(maxlen=_EXPOSURES)
+        self._frame: Frame | None = None
+        self._shots: deque[Shot] = deque()
+        self._arrived = threading.Condition()
+        self._stopped = False
+        self._taken_at: tuple[Sample | None, float | None] | None = None
+        self.last: Taken | None = None
+        self.waits_for = ""
+        self.version = 0
+        self._thread = threading.Thread(target=self._run, name="live cell", daemon=True)
+        self._thread.start()
+
+    def add(self, link: Link) -> None:
+        """Take a device's link in place of the one of its name, and start it."""
+        self.remove(link.name)
+        self.links[link.name] = link
+        link.start()
+
+    def remove(self, name: str) -> None:
+        """End a device's link, if there is one."""
+        link = self.links.pop(name, None)
+        if link is not None:
+            link.stop()
+            self.forget(name, link)
+
+    def stop(self) -> None:
+        """End all links and the thread."""
+        with self._arrived:
+            self._stopped = True
+            self._arrived.notify_all()
+        for name in list(self.links):
+            self.remove(name)
+        self._thread.join(timeout=10)
+
+    def arrived(self, name: str, reading: Reading) -> None:
+        """Take a reading; called by links' threads.  Of frames the newest is kept: previews may be dropped."""
+        with self._arrived:
+            if isinstance(reading, Frame):
+                self._frame = reading
+                self._arrived.notify_all()
+                return
+            link = self.links.get(name)
+            delivers = link.source.delivers if link is not None else ()
+            if reading.base_from_tool0 is not None and "robot" in delivers:
+                self._robot.append(reading)
+            if reading.table_deg is not None and "table" in delivers:
+                self._table.append(reading)
+
+    def forget(self, name: str, link: Link | None = None) -> None:
+        """Forget what a device told: what comes next does not connect to it, and nothing may be joined across."""
+        link = link or self.links.get(name)
+        if link is None:
+            return
+        with self._arrived:
+            if "robot" in link.source.delivers:
+                self._robot.clear()
+            if "table" in link.source.delivers:
+                self._table.clear()
+            if "scanner" in link.source.delivers:
+                self._exposures.clear()
+                self._frame = None
+
+    def ask(self, shot: Shot) -> None:
+        """Have a capture taken; `shot.answer` tells how it went.
+
+        Raises
+        ------
+        ConflictError
+            If no scanner is connected.
+        """
+        if not any("scanner" in link.source.delivers for link in self.links.values()):
+            raise no_scanner()
+        with self._arrived:
+            self._shots.append(shot)
+            self._arrived.notify_all()
+        for link in list(self.links.values()):
+            if "scanner" in link.source.delivers:
+                link.trigger()
+
+    def newest(self) -> tuple[Sample | None, float | None, Exposure | None]:
+        """Return the newest sample of the robot, angle of the table, and exposure."""
+        with self._arrived:
+            table = self._table[-1].table_deg if self._table else None
+            return (
+                self._robot[-1] if self._robot else None,
+                table,
+                self._exposures[-1] if self._exposures else None,
+            )
+
+    def _run(self) -> None:
+        while True:
+            with self._arrived:
+                if self._frame is None and not self._stopped:
+                    self._arrived.wait(_IDLE_S)
+                if self._stopped:
+                    break
+                frame, self._frame = self._frame, None
+            try:
+                self._look(frame)
+            except CalibrationError as error:
+                self.waits_for = str(error)
+            except Exception:  # one exposure's fault must not end the watching
+                log.exception("a live cell")
+                self.waits_for = "Looking at an exposure failed; the server's log says more."
+            self._expire()
+        while self._shots:
+            self._shots.popleft().answer.set_exception(no_scanner())
+
+    def _look(self, frame: Frame | None) -> None:
+        if frame is None:
+            return
+        cell, taken, profiler = self._load()
+        exposure = exposure_of(frame, cell, profiler)
+        with self._arrived:
+            self._exposures.append(exposure)
+            robot, table, exposures = list(self._robot), list(self._table), list(self._exposures)
+        self.version += 1
+        if self._shots:
+            self._serve(self._shots[0], cell, taken, robot, table, exposures)
+        elif self.settings.automatic:
+            rest = stood_still(robot, exposures, self.rules, table)
+            if isinstance(rest, str):
+                self.waits_for = rest
+            elif self._is_new_place(rest):
+                self.waits_for = rest.chosen.weak
+                if not rest.chosen.weak:
+                    self._store(cell, rest, taken, None)
+            else:
+                self.waits_for = "the robot or the table to go to another place"
+
+    def _serve(
+        self,
+        shot: Shot,
+        cell: Cell,
+        taken: set[str],
+        robot: list[Sample],
+        table: list[Sample],
+        exposures: list[Exposure],
+    ) -> None:
+        after = [e for e in exposures if e.frame.host_time_s >= shot.asked_s + self.rules.latency_s]
+        rest = stood_still(robot or _told(shot), after, self.rules, table)
+        if isinstance(rest, str):
+            shot.why_not = rest
+            return
+        self._shots.popleft()
+        try:
+            _require_agreement(shot, rest)
+            _require_good(rest)
+            shot.answer.set_result(self._store(cell, rest, taken, shot))
+        except CalibrationError as error:
+            shot.answer.set_exception(error)
+
+    def _expire(self) -> None:
+        while self._shots and host_now_s() - self._shots[0].asked_s > SHOT_WAITS_S:
+            shot = self._shots.popleft()
+            shot.answer.set_exception(
+                ConflictError(
+                    "a standstill that robot, table and stripe prove",
+                    shot.why_not or "no exposure since",
+                    "Let the arm settle, then ask again.",
+                )
+            )
+
+    def _is_new_place(self, rest: Rest) -> bool:
+        if self._taken_at is None:
+            return True
+        robot, angle = self._taken_at
+        if angle is not None and rest.table_deg is not None and abs(angle - rest.table_deg) > _NEW_TABLE_DEG:
+            return True
+        if robot is None or rest.robot is None:
+            return False
+        poses = [s.base_from_tool0 for s in (robot, rest.robot) if s.base_from_tool0 is not None]
+        return not is_resting(poses, _NEW_PLACE_MM, _NEW_PLACE_RAD)
+
+    def _store(self, cell: Cell, rest: Rest, taken: set[str], shot: Shot | None) -> Taken:
+        devices = ", ".join(f"{link.name} ({link.source.name})" for link in self.links.values())
+        capture, files = capture_of_rest(cell, rest, self.settings, taken, shot, devices)
+        before = acting.set(shot.act if shot else None)
+        try:
+            measured = self._take(capture, files)
+        finally:
+            acting.reset(before)
+        self._taken_at = rest.robot, rest.table_deg
+        text = " ".join(filter(None, (measured.reason, measured.to_do)))
+        self.last = Taken(capture.id, measured.verdict, measured.zone, text)
+        self.version += 1
+        return self.last
+
+
+def no_scanner() -> ConflictError:
+    """Return what is said where no scanner is connected."""
+    return ConflictError("a scanner that is connected", "none", "Connect one in the session's devices.", "devices")
+
+
+def _told(shot: Shot) -> list[Sample]:
+    """Return a robot that stands where its program says it does, for a cell in which no other source tells."""
+    if shot.pose is None:
+        return []
+    times: Any = np.arange(shot.asked_s, host_now_s() + 0.1, 0.1)
+    return [Sample(float(t), base_from_tool0=shot.pose) for t in times]
+
+
+def _require_agreement(shot: Shot, rest: Rest) -> None:
+    """Refuse a pose from a program that the robot's own source contradicts."""
+    own = rest.robot.base_from_tool0 if rest.robot else None
+    if shot.pose is None or own is None or is_resting([own, shot.pose], _POSES_AGREE_MM, _POSES_AGREE_RAD):
+        return
+    apart_mm = float(np.linalg.norm(own.translation_mm - shot.pose.translation_mm))
+    raise ConflictError(
+        "one pose from the robot's program and its source",
+        f"two that are {apart_mm:.1f} mm apart",
+        "Send the flange's pose in the base: tool 0, base 0.",
+        "pose",
+    )
+
+
+def _require_good(rest: Rest) -> None:
+    if rest.chosen.weak:
+        raise ConflictError("a good arc of the sphere", *in_short(rest.chosen))

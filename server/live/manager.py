@@ -1,0 +1,263 @@
+"""All live cells of the server: which devices are connected for which session, also across a restart."""
+
+import asyncio
+import json
+import logging
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import SecretStr, ValidationError
+
+from calib_core.errors import CalibrationError, ConflictError, InputError
+from calib_core.records import Capture, Cell, Measured, input_error
+from calib_core.review.answer import cell_id
+from server.captures.intake import Intake
+from server.live.exposures import Profiler, profile_of
+from server.live.link import Link, LinkState
+from server.live.live_cell import LiveCell
+from server.live.shots import CaptureSettings
+from server.sources.device import Frame
+from server.sources.registry import SOURCES
+from server.sources.source import Source
+from server.store.captures import capture_ids
+from server.store.database import Store, record_event
+from server.store.devices import DeviceSecrets, connected_devices, device_row, devices_of
+from server.store.models import Data, DeviceRow
+from server.store.sessions import empty_session, locked_session, session_row
+
+log = logging.getLogger("scancell")
+
+_LOOK_EVERY_S = 0.2
+
+
+class LiveCells:
+    """Connects devices for sessions.
+
+    Parameters
+    ----------
+    data : Path
+        The data folder: what captures are taken for and devices' secrets are kept there.
+    store : Store
+    intake : Intake
+    """
+
+    def __init__(self, data: Path, store: Store, intake: Intake) -> None:
+        self._store, self._intake = store, intake
+        self._secrets = DeviceSecrets(data)
+        self._memory = data / "live.json"
+        self._cells: dict[str, LiveCell] = {}
+        self._told: dict[tuple[str, str], str] = {}
+        self._lock = threading.RLock()
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="live cells", daemon=True)
+
+    def start(self) -> None:
+        """Connect what was connected when the server stopped."""
+        with self._store.read() as db:
+            rows = connected_devices(db)
+        for row in rows:
+            try:
+                self._connect(row)
+            except CalibrationError as error:  # an extra was removed, say
+                log.warning("device %s of cell %s: %s", row.name, row.cell, error)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End all links."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=10)
+        with self._lock:
+            cells, self._cells = self._cells, {}
+        for cell in cells.values():
+            cell.stop()
+
+    def live(self, session_id: str) -> LiveCell | None:
+        """Return the live cell of a session, None where no device is connected."""
+        return self._cells.get(session_id)
+
+    def devices(self, session_id: str) -> list[tuple[DeviceRow, Source | None, list[str], LinkState | None]]:
+        """Return a session's devices, each with its source, the names of its secrets, and its link's state."""
+        with self._store.read() as db:
+            rows = devices_of(db, self._cell(db, session_id))
+        live = self._cells.get(session_id)
+        links = live.links if live else {}
+        sources = {source.name: source for source in SOURCES}
+        return [
+            (
+                row,
+                sources.get(row.source),
+                sorted(self._secrets.get(row.cell, row.name)),
+                links[row.name].state() if row.name in links and row.session_id == session_id else None,
+            )
+            for row in rows
+        ]
+
+    def put(self, session_id: str, name: str, source_name: str, settings: Data, connect: bool) -> None:
+        """Keep a device with the session's cell, and connect it for this session or end its connection.
+
+        A secret that is left out stays as it was.
+
+        Raises
+        ------
+        InputError
+            If there is no such live source, or its settings are of no use.
+        """
+        source = SOURCES.get(source_name, "source")
+        if source.connect is None:
+            live = ", ".join(other.name for other in SOURCES if other.connect)
+            raise InputError(f"a live source among {live}", f"'{source_name}'", "Name one of these.", "source")
+        with self._lock:
+            with self._store.write() as db:
+                session = locked_session(db, session_id)
+                cell = cell_id(empty_session(session.record, session_id))
+                known = db.get(DeviceRow, (cell, name))
+                old = self._secrets.get(cell, name) if known and known.source == source_name else {}
+                secrets = {field: value for field, value in old.items() if field not in settings}
+                chosen = _parsed(source, {**settings, **secrets})
+                plain, secrets = _split(source, chosen)
+                bound = session_id if connect else None
+                row = DeviceRow(cell=cell, name=name, source=source_name, settings=plain, session_id=bound)
+                before = known.session_id if known else None
+                db.merge(row)
+                record_event(db, session, "device", {"device": name, "action": "configured"})
+            self._secrets.put(cell, name, secrets)
+            self._disconnect(before, name)
+            if connect:
+                self._connect(row)
+
+    def remove(self, session_id: str, name: str) -> None:
+        """Forget a device with its settings and secrets; raises NotFoundError."""
+        with self._lock:
+            with self._store.write() as db:
+                session = locked_session(db, session_id)
+                row = device_row(db, cell_id(empty_session(session.record, session_id)), name)
+                bound, cell = row.session_id, row.cell
+                db.delete(row)
+                record_event(db, session, "device", {"device": name, "action": "removed"})
+            self._secrets.put(cell, name, {})
+            self._disconnect(bound, name)
+
+    def capture_settings(self, session_id: str) -> CaptureSettings:
+        """Return what the session's live captures are taken for."""
+        return CaptureSettings.model_validate(self._kept().get(session_id, {}))
+
+    def set_capture(self, session_id: str, settings: CaptureSettings) -> None:
+        """Change what live captures are taken for, also after a restart."""
+        with self._lock:
+            kept = {**self._kept(), session_id: settings.to_json()}
+            fresh = self._memory.with_suffix(".new")
+            fresh.write_text(json.dumps(kept), encoding="utf-8")
+            fresh.replace(self._memory)
+            live = self._cells.get(session_id)
+            if live is not None:
+                live.settings = settings
+
+    def _kept(self) -> dict[str, Data]:
+        return json.loads(self._memory.read_text(encoding="utf-8")) if self._memory.exists() else {}
+
+    def _connect(self, row: DeviceRow) -> None:
+        source = SOURCES.get(row.source, row.name)
+        assert row.session_id is not None
+        settings = _parsed(source, {**row.settings, **self._secrets.get(row.cell, row.name)})
+        with self._lock:
+            live = self._cells.get(row.session_id)
+            if live is None:
+                live = self._cells[row.session_id] = self._new(row.session_id)
+            live.add(Link(row.name, source, settings, live.arrived, live.forget))
+
+    def _disconnect(self, session_id: str | None, name: str) -> None:
+        live = self._cells.get(session_id or "")
+        if live is None or session_id is None:
+            return
+        live.remove(name)
+        self._told.pop((session_id, name), None)
+        if not live.links:
+            del self._cells[session_id]
+            live.stop()
+
+    def _new(self, session_id: str) -> LiveCell:
+        def load() -> tuple[Cell, set[str], Profiler]:
+            with self._store.read() as db:
+                cell = empty_session(session_row(db, session_id).record, session_id).cell
+                return cell, capture_ids(db, session_id), _profiler(self._store, session_id)
+
+        def take(capture: Capture, contents: Mapping[str, bytes]) -> Measured:
+            answer = asyncio.run(self._intake.take(session_id, capture, contents))
+            return Measured.model_validate(json.loads(bytes(answer.body))["measured"])
+
+        return LiveCell(load, take, self.capture_settings(session_id))
+
+    def _cell(self, db: Any, session_id: str) -> str:
+        return cell_id(empty_session(session_row(db, session_id).record, session_id))
+
+    def _watch(self) -> None:
+        """Tell a session of each device that was lost or is back."""
+        while not self._stopped.wait(_LOOK_EVERY_S):
+            for session_id, live in list(self._cells.items()):
+                for name, link in list(live.links.items()):
+                    state = link.state()
+                    key = session_id, name
+                    if state.status == "connecting" or self._told.get(key) == state.status:
+                        continue
+                    self._told[key] = state.status
+                    try:
+                        self._tell(session_id, name, state)
+                    except CalibrationError:
+                        self._disconnect(session_id, name)  # the session was removed
+                    except Exception:
+                        log.exception("telling of device %s", name)
+
+    def _tell(self, session_id: str, name: str, state: LinkState) -> None:
+        with self._store.write() as db:
+            session = locked_session(db, session_id)
+            told = {"device": name, "action": state.status, "problem": state.problem, "at": time.time()}
+            record_event(db, session, "device", told)
+
+
+def _profiler(store: Store, session_id: str) -> Profiler:
+    """Return what makes profiles of a session's exposures: profiles' files are read, images need its optics."""
+
+    def profile(frame: Frame) -> Any:
+        from calib_core.formats.points import usual_kind
+
+        if usual_kind(frame.name) != "frame":
+            return profile_of(frame)
+        from calib_core.captures.stripe_frames import read_profile_frame
+        from server.store.calibrations import calibrated_session
+
+        with store.read() as db:
+            session = calibrated_session(db, store.blobs, session_id).session
+        capture = Capture(id="live", step="tcp", kind="frame", files=[frame.name])
+        return read_profile_frame(session, capture, lambda _: frame.content)
+
+    return profile
+
+
+def _parsed(source: Source, settings: Data) -> Any:
+    try:
+        return source.settings.model_validate(settings)
+    except ValidationError as error:
+        raise input_error(error, settings, "settings") from None
+
+
+def _split(source: Source, settings: Any) -> tuple[Data, Data]:
+    """Return a device's settings without its secrets, and its secrets."""
+    told = settings.model_dump(mode="json", exclude_unset=True)
+    secrets = {
+        name: value.get_secret_value()
+        for name in source.settings.model_fields
+        if isinstance(value := getattr(settings, name), SecretStr) and name in told
+    }
+    return {name: value for name, value in told.items() if name not in secrets}, secrets
+
+
+def require_live(cells: LiveCells, session_id: str) -> LiveCell:
+    """Return a session's live cell; raises ConflictError where no device is connected."""
+    live = cells.live(session_id)
+    if live is None:
+        raise ConflictError("a device that is connected for this session", "none", "Connect one.", "devices")
+    return live

@@ -1,0 +1,129 @@
+"""What is asked of a live cell and what it makes of it: a shot, and the capture that a standstill becomes."""
+
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+from pydantic import Field
+
+from calib_core.frames import RigidTransform
+from calib_core.records import Capture, Cell, Record, StepName, parse_capture
+from calib_core.robots import to_pose
+from server.live.standstill import Rest
+from server.sources.device import Sample
+from server.store.audit import Act
+
+_LETTERS = {"turntable": "t", "verify": "v", "camera": "c", "laser-plane": "l", "scan": "s"}
+
+
+class CaptureSettings(Record):
+    """What a live cell's captures are taken for; `automatic` takes one at each standstill at a new place.
+
+    `mount` names how the sphere is mounted on the table, as in a capture's record.
+    """
+
+    automatic: bool = False
+    step: StepName = "tcp"
+    mount: str | None = Field(default=None, max_length=64)
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """A capture that is stored, and how good it is."""
+
+    capture: str
+    verdict: str
+    zone: float | None
+    text: str
+
+
+@dataclass(eq=False)
+class Shot:
+    """A capture that somebody asked for.
+
+    Parameters
+    ----------
+    name : str or None
+        Its id; None takes the next.
+    asked_s : float
+        When (`host_now_s`); the robot has stood since then.
+    numbers : list of float or None
+        The pose that a robot's program told, in the cell's convention; None takes the robot's source.
+    pose : RigidTransform or None
+        The same.
+    extra : mapping
+        Further fields of the capture's record.
+    source : str
+        Who asked.
+    act : Act, optional
+        The same as the log of who did what has it.
+    """
+
+    name: str | None
+    asked_s: float
+    numbers: list[float] | None = None
+    pose: RigidTransform | None = None
+    extra: dict[str, Any] = field(default_factory=dict[str, Any])
+    source: str = ""
+    act: Act | None = None
+    answer: "Future[Taken]" = field(default_factory=lambda: Future[Taken]())
+    why_not: str = ""
+
+
+def next_id(step: str, taken: set[str]) -> str:
+    """Return the first free id of a step: p01, t01 …"""
+    letter = _LETTERS.get(step, "p")
+    number = 1
+    while f"{letter}{number:02d}" in taken:
+        number += 1
+    return f"{letter}{number:02d}"
+
+
+def capture_of_rest(
+    cell: Cell, rest: Rest, settings: CaptureSettings, taken: set[str], shot: Shot | None, devices: str
+) -> tuple[Capture, dict[str, bytes]]:
+    """Return the capture of a standstill and its files; raises InputError if a field of the shot is of no use."""
+    frame = rest.chosen.frame
+    step = (shot.extra.get("step") if shot else None) or settings.step
+    capture_id = (shot.name if shot else None) or next_id(step, taken)
+    file = f"captures/{capture_id}{PurePath(frame.name).suffix.lower()}"
+    still = rest.still
+    told: dict[str, Any] = {
+        "id": capture_id,
+        "step": step,
+        "kind": _kind(frame.name, cell),
+        "files": [file],
+        "moving": False,
+        "source": (
+            f"{shot.source if shot and shot.source else devices}; stood still: {still.exposures} exposures, "
+            f"moved {still.movement_mm:.4f} mm beyond a noise of {still.noise_mm:.4f} mm"
+        ),
+    }
+    if step == "turntable":
+        told |= {"table_deg": rest.table_deg, "mount": settings.mount}
+    told |= {"device_time_s": frame.device_time_s, **_robot_fields(cell, rest.robot)}
+    if shot is not None:
+        told |= {"pose": shot.numbers} if shot.numbers else {}
+        told |= shot.extra
+    record = {name: value for name, value in told.items() if value is not None}
+    return parse_capture(record, capture_id), {file: frame.content}
+
+
+def _robot_fields(cell: Cell, sample: Sample | None) -> dict[str, Any]:
+    if sample is None or sample.base_from_tool0 is None:
+        return {}
+    pose = [round(number, 9) for number in to_pose(cell.pose_convention, sample.base_from_tool0)]
+    return {
+        "pose": pose,
+        "joints_deg": None if sample.joints_deg is None else list(sample.joints_deg),
+        "active_tool": sample.active_tool,
+        "active_frame": sample.active_frame,
+    }
+
+
+def _kind(name: str, cell: Cell) -> str:
+    from calib_core.formats.points import usual_kind
+
+    kind = usual_kind(name) or "profile"
+    return "profile" if kind == "cloud" and cell.scanner.kind != "cloud" else kind

@@ -1,0 +1,201 @@
+"""Live devices of a session's cell, what comes from them, and captures taken at standstill."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.concurrency import run_in_threadpool
+
+from calib_core.errors import NotFoundError
+from calib_core.records import Finite, Identifier, Record
+from server.http.dependencies import HubDep, IdempotencyDep, SessionId, StoreDep
+from server.http.known_fields import require_known_fields
+from server.http.strict_json import StrictRoute
+from server.live.manager import LiveCells, require_live
+from server.live.preview import device_data, live_data
+from server.live.shots import CaptureSettings, Shot
+from server.routes.sessions import existing_session
+from server.sources.device import host_now_s
+from server.store.audit import acting
+
+router = APIRouter(prefix="/sessions/{session_id}", tags=["live"], route_class=StrictRoute)
+
+DeviceName = Annotated[
+    str, Path(description="A device's `name`.", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", examples=["robot"])
+]
+_PREVIEW_EVERY_S = 0.1
+
+
+class NewDevice(Record):
+    """A device: a live source of `GET /sources` and its settings; `connected` for this session, or only kept."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"source": "pose-lines", "settings": {"host": "127.0.0.1", "port": 5890}, "connected": True}
+            ]
+        }
+    )
+
+    source: str = Field(max_length=64)
+    settings: dict[str, Any] = Field(default_factory=dict)
+    connected: bool = True
+
+
+class DeviceEntry(BaseModel):
+    """A device of the cell; `status` is off where it is not connected for this session."""
+
+    name: str
+    source: str
+    title: str
+    delivers: list[str]
+    settings: dict[str, Any] = Field(description="Without secrets.")
+    secrets: list[str] = Field(description="The names of those that are kept.")
+    connected_for: str | None = Field(description="The session that it is connected for.")
+    status: Literal["off", "connecting", "live", "silent", "nonsense", "lost"]
+    problem: str
+    since: str | None
+    readings: int
+    refused: int
+    rate_hz: float
+    model: str
+    can: list[str]
+
+
+class Devices(BaseModel):
+    """The devices of a session's cell, and what its live captures are taken for."""
+
+    items: list[DeviceEntry]
+    capture: CaptureSettings
+    waits_for: str = Field(description="What an automatic capture waits for.")
+
+
+class NewShot(Record):
+    """A capture to be taken now, once robot, table and stripe prove that they stand; all may be left out."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"id": "p07"}]})
+
+    id: Identifier | None = None
+    pose: list[Finite] | None = Field(default=None, max_length=16)
+    table_deg: Finite | None = None
+
+
+class TakenShot(BaseModel):
+    """A capture that was taken and stored."""
+
+    id: str
+    verdict: str
+    zone: float | None = Field(description="r/R: the circle's radius by the sphere's.")
+    text: str
+
+
+async def _cells(request: Request) -> LiveCells:
+    return request.app.state.live
+
+
+LiveCellsDep = Annotated[LiveCells, Depends(_cells)]
+
+
+@router.get("/devices", response_model=Devices)
+def list_devices(session_id: SessionId, cells: LiveCellsDep) -> Devices:
+    """List the devices of the session's cell with their states."""
+    return _devices(session_id, cells)
+
+
+@router.put("/devices/{device}", response_model=Devices)
+def put_device(session_id: SessionId, device: DeviceName, body: NewDevice, cells: LiveCellsDep) -> Devices:
+    """Keep a device with the cell and connect it for this session; `connected: false` ends its connection.
+
+    Devices are read only: none of them moves anything.
+    """
+    require_known_fields(body, "request")
+    cells.put(session_id, device, body.source, body.settings, body.connected)
+    return _devices(session_id, cells)
+
+
+@router.delete("/devices/{device}", status_code=204)
+def delete_device(session_id: SessionId, device: DeviceName, cells: LiveCellsDep) -> None:
+    """Forget a device of the cell, its settings and its secrets."""
+    cells.remove(session_id, device)
+
+
+@router.put("/live", response_model=CaptureSettings)
+def put_live(
+    session_id: SessionId, body: CaptureSettings, store: StoreDep, cells: LiveCellsDep
+) -> CaptureSettings:
+    """Say what live captures are taken for, and whether one is taken at each standstill at a new place."""
+    require_known_fields(body, "request")
+    existing_session(session_id, store)
+    cells.set_capture(session_id, body)
+    return body
+
+
+@router.post("/live/capture", status_code=201, response_model=TakenShot)
+async def take_shot(
+    session_id: SessionId, body: NewShot, _: IdempotencyDep, store: StoreDep, cells: LiveCellsDep
+) -> TakenShot:
+    """Take a capture now: it is stored once robot, table and stripe prove that they stand still, else refused."""
+    require_known_fields(body, "request")
+    await run_in_threadpool(existing_session, session_id, store)
+    shot = await run_in_threadpool(_shot, session_id, body, store)
+    require_live(cells, session_id).ask(shot)
+    taken = await asyncio.wrap_future(shot.answer)
+    return TakenShot(id=taken.capture, verdict=taken.verdict, zone=taken.zone, text=taken.text)
+
+
+@router.get("/live/picture", response_class=Response)
+def picture(session_id: SessionId, store: StoreDep, cells: LiveCellsDep) -> Response:
+    """Return the newest image of the session's camera as it came."""
+    existing_session(session_id, store)
+    live = cells.live(session_id)
+    exposure = live.newest()[2] if live else None
+    ending = exposure.frame.name.rpartition(".")[2].lower() if exposure else ""
+    media = {"png": "image/png", "jpg": "image/jpeg", "jpeg": "image/jpeg", "bmp": "image/bmp"}.get(ending)
+    if exposure is None or media is None:
+        raise NotFoundError("an image of a camera that is connected", "none", "Connect a camera.", "devices")
+    return Response(exposure.frame.content, media_type=media, headers={"Cache-Control": "no-store"})
+
+
+@router.get("/live/events", response_class=EventSourceResponse)
+async def live_events(
+    session_id: Annotated[str, Depends(existing_session)], hub: HubDep, cells: LiveCellsDep
+) -> AsyncIterator[ServerSentEvent]:
+    """Stream the live cell, ten times a second at most: `live` events of devices, pose, profile, arc and r/R.
+
+    Who reads slowly misses previews, never captures.
+    """
+    before: Any = None
+    told_s = 0.0
+    while not hub.closed:
+        live = cells.live(session_id)
+        state = (live.version, [link.state().status for link in live.links.values()]) if live else None
+        now_s = host_now_s()
+        if state != before or now_s - told_s > 0.5:
+            before, told_s = state, now_s
+            yield ServerSentEvent(event="live", data=await run_in_threadpool(live_data, live))
+        await asyncio.sleep(_PREVIEW_EVERY_S)
+
+
+def _shot(session_id: str, body: NewShot, store: StoreDep) -> Shot:
+    from calib_core.robots import parse_pose
+    from server.store.sessions import session_row
+
+    pose = None
+    if body.pose is not None:
+        with store.read() as db:
+            convention = session_row(db, session_id).record["cell"]["pose_convention"]
+        pose = parse_pose(convention, body.pose)
+    extra = {} if body.table_deg is None else {"table_deg": body.table_deg}
+    return Shot(body.id, host_now_s(), body.pose, pose, extra, act=acting.get())
+
+
+def _devices(session_id: str, cells: LiveCells) -> Devices:
+    now = time.time() - host_now_s()
+    items = [device_data(*device, now) for device in cells.devices(session_id)]
+    live = cells.live(session_id)
+    told = {"capture": cells.capture_settings(session_id), "waits_for": live.waits_for if live else ""}
+    return Devices.model_validate({"items": items, **told})

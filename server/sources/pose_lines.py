@@ -1,0 +1,77 @@
+"""A robot whose controller sends its pose over TCP, a line or an XML element at a time, as its brand writes it."""
+
+import socket
+import time
+
+from pydantic import Field
+
+from calib_core.errors import InputError
+from calib_core.records.base import PoseConvention
+from calib_core.robots import parse_pose_lines
+from server.sources.device import Description, Sample, host_now_s
+from server.sources.source import Settings, Source
+
+_WAIT_S = 0.5
+_LONGEST = 4096
+
+
+class PoseLinesSettings(Settings):
+    """Where the controller sends its pose, and how it writes it."""
+
+    host: str = Field(max_length=255)
+    port: int = Field(ge=1, le=65535)
+    convention: PoseConvention = "kuka"
+
+
+class PoseLines:
+    """Reads lines from a controller's socket; of several that wait, all."""
+
+    def __init__(self, settings: PoseLinesSettings) -> None:
+        self._settings = settings
+        self._socket = socket.create_connection((settings.host, settings.port), timeout=2.0)
+        self._socket.settimeout(_WAIT_S)
+        self._rest = b""
+
+    def describe(self) -> Description:
+        """Return the convention that its poses are read by."""
+        convention = self._settings.convention
+        return Description(
+            "pose lines over TCP", "as the convention has them", convention, "flange in base", ("pose",)
+        )
+
+    def read(self) -> Sample | None:
+        """Return the next line's pose; raises InputError where a line holds none."""
+        until_s = time.monotonic() + _WAIT_S
+        while b"\n" not in self._rest:
+            if time.monotonic() > until_s:
+                return None
+            try:
+                more = self._socket.recv(_LONGEST)
+            except TimeoutError:
+                return None
+            if not more:
+                raise ConnectionError("the controller closed the connection")
+            self._rest += more
+            if len(self._rest) > _LONGEST and b"\n" not in self._rest:
+                raise InputError("lines of poses", "4 KiB without an end of line", "End each with CR LF.")
+        line, self._rest = self._rest.split(b"\n", 1)
+        text = line.decode("ascii", errors="replace").replace('"', " ").strip()
+        rows = parse_pose_lines(self._settings.convention, text)
+        if len(rows) != 1 or rows[0].pose is None:
+            got = rows[0].problem if rows and rows[0].problem else repr(text[:60])
+            raise InputError("a pose a line", got, "Send the flange's pose alone.")
+        return Sample(host_now_s(), base_from_tool0=rows[0].pose)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+SOURCE = Source(
+    "pose-lines",
+    "Robot: poses over TCP",
+    "Reads the flange's pose that a controller sends line by line, as its brand writes it.",
+    PoseLinesSettings,
+    connect=PoseLines,
+    delivers=("robot",),
+)
