@@ -212,12 +212,20 @@ export interface CapturePage {
   next: string | null;
 }
 
+export interface CaptureSettings {
+  automatic?: boolean;
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  mount?: string | null;
+}
+
 export interface CaptureSource {
   name: string;
   title: string;
   settings: Record<string, unknown>;
   does: string;
   triggered: boolean;
+  delivers: string[];
+  extra: string | null;
 }
 
 export interface CaptureSources {
@@ -382,6 +390,30 @@ export interface Comparison {
   frames: FrameDifference[];
   figures: FigureDifference[];
   residuals: RowDifference[];
+}
+
+export interface DeviceEntry {
+  name: string;
+  source: string;
+  title: string;
+  delivers: string[];
+  settings: Record<string, unknown>;
+  secrets: string[];
+  connected_for: string | null;
+  status: "off" | "connecting" | "live" | "silent" | "nonsense" | "lost";
+  problem: string;
+  since: string | null;
+  readings: number;
+  refused: number;
+  rate_hz: number;
+  model: string;
+  can: string[];
+}
+
+export interface Devices {
+  items: DeviceEntry[];
+  capture: CaptureSettings;
+  waits_for: string;
 }
 
 export interface EncoderScaleError {
@@ -782,6 +814,23 @@ export interface MomentOfSession {
   frames: Record<string, unknown> | null;
 }
 
+export interface NewDevice {
+  source: string;
+  settings?: Record<string, unknown>;
+  connected?: boolean;
+}
+
+export interface NewProgram {
+  host: string;
+  port: number;
+  token?: string;
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  mount?: string | null;
+  poses?: PlannedPose[] | null;
+  speed_mm_s?: number;
+  approach_mm?: number;
+}
+
 export interface NewRelease {
   why?: string;
   allow?: string;
@@ -792,6 +841,12 @@ export interface NewSession {
   name?: string;
   cell?: Cell | null;
   simulated?: SimulatedCell | null;
+}
+
+export interface NewShot {
+  id?: string | null;
+  pose?: number[] | null;
+  table_deg?: number | null;
 }
 
 export interface NewToken {
@@ -857,6 +912,11 @@ export interface PlaneInCamera {
   distance_mm: number;
 }
 
+export interface PlannedPose {
+  id: string;
+  pose: number[];
+}
+
 export interface Plot {
   id?: string | null;
   title?: string | null;
@@ -910,6 +970,13 @@ export interface Problem {
   got: string;
   to_do: string;
   where: string;
+}
+
+export interface ProgramEntry {
+  name: string;
+  title: string;
+  convention: string;
+  needs: string;
 }
 
 export interface Quantity {
@@ -984,6 +1051,32 @@ export interface Robot {
   orientation_sigma_deg?: number | null;
   brand?: string | null;
   arm?: string | ArmTable | null;
+}
+
+export interface RobotLine {
+  at: string;
+  peer: string;
+  heard: string;
+  said: string;
+}
+
+export interface RobotPort {
+  open: boolean;
+  host: string | null;
+  port: number | null;
+  allowed: string[];
+  peers: string[];
+  lines: RobotLine[];
+}
+
+export interface RobotPortSettings {
+  host?: string;
+  port?: number;
+  allowed?: string[];
+}
+
+export interface RobotPrograms {
+  items: ProgramEntry[];
 }
 
 export interface Rollback {
@@ -1466,6 +1559,13 @@ export interface TableMount {
   center_in_turntable_mm: number[];
   radius_mm: number;
   captures: number;
+}
+
+export interface TakenShot {
+  id: string;
+  verdict: string;
+  zone: number | null;
+  text: string;
 }
 
 export interface TcpResidual {

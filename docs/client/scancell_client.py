@@ -157,6 +157,60 @@ class Scancell:
         """Watch no folder for this session any more; what was taken stays."""
         return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/folder")
 
+    def live_list_devices(self, session_id: str) -> Any:
+        """List the devices of the session's cell with their states."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/devices")
+
+    def live_put_device(self, session_id: str, device: str, body: Mapping[str, Any]) -> Any:
+        """Keep a device with the cell and connect it for this session; `connected: false` ends its
+        connection. Devices are read only: none of them moves anything."""
+        return self.request("PUT", f"/api/v1/sessions/{quote(session_id, safe='')}/devices/{quote(device, safe='')}", json=body)
+
+    def live_delete_device(self, session_id: str, device: str) -> Any:
+        """Forget a device of the cell, its settings and its secrets."""
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/devices/{quote(device, safe='')}")
+
+    def live_put_live(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Say what live captures are taken for, and whether one is taken at each standstill at a new
+        place."""
+        return self.request("PUT", f"/api/v1/sessions/{quote(session_id, safe='')}/live", json=body)
+
+    def live_take_shot(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Take a capture now: it is stored once robot, table and stripe prove that they stand still, else
+        refused."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/live/capture", json=body)
+
+    def live_picture(self, session_id: str) -> Any:
+        """Return the newest image of the session's camera as it came."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/live/picture")
+
+    def live_get_port(self, session_id: str) -> Any:
+        """Return the session's port for robot programs."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/robot-port")
+
+    def live_open_port(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Open a plain TCP port for robot programs; each sends a token of the role `capture` in its first
+        line. Only the session's captures can be added over it. It is closed after a restart of the
+        server."""
+        return self.request("PUT", f"/api/v1/sessions/{quote(session_id, safe='')}/robot-port", json=body)
+
+    def live_close_port(self, session_id: str) -> Any:
+        """Close the session's port for robot programs."""
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/robot-port")
+
+    def live_say(self, session_id: str, content: Any) -> Any:
+        """Take one line or XML element of a robot's program and answer with one, as its TCP port does."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/robot", content=content, headers={"Content-Type": "text/plain"})
+
+    def live_list_programs(self) -> Any:
+        """List the dialects that robot programs are written in."""
+        return self.request("GET", "/api/v1/robot-programs")
+
+    def live_make_program(self, session_id: str, name: str, body: Mapping[str, Any]) -> Any:
+        """Return a program that goes through a planned set, a capture at each pose, as a zip of its files.
+        Each pose is gone to in a straight line from a point outside; the operator starts every way."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/robot-programs/{quote(name, safe='/')}", json=body)
+
     def solves_solve(self, session_id: str, stage: str, *, wait: float | None = None) -> Any:
         """Start solving a stage, or `all` that there are captures for; the job's end brings the results."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}", params={name: value for name, value in {"wait": wait}.items() if value is not None})

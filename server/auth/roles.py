@@ -60,6 +60,9 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /metrics",
         "GET /openapi.json",
         *(f"GET {_API}/{what}" for what in ("formats", "conventions", "exports", "sources", "stages", "jobs")),
+        f"GET {_API}/robot-programs",
+        # Writes a file for a controller; nothing is stored.
+        f"POST {_SESSION}/robot-programs/{{name}}",
         f"GET {_API}/sessions",
         f"GET {_SESSION}",
         f"GET {_SESSION}/guide",

@@ -6,12 +6,14 @@ into the OpenAPI document; a test says which operations have none, or ones that 
 
 import json
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
 import httpx
 
 from server.settings import Settings
+from tests.server.live_rig import rig
 from tests.server.live_server import serving, wait_for
 
 TARGET = Path(__file__).resolve().parents[2] / "server" / "http" / "api_examples.json"
@@ -186,11 +188,40 @@ def _of_this_machine(recorder: Recorder, names: dict[str, Any]) -> None:
     recorder.send("GET", "/scenes/{session}/controls", names=names)
 
 
+def record_live(recorder: Recorder, folder: Path) -> None:
+    """Record what needs a robot and a scanner: the simulated ones."""
+    session = "/api/v1/sessions/{session_id}"
+    cell = {"pose_convention": "abb", "sphere_diameter_mm": 40.0}
+    made = recorder.send("POST", "/api/v1/sessions", {"name": "live", "cell": cell})
+    names = {"session_id": made["id"], "device": "robot"}
+    with rig(folder) as there:
+        there.go(there.good[0])
+        robot = {"host": "127.0.0.1", "port": there.robot.port, "convention": "abb"}
+        recorder.send("PUT", f"{session}/devices/{{device}}", {"source": "pose-lines", "settings": robot}, names)
+        scanner = {"source": "frame-folder", "settings": {"folder": str(folder)}}
+        recorder.send("PUT", f"{session}/devices/{{device}}", scanner, {**names, "device": "scanner"})
+        recorder.send("PUT", f"{session}/live", {"automatic": False, "step": "tcp"}, names)
+        time.sleep(2.0)
+        recorder.send("GET", f"{session}/devices", names=names)
+        recorder.send("GET", "/api/v1/robot-programs")
+        recorder.send("POST", f"{session}/live/capture", {"id": "p07"}, names)
+        recorder.send("PUT", f"{session}/robot-port", {"port": 0, "allowed": ["127.0.0.1"]}, names)
+        recorder.send("GET", f"{session}/robot-port", names=names)
+        recorder.send("DELETE", f"{session}/robot-port", names=names)
+        for device in ("robot", "scanner"):
+            recorder.send("DELETE", f"{session}/devices/{{device}}", names={**names, "device": device})
+    text = json.dumps(recorder.examples).replace(str(folder), "/mnt/scanner/today")
+    recorder.examples |= json.loads(text)
+
+
 def main() -> None:
     """Write the examples."""
     with tempfile.TemporaryDirectory() as data, serving(_settings(Path(data))) as client:
         client.timeout = httpx.Timeout(600)
         examples = record(client)
+        recorder = Recorder(client)
+        record_live(recorder, Path(data) / "exposures")
+        examples = {**recorder.examples, **examples}
     write(examples)
 
 
