@@ -61,8 +61,6 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /openapi.json",
         *(f"GET {_API}/{what}" for what in ("formats", "conventions", "exports", "sources", "stages", "jobs")),
         f"GET {_API}/robot-programs",
-        # Writes a file for a controller; nothing is stored.
-        f"POST {_SESSION}/robot-programs/{{name}}",
         f"GET {_API}/sessions",
         f"GET {_SESSION}",
         f"GET {_SESSION}/guide",
@@ -136,6 +134,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"PUT {_SESSION}/live",
         f"POST {_SESSION}/live/capture",
         f"POST {_SESSION}/robot",
+        f"POST {_SESSION}/robot-programs/{{name}}",
         f"DELETE {_SESSION}/sources/folder",
         f"POST {_SESSION}/solve/{{stage}}",
         f"POST {_SESSION}/replay",

@@ -71,8 +71,8 @@ def role_that_should_do(method: str, path: str) -> str:
     """Return the least role of a route by the rule that people know, not by the server's own table.
 
     Who looks needs `read`, who changes something `capture`. Tokens, the log, webhooks, removing a session, and
-    which answer of a cell is in force are the admin's; the login page, its files and the signs of life are
-    anybody's.
+    which answer of a cell is in force are the admin's, and so is what this server connects to or listens on in
+    the cell's network; the login page, its files and the signs of life are anybody's.
     """
     if path in ("/login", "/web/{path:path}") or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
         return "nobody"
@@ -81,6 +81,7 @@ def role_that_should_do(method: str, path: str) -> str:
         or "/webhooks" in path
         or path.endswith(("/audit", "/release", "/rollback"))
         or (method, path) == ("DELETE", "/api/v1/sessions/{session_id}")
+        or (method != "GET" and path.endswith(("/devices/{device}", "/robot-port")))
     ):
         return "admin"
     looks = method in ("GET", "WS") or path.startswith("/scenes/") or path.endswith("/pose-lines")

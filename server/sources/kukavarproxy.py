@@ -1,0 +1,113 @@
+"""KUKA: variables over KUKAVARPROXY or C3 Bridge on port 7000."""
+
+import re
+import socket
+import struct
+import time
+
+from pydantic import Field
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.robots import parse_pose
+from server.sources.device import Description, Sample, host_now_s
+from server.sources.pose_settings import Host, Interval, Port
+from server.sources.source import Settings, Source
+
+_READ = 0
+_NAMES = ("$POS_ACT", "$TOOL", "$BASE", "$AXIS_ACT", "$ROB_STOPPED", "$ACT_TOOL", "$ACT_BASE")
+_LETTERS = "XYZABC"
+
+
+class KukaVarProxySettings(Settings):
+    """The controller; `table_axis` is the external axis that turns the table."""
+
+    host: Host
+    port: Port = 7000
+    table_axis: str | None = Field(default=None, pattern=r"^E[1-6]$")
+    interval_s: Interval = 0.05
+
+
+class KukaVarProxy:
+    """Asks for the variables one after the other; whether the robot stands is asked after its pose."""
+
+    def __init__(self, settings: KukaVarProxySettings) -> None:
+        self._settings = settings
+        self._socket = socket.create_connection((settings.host, settings.port), timeout=2.0)
+        self._socket.settimeout(1.0)
+        self._number = 0
+        self._next_s = 0.0
+
+    def describe(self) -> Description:
+        """Return what is asked for."""
+        can = ("pose", "joints", "moving", *(("table",) if self._settings.table_axis else ()))
+        return Description("KUKAVARPROXY", "mm, degrees", "kuka", "flange in $ROBROOT's base", can)
+
+    def read(self) -> Sample | None:
+        """Return where the flange is: $BASE, then $POS_ACT, then without $TOOL."""
+        time.sleep(max(0.0, self._next_s - time.monotonic()))
+        self._next_s = time.monotonic() + self._settings.interval_s
+        told = {name: self.variable(name) for name in _NAMES}
+        base, tool, at = (_frame(told[name], name) for name in ("$BASE", "$TOOL", "$POS_ACT"))
+        pose = base.matrix @ at.matrix @ tool.inverse().matrix
+        axes = _numbers(told["$AXIS_ACT"])
+        axis = self._settings.table_axis
+        return Sample(
+            host_now_s(),
+            None,
+            RigidTransform.from_rounded(pose.tolist(), "base", "tool0"),
+            tuple(axes[f"A{k}"] for k in range(1, 7) if f"A{k}" in axes) or None,
+            axes.get(axis) if axis else None,
+            told["$ROB_STOPPED"].strip().upper() != "TRUE",
+            int(told["$ACT_TOOL"]) if told["$ACT_TOOL"].strip().isdigit() else None,
+            int(told["$ACT_BASE"]) if told["$ACT_BASE"].strip().isdigit() else None,
+        )
+
+    def variable(self, name: str) -> str:
+        """Return a variable's value as the controller writes it; raises OSError."""
+        self._number = self._number % 60_000 + 1
+        text = name.encode("ascii")
+        body = struct.pack(">BH", _READ, len(text)) + text
+        self._socket.sendall(struct.pack(">HH", self._number, len(body)) + body)
+        number, size = struct.unpack(">HH", self._bytes(4))
+        answer = self._bytes(size)
+        if number != self._number or size < 3:
+            raise ConnectionError("the answer is to another question")
+        (length,) = struct.unpack(">H", answer[1:3])
+        return answer[3 : 3 + length].decode("latin-1")
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+    def _bytes(self, count: int) -> bytes:
+        found = b""
+        while len(found) < count:
+            more = self._socket.recv(count - len(found))
+            if not more:
+                raise ConnectionError("the controller closed the connection")
+            found += more
+        return found
+
+
+def _numbers(text: str) -> dict[str, float]:
+    """Return the numbers of a structure such as ``{E6POS: X 1.0, Y 2.0, …}``."""
+    found = re.findall(r"\b([A-Z]\d?)\s+([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)", text.partition(":")[2] or text)
+    return {name: float(value) for name, value in found}
+
+
+def _frame(text: str, name: str) -> RigidTransform:
+    numbers = _numbers(text)
+    if not set(_LETTERS) <= set(numbers):
+        raise InputError(f"a frame in {name}", repr(text[:60]), "Check that the program runs.", name)
+    return parse_pose("kuka", [numbers[letter] for letter in _LETTERS])
+
+
+SOURCE = Source(
+    "kukavarproxy",
+    "KUKA: variables",
+    "Reads the flange's pose, joints and an external axis over KUKAVARPROXY or C3 Bridge.",
+    KukaVarProxySettings,
+    connect=KukaVarProxy,
+    delivers=("robot", "table"),
+)
