@@ -22,7 +22,7 @@ class OpcUaServer:
         index = self._server.register_namespace("scancell")
         cell = self._server.nodes.objects.add_object(index, "Cell")
         self._nodes = {
-            name: cell.add_variable(ua.NodeId(name, index), name, value) for name, value in values().items()
+            name: cell.add_variable(f"ns={index};s={name}", name, value) for name, value in values().items()
         }
         self._server.start()
         listening = self._server.aio_obj.bserver._server  # else the port that was chosen is told nowhere

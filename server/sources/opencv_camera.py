@@ -54,7 +54,7 @@ class OpenCvCamera:
     def read(self) -> Frame | None:
         """Return the next frame; raises ConnectionError where the camera is gone."""
         found, image = self._camera.read()
-        if not found or image is None:
+        if not found:
             raise ConnectionError("the camera sends no frames")
         if self._settings.gray and image.ndim == 3:
             image = self._cv2.cvtColor(image, self._cv2.COLOR_BGR2GRAY)
