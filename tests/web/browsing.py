@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, Request
+from playwright.sync_api import Browser, BrowserContext, Page, Request, expect
+from playwright.sync_api import TimeoutError as PlaywrightTimeout
 
 BROWSER_ARGUMENTS = [
     "--use-angle=swiftshader",
@@ -15,6 +16,7 @@ BROWSER_ARGUMENTS = [
     "--no-sandbox",
     "--disable-background-networking",
 ]
+_TOLD_ANEW = "(told) => document.querySelector('.guide-words')?.textContent !== told"
 _NO_SCENE = '<meta name="color-scheme" content="light dark"><title>no scene</title>'
 _SCENE = re.compile(r"/scenes/[^/]+/(viewers/[^/]+/)?(\?.*)?$")
 
@@ -101,3 +103,28 @@ class Watched:
 def leave_out_the_scene(context: BrowserContext) -> None:
     """Put an empty page in the scene's place: drawing it in software takes most of a test's time."""
     context.route(_SCENE, lambda route: route.fulfill(body=_NO_SCENE, content_type="text/html"))
+
+
+def go_on(page: Page) -> bool:
+    """Press the button that leads to the next step, where there is one; tell whether there was."""
+    on = page.locator("sc-actions").get_by_role("button", name=re.compile("^Continue with "))
+    if not on.is_visible():
+        return False
+    step = str(on.text_content()).removeprefix("Continue with ")
+    on.click()
+    expect(page.locator("sc-rail [aria-current=step]")).to_contain_text(step)
+    return True
+
+
+def take_one(page: Page) -> int:
+    """Take a capture of the step that is open and wait until the guide has seen it; return how many there are.
+
+    Where the guide asks for the same again (a shift too short to count), its words stay as they are.
+    """
+    rows, told = page.locator("table.captures tbody tr"), page.locator(".guide-words").text_content()
+    before = rows.count()
+    page.locator("sc-actions .capture").click()
+    expect(rows).to_have_count(before + 1, timeout=120_000)  # the first one waits for the kernels
+    with suppress(PlaywrightTimeout):
+        page.wait_for_function(_TOLD_ANEW, arg=told, timeout=4_000)
+    return before + 1

@@ -11,6 +11,7 @@ from playwright.sync_api import Page, expect
 
 from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import build_part
+from tests.web.browsing import go_on, take_one
 
 pytestmark = pytest.mark.browser
 
@@ -22,6 +23,11 @@ def picture(page: Page, name: str) -> None:
         for theme in ("light", "dark"):
             page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
             page.screenshot(path=Path(PICTURES) / f"{name}-{theme}.png", full_page=True)
+
+
+def open_step(page: Page, step: str) -> None:
+    page.locator(f"sc-rail [data-step={step}]").click()
+    expect(page.locator("sc-rail [aria-current=step]")).to_have_attribute("data-step", step)
 
 
 def violations(page: Page) -> list[tuple[str, str]]:
@@ -92,49 +98,54 @@ def test_the_page_leads_to_the_whole_chain_and_the_merged_part(open_page: Callab
     page.get_by_role("button", name="With a turntable").click()
     instruction = page.locator("sc-guide h1")
     expect(instruction).not_to_be_empty(timeout=120_000)  # the part and its scans are simulated first
-    captured, solved, seen = 0, 0, set()
-    while solved < 4:
-        assert captured < 50, instruction.inner_text()
-        words = instruction.inner_text()
+    taken, solved, seen = 0, [], set()
+    while "Merge" not in solved:
+        assert taken < 60, instruction.text_content()
+        words = str(instruction.text_content())
         if words.startswith(("Solve", "Merge")):
-            before = words
             if words.startswith("Merge"):
                 start_the_merge_and_cancel_it(page)
             page.locator("sc-actions .solve").click()
-            solved += 1
-            expect(instruction).not_to_have_text(before, timeout=120_000)
+            expect(instruction).not_to_have_text(words, timeout=120_000)
+            expect(page.locator("#view-result")).to_be_visible()
             expect(page.locator(".answer-card")).to_contain_text("accepted")
-            page.get_by_role("tab", name="Measure").click()
+            solved.append(page.locator("#answer-title").inner_text())
+            assert len(solved) <= 4, solved
+            go_on(page)
             continue
         seen.add(words)
-        page.locator("sc-actions .capture").click()
-        captured += 1
-        expect(page.locator("table.captures tbody tr")).to_have_count(captured)
-        page.wait_for_timeout(200)
-        if captured == 20:
+        take_one(page)
+        taken += 1
+        if taken == 20:
             picture(page, "turntable-measure")
+        go_on(page)
+    assert solved == ["TCP", "Turntable", "Whole chain", "Merge"]
     # Seven angles are asked for by number at each height, and a second height; then eleven of the part.
     assert sum("Turn the table to about" in words and "sphere" in words for words in seen) == 7
     assert any("another height" in words for words in seen)
     assert sum("scan the object there" in words for words in seen) == 11
+    open_step(page, "turntable")
+    page.get_by_role("tab", name="Measure").click()
     expect(page.get_by_role("button", name=re.compile(r"Table at t09: 0° · high"))).to_be_visible()
 
+    open_step(page, "merge")
     look_into_the_merged_part(page, axe)
-    page.get_by_role("button", name="Whole chain", exact=True).click()
-    frame = page.get_by_role("region", name="Table in the robot's base")
-    numbers = frame.locator("dd").all_inner_texts()
+    open_step(page, "chain")
+    frame = page.get_by_role("region", name="Turntable in the robot's base")
+    numbers = frame.locator(".frame-numbers dd").all_inner_texts()
     assert len(numbers) == 7  # the simulated cell speaks ABB's x y z q1 q2 q3 q4
     for number in numbers:
         assert re.fullmatch(r"−?\d+(\.\d+)? ± \d+(\.\d+)?(\s?mm)?", number), number
-    # Two figures in millimetres and one in degrees for each of 16 captures.
-    expect(page.locator(".angle-plot .mark-point")).to_have_count(48)
-    expect(page.get_by_role("heading", name="The circles beside the joint answer")).to_be_visible()
+    # Two figures in millimetres for each of 16 captures.
+    wobble = page.get_by_role("region", name="Wobble", exact=True).locator(".dot")
+    expect(wobble).to_have_count(32)
+    expect(page.get_by_role("heading", name="Joint answer beside the paper's circles")).to_be_visible()
     expect(page.locator("sc-rail .answer")).to_have_count(4)
     picture(page, "chain-result")
     page.evaluate(axe)
     assert violations(page) == []
-    page.locator(".angle-plot .mark-point").first.press("Enter")
-    page.get_by_role("button", name="Turntable", exact=True).click()
+    wobble.first.press("Enter")
+    open_step(page, "turntable")
     expect(page.locator(".answer-card")).to_contain_text("Turntable")
     picture(page, "turntable-result")
 
