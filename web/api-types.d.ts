@@ -113,6 +113,19 @@ export interface Box {
   high_mm: number[];
 }
 
+export interface Brand {
+  name: string;
+  title: string;
+  conventions: string[];
+  endings: string[];
+  reads: boolean;
+  exports: string[];
+}
+
+export interface Brands {
+  items: Brand[];
+}
+
 export interface CameraCandidate {
   model: string;
   parameters: number;
@@ -392,6 +405,16 @@ export interface Comparison {
   residuals: RowDifference[];
 }
 
+export interface ControllerFileContent {
+  brand: string;
+  files: string[];
+  poses: PoseOfFile[];
+  tools: FrameOfFile[];
+  frames: FrameOfFile[];
+  skipped: SkippedPart[];
+  notes: string[];
+}
+
 export interface DeviceEntry {
   name: string;
   source: string;
@@ -476,6 +499,25 @@ export interface FileFormats {
   items: FileFormat[];
 }
 
+export interface FileReading {
+  format: string;
+  kind: "profile" | "cloud";
+  points: number;
+  missing: number;
+  grid: number[] | null;
+  columns: Record<string, string>;
+  unit: string;
+  unit_from: string;
+  sure: "stated" | "usual" | "doubtful";
+  notes: string[];
+  doubts: string[];
+  sentence: string;
+  low_mm: number[] | null;
+  high_mm: number[] | null;
+  preview: number[][];
+  settings: Record<string, unknown>;
+}
+
 export interface Finding {
   level: "error" | "warning" | "note";
   where: string;
@@ -525,6 +567,16 @@ export interface FrameDifference {
 export interface FrameNumber {
   label: string;
   quantity: Quantity;
+}
+
+export interface FrameOfFile {
+  number: number | null;
+  name: string | null;
+  pose: number[];
+  convention: string;
+  line: number;
+  file: string | null;
+  moving: string | null;
 }
 
 export interface Guide {
@@ -956,6 +1008,22 @@ export interface PoseLines {
   items: PoseLine[];
 }
 
+export interface PoseOfFile {
+  name: string;
+  pose: number[] | null;
+  matrix: number[][] | null;
+  convention: string;
+  joints_deg: number[] | null;
+  external: Record<string, number> | null;
+  tool: number | string | null;
+  frame: number | string | null;
+  line: number;
+  file: string | null;
+  as_written: number[] | null;
+  doubt: string | null;
+  time_s: number | null;
+}
+
 export interface PoseText {
   text: string;
   convention?: string | null;
@@ -1208,6 +1276,12 @@ export interface Side {
 export interface SimulatedCell {
   scenario?: string;
   seed?: number;
+}
+
+export interface SkippedPart {
+  line: number;
+  reason: string;
+  file: string | null;
 }
 
 export interface StageOfCell {
@@ -1646,6 +1720,13 @@ export interface TokenRecord {
 
 export interface TokenRecords {
   items: TokenRecord[];
+}
+
+export interface ToolComparison {
+  equal: boolean;
+  words: string;
+  position_mm: number | null;
+  rotation_deg: number | null;
 }
 
 export interface Trial {

@@ -33,3 +33,22 @@ def opened_files(files: Mapping[str, bytes]) -> dict[str, bytes]:
             to_do = "Copy it from the controller again, or unpack it and give the folder."
             raise InputError("a whole zip file", str(error) or "a damaged one", to_do, name) from None
     return opened
+
+
+def with_file_replaced(archive: bytes, name: str, content: bytes, where: str) -> bytes:
+    """Return a zip file with one of its files replaced: names, dates and contents of all others stay.
+
+    Raises
+    ------
+    InputError
+        If it holds that name twice: which of the two counts is not said.
+    """
+    target = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(archive)) as old, zipfile.ZipFile(target, "w") as new:
+        if old.namelist().count(name) != 1:
+            got = f"{old.namelist().count(name)} files named {name}"
+            raise InputError("each file once in the zip", got, "Unpack it and give the folder.", where)
+        new.comment = old.comment
+        for entry in old.infolist():
+            new.writestr(entry, content if entry.filename == name else old.read(entry), entry.compress_type)
+    return target.getvalue()

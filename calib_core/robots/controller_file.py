@@ -169,6 +169,7 @@ class ControllerFile:
     frames: tuple[Frame, ...]
     skipped: tuple[Skipped, ...]
     notes: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return all of it as JSON data, as `scancell poses --json` prints it."""
@@ -179,4 +180,5 @@ class ControllerFile:
             "frames": [frame.to_json() for frame in self.frames],
             "skipped": [skipped.to_json() for skipped in self.skipped],
             "notes": list(self.notes),
+            "files": list(self.files),
         }

@@ -1,17 +1,20 @@
 """A tool as it stands in a controller, compared with the right one: equal, or what differs, in words."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
+from typing import Any
 
 import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.robots.backup import read_controller_files
 from calib_core.robots.convention import Convention
 from calib_core.robots.conventions import CONVENTIONS
 from calib_core.robots.poses import convention_named, parse_pose, to_pose
+from calib_core.robots.text import number
 
 _POSITION_MM, _ROTATION_DEG = 0.01, 0.005
 """What pendants round away: two decimals of a millimetre, three of a degree and the like."""
@@ -34,6 +37,40 @@ class ReadBack:
     words: str
     position_mm: float
     rotation_deg: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON data; distances are null where the numbers are no pose."""
+        finite = math.isfinite(self.position_mm)
+        return {
+            "equal": self.equal,
+            "words": self.words,
+            "position_mm": self.position_mm if finite else None,
+            "rotation_deg": self.rotation_deg if finite else None,
+        }
+
+
+def typed_numbers(text: str) -> list[float]:
+    """Return numbers as a person types them; raises InputError."""
+    try:
+        return [number(part) for part in text.replace(",", " ").replace(";", " ").split()]
+    except ValueError as error:
+        raise InputError("numbers with blanks between", str(error), "Type them again.", "numbers") from None
+
+
+def tool_in(files: Mapping[str, bytes], brand: str | None, named: str | None) -> tuple[str, list[float]]:
+    """Return convention and numbers of a tool in a controller's files, by its number or name.
+
+    Raises
+    ------
+    InputError
+        If there is no such tool, or several and none is named.
+    """
+    tools = [tool for tool in read_controller_files(files, brand).tools if tool.group == 1]
+    found = [tool for tool in tools if named is None or str(tool.number) == named or tool.name == named]
+    if len(found) != 1:
+        names = ", ".join(str(tool.number) for tool in tools) or "none"
+        raise InputError("one tool of the file", f"these: {names}", "Name one with --tool.", next(iter(files)))
+    return found[0].convention, list(found[0].pose)
 
 
 def read_back(

@@ -37,7 +37,13 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
     skipped.sort(key=lambda row: (row.file, row.line))
     notes = dict.fromkeys(note for part in found for note in part.notes)
     return ControllerFile(
-        brand.name, tuple(poses), tuple(tools.values()), tuple(frames.values()), tuple(skipped), tuple(notes)
+        brand.name,
+        tuple(poses),
+        tuple(tools.values()),
+        tuple(frames.values()),
+        tuple(skipped),
+        tuple(notes),
+        tuple(part.file for part in found),
     )
 
 

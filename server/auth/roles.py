@@ -59,7 +59,10 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /docs",
         "GET /metrics",
         "GET /openapi.json",
-        *(f"GET {_API}/{what}" for what in ("formats", "conventions", "exports", "sources", "stages", "jobs")),
+        *(
+            f"GET {_API}/{what}"
+            for what in ("formats", "conventions", "exports", "sources", "stages", "brands", "jobs")
+        ),
         f"GET {_API}/robot-programs",
         f"GET {_API}/sessions",
         f"GET {_SESSION}",
@@ -118,6 +121,10 @@ RULES: dict[Role, tuple[str, ...]] = {
         "POST /scenes/{session}/moment",
         # Reads numbers; nothing is stored.
         f"POST {_SESSION}/pose-lines",
+        f"POST {_API}/controller-files",
+        f"POST {_API}/readings",
+        f"POST {_SESSION}/exports/{{name}}",
+        f"POST {_SESSION}/read-back",
         "POST /scenes/{session}/trial",
         # Lights a capture up in the scene; nothing of it is stored.
         "POST /scenes/{session}/highlight",

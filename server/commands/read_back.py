@@ -25,7 +25,8 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_results, load_session
     from calib_core.errors import InputError
     from calib_core.exports.answer import answer_of
-    from calib_core.robots.read_back import read_back
+    from calib_core.robots.read_back import read_back, tool_in, typed_numbers
+    from server.commands.poses import files_of
 
     with opened(options.session) as folder:
         session, _ = load_session(folder)
@@ -34,39 +35,12 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError("FILE or --numbers", "both or neither", "Give one of them.", "read-back")
     if options.numbers is not None:
         convention = options.convention or answer.session.cell.pose_convention
-        numbers = _numbers(options.numbers)
+        numbers = typed_numbers(options.numbers)
     else:
-        convention, numbers = _from_file(options)
+        convention, numbers = tool_in(files_of(options.file), options.brand, options.tool)
     found = read_back(numbers, convention, answer.tool0_from_laser)
-    data = {"equal": found.equal, "words": found.words}
-    finite = found.position_mm < float("inf")
-    data |= {"position_mm": found.position_mm, "rotation_deg": found.rotation_deg} if finite else {}
-    print_result(options, found.words, data)
+    print_result(options, found.words, found.to_json())
     return OK if found.equal else NOT_ACCEPTED
-
-
-def _numbers(text: str) -> list[float]:
-    from calib_core.errors import InputError
-    from calib_core.robots.text import number
-
-    try:
-        return [number(part) for part in text.replace(",", " ").replace(";", " ").split()]
-    except ValueError as error:
-        raise InputError("numbers with blanks between", str(error), "Type them again.", "--numbers") from None
-
-
-def _from_file(options: argparse.Namespace) -> tuple[str, list[float]]:
-    from calib_core.errors import InputError
-    from calib_core.robots.backup import read_controller_files
-    from server.commands.poses import files_of
-
-    read = read_controller_files(files_of(options.file), options.brand)
-    tools = [tool for tool in read.tools if tool.group == 1]
-    named = [t for t in tools if options.tool is None or str(t.number) == options.tool or t.name == options.tool]
-    if len(named) != 1:
-        names = ", ".join(str(tool.number) for tool in tools) or "none"
-        raise InputError("one tool of the file", f"these: {names}", "Name one with --tool.", str(options.file))
-    return named[0].convention, list(named[0].pose)
 
 
 COMMAND = Command(

@@ -134,6 +134,7 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
     send("GET", f"{api}/tokens")
     send("GET", f"{api}/audit", params={"limit": 2})
     recorder.examples["access_log_in"] = {"answer": recorder.examples["access_me"]["answer"]}
+    machines(recorder, names)
     client.delete(f"/tokens/{token['id']}")
     webhook_examples(recorder)
     send("GET", f"{api}/health")
@@ -168,6 +169,23 @@ def _uploads(recorder: Recorder, names: dict[str, Any]) -> None:
         + b"\n"
     )
     recorder.send("POST", "/api/v1/sessions/{session_id}/captures/batch", names=to, content=line + content)
+
+
+def machines(recorder: Recorder, names: dict[str, Any]) -> None:
+    """Record what is looked at before it is used, and the tool read back."""
+    recorder.send("GET", "/api/v1/brands")
+    points = "DEFDAT measure\n" + "".join(
+        f"DECL E6POS XP{k}={{X {800 + k}.0,Y 20.0,Z 600.0,A 0.0,B 90.0,C 0.0,S 2,T 3,E1 {45 * k}.0}}\n"
+        f'DECL FDAT FP{k}={{TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " "}}\n'
+        for k in (1, 2)
+    )
+    config = "TOOL_DATA[1]={X 0.0,Y 0.0,Z 184.0,A 0.0,B 0.0,C 0.0}\nLOAD_DATA[1]={M 1.0}\n"
+    files = [("files", ("measure.dat", f"{points}ENDDAT\n".encode())), ("files", ("$config.dat", config.encode()))]
+    recorder.send("POST", "/api/v1/controller-files", files=files)
+    profile = "x,z\n" + "".join(f"{x / 10:.1f},{150 + x * x / 900:.4f}\n" for x in range(-30, 31))
+    recorder.send("POST", "/api/v1/readings", files={"file": ("p01.csv", profile.encode())})
+    typed = {"numbers": (None, "0 0 184 0 0 0"), "convention": (None, "kuka")}
+    recorder.send("POST", "/api/v1/sessions/{session_id}/read-back", names=names, files=typed)
 
 
 def _of_this_machine(recorder: Recorder, names: dict[str, Any]) -> None:

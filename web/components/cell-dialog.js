@@ -7,10 +7,12 @@ import { go } from "../router.js";
 import { conventions } from "../state/registries.js";
 import { maybe, t } from "../texts.js";
 import { did, patchBack } from "../state/undo.js";
+import { bring } from "../state/upload.js";
 import { conventionWords } from "./pose-columns.js";
 import { attempt } from "./toasts.js";
 
 /** @import {Cell} from "../api-types.js" */
+/** @import {Found} from "../state/files.js" */
 /** @import {ConventionInfo, Kind, PoseConvention, SessionBody, SessionOut} from "../state/model.js" */
 
 /** Captures that come every moment change the session as well. */
@@ -151,8 +153,11 @@ function asChange(body) {
 /** @param {SessionOut} [session] the one to correct; a new one otherwise */
 export const cellDialog = (session) => attempt(async () => open(await conventions(), session));
 
-/** @param {ConventionInfo[]} conventions @param {SessionOut} [session] */
-function open(conventions, session) {
+/** A new session for files that are there already, a controller's among them. @param {PoseConvention | undefined} convention @param {Found[]} found */
+export const cellDialogFor = (convention, found) => attempt(async () => open(await conventions(), undefined, { convention, found }));
+
+/** @param {ConventionInfo[]} conventions @param {SessionOut} [session] @param {{ convention: PoseConvention | undefined, found: Found[] }} [brought] */
+function open(conventions, session, brought) {
   const alarm = h("p", { class: "form-problem", role: "alert", hidden: true });
   const form = h(
     "form", { method: "dialog", novalidate: true },
@@ -174,7 +179,9 @@ function open(conventions, session) {
       h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go")))),
   );
   const dialog = h("dialog", { "aria-labelledby": "new-title" }, form);
-  const base = { session };
+  const base = { session, found: brought?.found };
+  const convention = form.elements.namedItem("convention");
+  if (brought?.convention && convention instanceof HTMLSelectElement) convention.value = brought.convention;
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     void submit(form, alarm, dialog, base);
@@ -219,7 +226,7 @@ function namesOfChanges(before, after) {
  * @param {HTMLFormElement} form
  * @param {HTMLElement} alarm
  * @param {HTMLDialogElement} dialog
- * @param {{ session?: SessionOut }} base the session as the fields were filled from it; without one a new one is made
+ * @param {{ session?: SessionOut, found?: Found[] }} base the session as the fields were filled from it; without one a new one is made, for files that may be there already
  */
 async function submit(form, alarm, dialog, base) {
   const data = new FormData(form);
@@ -237,7 +244,10 @@ async function submit(form, alarm, dialog, base) {
       const set = (/** @type {SessionOut} */ to, /** @type {SessionOut} */ from) => api.changeSession(session.id, { name: to.name, cell: patchBack(to.cell, from.cell) });
       did(t("cell.changed"), () => set(session, stored), { redo: () => set(stored, session) });
     }
-    else go(`/sessions/${stored.id}`);
+    else {
+      if (base.found) bring(stored.id, base.found);
+      go(`/sessions/${stored.id}`);
+    }
   } catch (error) {
     if (!(error instanceof Problem)) throw error;
     alarm.textContent = error.message;

@@ -1,16 +1,18 @@
 // Getting captures in: files dropped or chosen, pose lines pasted, both laid side by side before anything is stored.
 
-import { api } from "../state/api.js";
+import { api, Problem } from "../state/api.js";
 import { h, make } from "../dom.js";
-import { chosen, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
+import { chosen, controllerFiles, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
 import { did } from "../state/undo.js";
-import { freeId, send, takeWaiting } from "../state/upload.js";
+import { freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "./base.js";
+import { FileReadingElement } from "./file-reading.js";
 import { keep } from "./keep.js";
 import { PoseColumnsElement } from "./pose-columns.js";
+import { PoseFileElement } from "./pose-file.js";
 import { stepName } from "./rail.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -35,7 +37,9 @@ export class IntakeElement extends StateElement {
   #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
   #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
   #columns = make(PoseColumnsElement, { changed: () => void this.#read() });
-  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#columns);
+  #poseFile = make(PoseFileElement, { changed: () => this.#draw() });
+  #scannerFile = make(FileReadingElement);
+  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#poseFile, this.#columns);
   #turning = h("div", { hidden: true, class: "field" },
     h("label", { for: "intake-angles" }, t("intake.angles")), this.#angles,
     h("label", { for: "intake-mount" }, t("place.mount")), h("span", { class: "hint", id: "intake-mount-hint" }, t("place.mount_hint")), this.#mount);
@@ -47,7 +51,7 @@ export class IntakeElement extends StateElement {
     h("div", { class: "row spread" }, h("h2", { id: "intake-title" }, t("intake.title")), h("button", { type: "button", class: "plain", onclick: () => this.close() }, t("close"))),
     h("p", { class: "soft" }, t("intake.how")),
     h("div", { class: "field" }, h("label", { for: "intake-step" }, t("intake.step")), this.#step),
-    this.#poseField, this.#turning, this.#paired, this.#table,
+    this.#poseField, this.#turning, this.#paired, this.#scannerFile, this.#table,
     h("div", { class: "row end" }, this.#add),
   );
 
@@ -89,6 +93,8 @@ export class IntakeElement extends StateElement {
     this.#step.replaceChildren(...this.state.captureSteps.map((step) => h("option", { value: step }, stepName(this.state, step))));
     this.#restore();
     this.#wait(takeWaiting(this.state.id));
+    const brought = takeBrought(this.state.id);
+    if (brought.length) void this.#take(brought);
   }
 
   /** What could not be stored stays in the table, to be given its pose. @param {readonly Parcel[]} parcels */
@@ -141,6 +147,8 @@ export class IntakeElement extends StateElement {
     this.#keep();
     this.#panel.hidden = true;
     this.#columns.read("");
+    this.#poseFile.clear();
+    this.#scannerFile.clear();
     this.#showInScene();
   }
 
@@ -172,11 +180,34 @@ export class IntakeElement extends StateElement {
       this.#tell(outcome);
       this.#wait(outcome.left);
     } else {
-      const measurements = found.filter(isMeasurement);
-      if (measurements.length < found.length) notify(t("intake.unknown", { names: found.filter((one) => !isMeasurement(one)).map((one) => one.path).slice(0, 3).join(", "), endings }), { bad: true });
-      if (!measurements.length) return;
+      const used = await this.#takePoses(found);
+      const measurements = found.filter((one) => isMeasurement(one) && !used.has(one.path));
+      const unknown = found.filter((one) => !isMeasurement(one) && !used.has(one.path));
+      if (unknown.length) notify(t("intake.unknown", { names: unknown.map((one) => one.path).slice(0, 3).join(", "), endings }), { bad: true });
+      if (!measurements.length && !used.size) return;
       this.#files.push(...measurements);
       this.open();
+      await attempt(() => this.#scannerFile.look(this.#files, this.state.session?.cell.scanner?.kind));
+    }
+  }
+
+  /** Poses of a controller's files among those that came. @param {Found[]} found @returns {Promise<Set<string>>} the paths of those files */
+  async #takePoses(found) {
+    const maybe = await controllerFiles(found).catch(() => []);
+    if (!maybe.length) return new Set();
+    try {
+      const used = await this.#poseFile.take(this.state.id, maybe);
+      if (this.#poseFile.convention) {
+        this.#columns.choose(this.#poseFile.convention);
+        this.#text.value = this.#poseFile.lines;
+        await this.#read();
+      }
+      return used;
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+      // Where none of them can be a measurement either, the reason is worth a word.
+      if (!maybe.some(isMeasurement)) notify(error.message, { bad: true });
+      return new Set();
     }
   }
 
@@ -235,7 +266,7 @@ export class IntakeElement extends StateElement {
     return this.#rows().flatMap(({ file, line }) => {
       const found = file === null ? undefined : this.#files[file];
       const pose = line === null ? undefined : this.#poses[line];
-      const angle = (pose && this.#columns.angle(pose.line)) ?? (file === null ? undefined : angles[file]);
+      const angle = (pose && (this.#columns.angle(pose.line) ?? this.#poseFile.angleOf(pose.text))) ?? (file === null ? undefined : angles[file]);
       const turns = this.#onTable || (this.state.shows(step) === "object" && angle !== undefined);
       if (!found || this.#stored.has(found.file) || !pose?.matrix || (turns && !Number.isFinite(angle))) return [];
       const id = freeId(taken, stemOf(found.path));
@@ -244,7 +275,7 @@ export class IntakeElement extends StateElement {
       const ending = found.path.slice(found.path.lastIndexOf("."));
       const mount = this.#mount.value.trim();
       const table = turns ? { table_deg: Number(angle), ...(mount && this.#onTable ? { mount } : {}) } : {};
-      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose) };
+      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose), ...this.#poseFile.recordOf(pose.text), ...this.#scannerFile.record };
       return [{ record, files: [found.file] }];
     });
   }

@@ -37,6 +37,13 @@ export class PoseColumnsElement extends HTMLElement {
     if (!this.#chosen) this.#convention.value = name;
   }
 
+  /** Another convention than the cell's, as a file has it. @param {PoseConvention} name */
+  choose(name) {
+    this.#chosen = name;
+    this.#convention.value = name;
+    this.#guess();
+  }
+
   get convention() {
     return /** @type {PoseConvention} */ (this.#convention.value || this.#wanted);
   }

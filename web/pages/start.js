@@ -1,7 +1,7 @@
 // The first page: the sessions there are, and the ways to begin one.
 
 import { api } from "../state/api.js";
-import { cellDialog } from "../components/cell-dialog.js";
+import { cellDialog, cellDialogFor } from "../components/cell-dialog.js";
 import { copyButton } from "../components/copy.js";
 import { DrawingElement } from "../components/drawing.js";
 import { ProgressElement } from "../components/progress.js";
@@ -9,7 +9,7 @@ import { SessionCardsElement } from "../components/session-cards.js";
 import { attempt, notify } from "../components/toasts.js";
 import { isFirstVisit, noteVisit } from "../components/tour.js";
 import { h, make } from "../dom.js";
-import { chosen, dropped, isArchive, isMeasurement, knowFormats, sessionFolder } from "../state/files.js";
+import { chosen, controllerFiles, dropped, isArchive, isMeasurement, knowFormats, sessionFolder } from "../state/files.js";
 import { allowed, me } from "../state/me.js";
 import { go } from "../router.js";
 import { t } from "../texts.js";
@@ -92,6 +92,15 @@ export class StartPage extends HTMLElement {
     this.#progress.end();
   }
 
+  /** Files with a controller's among them begin a new session. @param {Found[]} found @returns {Promise<boolean>} whether they do */
+  async #withBackup(found) {
+    const maybe = await controllerFiles(found).catch(() => []);
+    const content = maybe.length ? await api.readControllerFiles(maybe).catch(() => null) : null;
+    if (!content) return false;
+    await cellDialogFor(/** @type {import("../state/model.js").PoseConvention | undefined} */ (content.poses.find(({ pose }) => pose)?.convention), found);
+    return true;
+  }
+
   /** @param {File} file */
   async #import(file) {
     await attempt(async () => {
@@ -106,6 +115,7 @@ export class StartPage extends HTMLElement {
   /** @param {Found[]} found */
   async #takeFolder(found) {
     const folder = await sessionFolder(found).catch(() => undefined);
+    if (folder === null && await this.#withBackup(found)) return;
     if (!folder) {
       await attempt(knowFormats);
       notify(t(folder === undefined ? "intake.bad_json" : found.some(isMeasurement) ? "start.files_first" : "start.no_session"), { bad: true });

@@ -2,7 +2,7 @@
 
 import { t } from "../texts.js";
 
-/** @import {OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
+/** @import {OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
 
 const ROOT = "/api/v1";
 const LOGIN = "/login";
@@ -164,6 +164,13 @@ const session = (id) => `/sessions/${encodeURIComponent(id)}`;
  */
 const capture = (id, captureId) => `${session(id)}/captures/${encodeURIComponent(captureId)}`;
 
+/** @param {readonly { path: string, file: File }[]} found @param {string} field */
+function filesForm(found, field) {
+  const form = new FormData();
+  for (const { path, file } of found) form.append(field, file, path);
+  return form;
+}
+
 /** @param {Record<string, string | number>} values */
 const query = (values) => new URLSearchParams(Object.entries(values).map(([name, value]) => [name, String(value)])).toString();
 
@@ -179,7 +186,7 @@ export const api = {
 
   logOut: async () => void (await request("/logout", json("POST"))),
 
-  /** What the server says that there is of one sort. @param {"stages" | "formats" | "conventions" | "exports" | "sources"} sort @returns {Promise<any[]>} */
+  /** What the server says that there is of one sort. @param {"stages" | "formats" | "conventions" | "exports" | "sources" | "brands"} sort @returns {Promise<any[]>} */
   registry: async (sort) => (await get(`/${sort}`)).items,
 
   /** @returns {Promise<SessionSummary[]>} */
@@ -246,6 +253,25 @@ export const api = {
 
   /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<ParsedPose[]>} */
   readPoseLines: async (id, text, convention) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json()).items,
+
+  /** What stands in a controller's files; nothing is stored. @param {readonly { path: string, file: File }[]} found @returns {Promise<ControllerFile>} */
+  readControllerFiles: async (found) => (await request("/controller-files", { method: "POST", body: filesForm(found, "files") })).json(),
+
+  /** What a reader takes from a scanner's file; nothing is stored. @param {{ path: string, file: File }} found @param {string} kind @param {string} format @param {Record<string, unknown>} settings @returns {Promise<FileReading>} */
+  readScannerFile: async (found, kind, format, settings) => {
+    const form = filesForm([found], "file");
+    for (const [name, value] of Object.entries({ kind, format, settings: JSON.stringify(settings) })) form.append(name, value);
+    return (await request("/readings", { method: "POST", body: form })).json();
+  },
+
+  /** The file of a backup that holds the tool, with that one entry changed. @param {string} id @param {string} format @param {readonly { path: string, file: File }[]} backup @param {Record<string, unknown>} settings */
+  exportInto: async (id, format, backup, settings) => {
+    const form = filesForm(backup, "backup");
+    form.append("settings", JSON.stringify(settings));
+    const response = await request(`${session(id)}/exports/${encodeURIComponent(format)}`, { method: "POST", body: form });
+    const name = decodeURIComponent(/filename\*=UTF-8''(.+)$/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "backup");
+    return { name, content: await response.blob() };
+  },
 
   /** Poses that are looked at before they are used, in the scene of who looks; none takes them away. @param {string} id @param {number[][][]} poses */
   tryPoses: (id, poses) => {

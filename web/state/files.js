@@ -17,6 +17,27 @@ export async function knowFormats() {
   return [...kinds.keys()];
 }
 
+/** Of brands' files, the endings. @type {Set<string>} */
+const controllers = new Set([".zip"]);
+/** Tables and texts are a scanner's far more often than a robot's: then their names say so. */
+const TEXTS = new Set([".csv", ".tsv", ".txt", ".asc"]);
+const ROBOTS = /pose|robot|tcp|rtde|waypoint|echo/i;
+const MOST_ASKED = 300;
+
+/**
+ * Those that may be a controller's: the server knows which of them are.
+ * @param {readonly Found[]} found
+ * @returns {Promise<Found[]>}
+ */
+export async function controllerFiles(found) {
+  for (const { reads, endings } of await registry("brands")) if (reads) for (const ending of endings) controllers.add(ending);
+  const maybe = found.filter(({ path }) => {
+    const ending = endingOf(path);
+    return controllers.has(ending) && (!TEXTS.has(ending) || ROBOTS.test(baseOf(path)));
+  });
+  return maybe.length > MOST_ASKED ? maybe.filter(({ path }) => !kinds.has(endingOf(path))) : maybe;
+}
+
 /** @param {string} name */
 export const baseOf = (name) => name.split("/").at(-1) ?? name;
 

@@ -6,12 +6,16 @@ import type {
   CameraResult as CameraRecord, Capture, Cell, FolderState, Guide, GuideNow, GuideStep, Job, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
+  ControllerFileContent, FileReading, PoseOfFile,
   Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
 
 export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
 export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, SessionSummary, TcpResidual, TurntableResidual };
 export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
+export type { FileReading };
+export type ControllerFile = ControllerFileContent;
+export type FilePose = PoseOfFile;
 export type Moment = MomentOfSession;
 /** A folder that is watched, and what came of it. */
 export type FolderWatch = NonNullable<FolderState["watch"]>;

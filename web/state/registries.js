@@ -1,4 +1,4 @@
-// What exists, asked for once: stages, formats, conventions, exports and sources with the schemas of their settings.
+// What exists, asked for once: stages, formats, conventions, exports, sources and brands with the schemas of their settings.
 
 import { api } from "./api.js";
 

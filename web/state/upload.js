@@ -4,7 +4,7 @@ import { api, Problem } from "./api.js";
 import { t } from "../texts.js";
 
 /** @import {Capture} from "./model.js" */
-/** @import {Folder} from "./files.js" */
+/** @import {Folder, Found} from "./files.js" */
 /** @typedef {{ record: Capture, files: File[], missing?: string[] }} Parcel */
 /** @typedef {{ sent: Capture[], files: File[], problems: string[], left: Parcel[] }} Outcome `sent`: the captures, `files` what they are made of; `left`: what could not be stored, so that nothing is lost */
 
@@ -16,6 +16,19 @@ export function takeWaiting(sessionId) {
   const parcels = waiting.get(sessionId) ?? [];
   waiting.delete(sessionId);
   return parcels;
+}
+
+/** Files that came before their session was made, until its page takes them. @type {Map<string, Found[]>} */
+const brought = new Map();
+
+/** @param {string} sessionId @param {Found[]} found */
+export const bring = (sessionId, found) => void brought.set(sessionId, found);
+
+/** @param {string} sessionId */
+export function takeBrought(sessionId) {
+  const found = brought.get(sessionId) ?? [];
+  brought.delete(sessionId);
+  return found;
 }
 
 /**

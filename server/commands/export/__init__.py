@@ -17,7 +17,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tool", metavar="N", help="the tool's number or name in the controller")
     parser.add_argument("--frame", metavar="N", help="the user frame's number or name, for the turntable")
     parser.add_argument("--part", choices=("tool", "table", "both"), help="what is written")
-    into = "a controller's backup file: written with this one entry changed, all else byte for byte"
+    into = (
+        "a controller's backup (file, zip or folder): the file with this entry is written, all else byte for byte"
+    )
     parser.add_argument("--into", type=Path, metavar="BACKUP", help=into)
     settings = "another setting of the export; may be given several times"
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=settings)

@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from calib_core.archive.archive import opened
-from calib_core.archive.folder import load_results, load_session, read_bytes
+from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import media_types
 from calib_core.errors import InputError
-from calib_core.exports.answer import NotUsableError
-from calib_core.exports.export import export as export_results
+from calib_core.exports.answer import NotUsableError, answer_of
+from calib_core.exports.backups import write_into
+from calib_core.exports.export import write_export
 from calib_core.exports.registry import export_named
 from calib_core.records import Record, Session
 from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.pipeline import run as run_stages
+from server.commands.poses import files_of
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import write_out
 from server.console.progress import progress_bar
@@ -32,7 +34,7 @@ def export(options: argparse.Namespace) -> int:
         return export_cloud(options)
     export_named(options.format, tuple(media_types()))
     allow = _allowed(options.allow)
-    backup = None if options.into is None else read_bytes(options.into, "Name the controller's backup file.")
+    backup = None if options.into is None else files_of(options.into)
     with opened(options.session) as folder:
         session, read = load_session(folder)
         stored = load_results(folder)
@@ -43,9 +45,13 @@ def export(options: argparse.Namespace) -> int:
                 results |= run_stages(session, read, _answering_stage(session), progress)
         date = _solved_at(folder, stored)
     try:
-        content, _ = export_results(
-            session, results, options.format, stale, allow, _settings(options), backup, date
-        )
+        answer = answer_of(session, results, stale, date)
+        if backup is None:
+            content, _ = write_export(answer, options.format, allow, _settings(options))
+        else:
+            file, content = write_into(backup, answer, options.format, allow, _settings(options))
+            if len(backup) > 1:
+                print(f"scancell: {file} changed", file=sys.stderr)
     except NotUsableError as error:
         print(f"scancell: error: {error}", file=sys.stderr)
         return NOT_ACCEPTED

@@ -1,0 +1,296 @@
+"""Machines' own files: what stands in a controller's or a scanner's, and a tool put into a backup."""
+
+import json
+from typing import Annotated, Any, Literal
+from urllib.parse import quote
+
+from fastapi import APIRouter, File, Form, Path, Response, UploadFile
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+
+from calib_core.errors import InputError, TooLargeError
+from calib_core.robots.told import Told
+from server.http.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
+from server.http.strict_json import StrictRoute, parse_json, plain_json
+from server.routes.answers import allowed_faults
+from server.store.session_answer import answer_headers, session_answer
+from server.store.sessions import load_session
+
+router = APIRouter(tags=["machines"], route_class=StrictRoute)
+
+_MOST_FILES, _MOST_BYTES = 2000, 256_000_000
+_BINARY = {"*/*": {"schema": {"type": "string", "format": "binary"}}}
+Files = Annotated[
+    list[UploadFile], File(description="The controller's files, or a zip of its backup.", examples=[["PK"]])
+]
+Word = Annotated[str, Form(max_length=1000)]
+
+
+class PoseOfFile(BaseModel):
+    """A pose of the flange in the base, as far as the file tells it; `matrix` is the same in mm."""
+
+    name: str
+    pose: list[float] | None
+    matrix: list[list[float]] | None
+    convention: str
+    joints_deg: list[float] | None
+    external: dict[str, float] | None
+    tool: int | str | None
+    frame: int | str | None
+    line: int
+    file: str | None
+    as_written: list[float] | None
+    doubt: str | None
+    time_s: float | None
+
+
+class FrameOfFile(BaseModel):
+    """A tool in the flange, or a user frame in the base."""
+
+    number: int | None
+    name: str | None
+    pose: list[float]
+    convention: str
+    line: int
+    file: str | None
+    moving: str | None
+
+
+class SkippedPart(BaseModel):
+    """What was not taken, and why."""
+
+    line: int
+    reason: str
+    file: str | None
+
+
+class ControllerFileContent(BaseModel):
+    """What stands in a controller's files."""
+
+    brand: str
+    files: list[str] = Field(description="Those of them that are of this brand and were read.")
+    poses: list[PoseOfFile]
+    tools: list[FrameOfFile]
+    frames: list[FrameOfFile]
+    skipped: list[SkippedPart]
+    notes: list[str]
+
+
+class Brand(BaseModel):
+    """A robot brand, or another kind of file with poses."""
+
+    name: str
+    title: str
+    conventions: list[str]
+    endings: list[str]
+    reads: bool
+    exports: list[str]
+
+
+class Brands(BaseModel):
+    """Whose files are known."""
+
+    items: list[Brand]
+
+
+class FileReading(BaseModel):
+    """What a reader takes from a scanner's file, before it is used."""
+
+    format: str
+    kind: Literal["profile", "cloud"]
+    points: int
+    missing: int
+    grid: list[int] | None
+    columns: dict[str, str]
+    unit: str
+    unit_from: str
+    sure: Literal["stated", "usual", "doubtful"]
+    notes: list[str]
+    doubts: list[str]
+    sentence: str
+    low_mm: list[float] | None
+    high_mm: list[float] | None
+    preview: list[list[float]] = Field(description="Some of the points, for a drawing.")
+    settings: dict[str, Any] = Field(description="The JSON Schema of what may be said about such a file.")
+
+
+class ToolComparison(BaseModel):
+    """The tool as it stands in the controller beside the answer."""
+
+    equal: bool
+    words: str
+    position_mm: float | None
+    rotation_deg: float | None
+
+
+@router.get("/brands", response_model=Brands)
+def brands() -> Brands:
+    """List the robot brands and other kinds of files that poses are read from."""
+    from calib_core.robots.conventions import BRANDS
+
+    return Brands(items=[Brand.model_validate(brand.describe()) for brand in BRANDS])
+
+
+@router.post("/controller-files", response_model=ControllerFileContent)
+async def read_controller(
+    files: Files,
+    _: IdempotencyDep,
+    memory: UploadMemoryDep,
+    brand: Word = "",
+    as_written: Annotated[bool, Form(description="Take poses whose tool or frame is unknown.")] = False,
+    told: Annotated[
+        str,
+        Form(max_length=5000, description="What the files do not say, as JSON.", examples=['{"unit": "mm"}']),
+    ] = "{}",
+) -> Response:
+    """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""
+    async with memory.taken(_size(files)):
+        contents = await _contents(files)
+        said = Told.of({str(name): str(value) for name, value in _mapping(told, "told").items()})
+        found = await run_in_threadpool(_read_controller, contents, brand or None, as_written, said)
+    return JSONResponse(plain_json(found))
+
+
+@router.post("/readings", response_model=FileReading)
+async def read_scanner_file(
+    file: Annotated[UploadFile, File(description="A profile or a cloud, as it came.", examples=["x,z"])],
+    _: IdempotencyDep,
+    memory: UploadMemoryDep,
+    kind: Annotated[Literal["profile", "cloud"] | None, Form(description="What is needed.")] = None,
+    format: Word = "",  # noqa: A002 — as a capture's record calls it
+    settings: Annotated[
+        str,
+        Form(max_length=5000, description="A capture's `format_settings`, as JSON.", examples=['{"unit": "mm"}']),
+    ] = "{}",
+) -> Response:
+    """Return what a reader takes from a file: columns, unit, points, and how sure it is; stores nothing."""
+    async with memory.taken(file.size or 0):
+        data, name = await file.read(), file.filename or "file"
+        told = _mapping(settings, "settings")
+        reading = await run_in_threadpool(_read_points, data, name, kind, format or None, told)
+    return JSONResponse(plain_json(reading))
+
+
+@router.post(
+    "/sessions/{session_id}/exports/{name}",
+    response_class=Response,
+    responses={200: {"description": "The file that was changed.", "content": _BINARY}},
+)
+async def export_into_backup(
+    session_id: SessionId,
+    name: Annotated[str, Path(max_length=64, description="As `GET /exports` lists them.", examples=["kuka"])],
+    backup: Files,
+    _: IdempotencyDep,
+    store: StoreDep,
+    memory: UploadMemoryDep,
+    settings: Annotated[
+        str,
+        Form(max_length=5000, description="The export's settings, as JSON.", examples=['{"tool": 3}']),
+    ] = "{}",
+    allow: Annotated[str, Form(max_length=40, description="`stale`, `fail` or `stale,fail`.")] = "",
+) -> Response:
+    """Return the file of a backup that defines the tool, with that one entry changed and every other byte kept.
+
+    Of several files it is the one that holds the entry; a zip comes back with that one file in it changed.
+    """
+    from calib_core.exports.backups import write_into
+
+    async with memory.taken(_size(backup)):
+        contents = await _contents(backup)
+
+        def written() -> tuple[str, bytes, dict[str, str]]:
+            with store.read() as db:
+                answer = session_answer(db, load_session(db, store.blobs, session_id))
+            chosen = _mapping(settings, "settings")
+            file, content = write_into(contents, answer, name, allowed_faults(allow), chosen)
+            return file, content, dict(answer_headers(answer.verdict, answer.stale))
+
+        file, content, headers = await run_in_threadpool(written)
+    plain = quote(file.replace("\\", "/").rsplit("/", 1)[-1])
+    headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{plain}"
+    return Response(content, media_type="application/octet-stream", headers=headers)
+
+
+@router.post("/sessions/{session_id}/read-back", response_model=ToolComparison)
+async def read_back_tool(
+    session_id: SessionId,
+    _: IdempotencyDep,
+    store: StoreDep,
+    memory: UploadMemoryDep,
+    files: Files = [],  # noqa: B006 — FastAPI copies defaults
+    tool: Word = "",
+    brand: Word = "",
+    numbers: Annotated[
+        str, Form(max_length=1000, description="As the pendant shows them.", examples=["0 0 184 0 45 0"])
+    ] = "",
+    convention: Word = "",
+) -> Response:
+    """Compare the tool in the controller, of its files or as numbers, with the answer: equal, or what differs."""
+    async with memory.taken(_size(files)):
+        contents = await _contents(files) if files else {}
+
+        def compared() -> dict[str, Any]:
+            from calib_core.robots.read_back import read_back, tool_in, typed_numbers
+
+            with store.read() as db:
+                answer = session_answer(db, load_session(db, store.blobs, session_id))
+            if bool(numbers.strip()) == bool(contents):
+                raise InputError("the controller's files or numbers", "both or neither", "Send one.", "read-back")
+            if contents:
+                known, pose = tool_in(contents, brand or None, tool or None)
+            else:
+                known, pose = convention or answer.session.cell.pose_convention, typed_numbers(numbers)
+            return read_back(pose, known, answer.tool0_from_laser).to_json()
+
+        found = await run_in_threadpool(compared)
+    return JSONResponse(plain_json(found))
+
+
+def _size(files: list[UploadFile]) -> int:
+    size = sum(file.size or 0 for file in files)
+    if size > _MOST_BYTES or len(files) > _MOST_FILES:
+        to_do = "Send the files with programs, tools and frames alone."
+        raise TooLargeError(
+            f"at most {_MOST_FILES} files and 256 MB", f"{len(files)}, {size} bytes", to_do, "files"
+        )
+    return size
+
+
+async def _contents(files: list[UploadFile]) -> dict[str, bytes]:
+    contents: dict[str, bytes] = {}
+    for place, file in enumerate(files):
+        name = file.filename or f"file {place + 1}"
+        if name in contents:
+            raise InputError("file names that differ", f"'{name}' twice", "Send each file once.", "files")
+        contents[name] = await file.read()
+    return contents
+
+
+def _mapping(text: str, where: str) -> dict[str, Any]:
+    data = parse_json(text, where)
+    if not isinstance(data, dict):
+        raise InputError("a JSON object", json.dumps(data)[:80], "Send names and values.", where)
+    return data
+
+
+def _read_controller(
+    contents: dict[str, bytes], brand: str | None, as_written: bool, told: Told
+) -> dict[str, Any]:
+    from calib_core.robots.backup import read_controller_files
+    from calib_core.robots.poses import parse_pose
+
+    found = read_controller_files(contents, brand, as_written, told).to_json()
+    for pose in found["poses"]:
+        numbers = pose["pose"]
+        pose["matrix"] = None if numbers is None else parse_pose(pose["convention"], numbers).to_rows()
+    return found
+
+
+def _read_points(
+    data: bytes, name: str, kind: Literal["profile", "cloud"] | None, format_name: str | None, told: dict[str, Any]
+) -> dict[str, Any]:
+    from calib_core.formats.points import FORMATS, read_file
+
+    reading = read_file(data, name, kind, format_name, told)
+    return reading.to_json() | {"settings": FORMATS.get(reading.format).settings.model_json_schema()}
