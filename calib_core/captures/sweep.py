@@ -5,10 +5,11 @@ from pathlib import PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.captures.content import read_as
 from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.stripe_frames import calibration_of
 from calib_core.errors import InputError
-from calib_core.formats.points import parse_profile
+from calib_core.formats.points import known_points
 from calib_core.formats.shared.images import decode_image
 from calib_core.frames import RigidTransform
 from calib_core.optics.triangulate import profile_from_frame
@@ -62,18 +63,25 @@ def read_sweep(
         If a frame shows no stripe.
     """
     poses = sweep_poses(session.cell, capture)
-    return [(pose, sweep_profile(session, name, read)) for pose, name in zip(poses, capture.files, strict=True)]
+    names = zip(poses, capture.files, strict=True)
+    return [(pose, sweep_profile(session, capture, name, read)) for pose, name in names]
 
 
-def sweep_profile(session: Session, name: str, read: ReadFile, may_be_blank: bool = False) -> NDArray[np.float64]:
-    """Return the profile (N, 2), x and z in L, mm, of one of a sweep's files; raises as `read_sweep` does."""
+def sweep_profile(
+    session: Session, capture: Capture, name: str, read: ReadFile, may_be_blank: bool = False
+) -> NDArray[np.float64]:
+    """Return the profile (N, 2), x and z in L, mm, of one of a sweep's files; raises as `read_sweep` does.
+
+    It is read in the format and with the settings that the capture names.
+    """
     if PurePosixPath(name).suffix.lower() in IMAGES:
         frame, calibration = decode_image(read(name), name), calibration_of(session, read)
         try:
             return profile_from_frame(frame, calibration)
         except InputError as error:
             raise error.at(name) from None
-    return parse_profile(read(name), name, may_be_blank)
+    reading = read_as(capture, name, read, "profile")
+    return known_points(reading, name) if not may_be_blank or reading.known.any() else np.empty((0, 2))
 
 
 def _require_count(got: int, files: int, field: str, capture: Capture) -> None:

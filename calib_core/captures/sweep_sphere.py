@@ -123,7 +123,7 @@ def _figures(session: Session, arc: _Arc) -> dict[str, Any]:
 
 def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Measured:
     poses = sweep_poses(session.cell, capture)
-    profiles = [sweep_profile(session, name, read, may_be_blank=True) for name in capture.files]
+    profiles = [sweep_profile(session, capture, name, read, may_be_blank=True) for name in capture.files]
     fullest = max(profiles, key=len)
     points = sum(map(len, profiles))
     return Measured(
@@ -145,7 +145,7 @@ def _profiles(session: Session, capture: Capture, read: ReadFile) -> Iterator[_P
     for pose, name in zip(poses, capture.files, strict=True):
         points: FloatArray = np.empty((0, 2))
         try:
-            points = sweep_profile(session, name, read, may_be_blank=True)
+            points = sweep_profile(session, capture, name, read, may_be_blank=True)
             found = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
         except MeasurementError as error:
             found = error

@@ -1,10 +1,11 @@
 """LAS and LAZ clouds, read by laspy; LAZ is unpacked by lazrs."""
 
 import io
+import struct
 
 import numpy as np
 
-from calib_core.errors import InputError
+from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
 from calib_core.formats.shared.columns import Column, for_kind, points_of
@@ -12,6 +13,9 @@ from calib_core.formats.shared.columns import Column, for_kind, points_of
 _HEADER = 227
 _LEAST_RECORD = 20
 _MOST_PACKED = 10  # points in a byte of LAZ
+_PIECE_BYTES = 32_000_000
+_PACKING = b"laszip encoded"
+_RECORD_HEAD = 54  # of a record before the points
 _TO_DO = "Export the cloud again."
 
 
@@ -26,14 +30,17 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         raise InputError("a LAS or LAZ file", "a file that does not begin like one", _TO_DO, name)
     import laspy
 
+    packed = _require_plausible(data, name)
     try:
-        with laspy.open(io.BytesIO(data)) as file:
+        # Not the parallel one: it reserves what the table of pieces claims, whatever that is.
+        with laspy.open(io.BytesIO(data), laz_backend=laspy.LazBackend.Lazrs) as file:
             count = int(file.header.point_count)
-            packed = bool(file.header.are_points_compressed)
             require_count(count, len(data) * _MOST_PACKED if packed else len(data) // _LEAST_RECORD, name)
-            points = file.read_points(count)
-            xyz = np.column_stack([np.asarray(points.x), np.asarray(points.y), np.asarray(points.z)])
-    except InputError:
+            # Piece by piece: a header that claims too much ends with the data, not with the memory.
+            piece = max(1, _PIECE_BYTES // max(1, int(file.header.point_format.size)))
+            pieces = [np.column_stack([p.x, p.y, p.z]) for p in file.chunk_iterator(piece)]
+            xyz = np.concatenate(pieces) if pieces else np.empty((0, 3))
+    except CalibrationError:
         raise
     except BaseException as error:  # lazrs is Rust: its panics are no Exception
         if isinstance(error, KeyboardInterrupt | SystemExit):
@@ -44,6 +51,45 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     columns = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
     columns, found = for_kind(columns, xyz, kind, name)
     return points_of(xyz.astype(np.float64), columns, found, name, settings)
+
+
+def _require_plausible(data: bytes, name: str) -> bool:
+    """Refuse a header that claims more than the file can hold, before anything is reserved; return if packed.
+
+    Fields and their places are those of the LAS specification; the table of a LAZ file's pieces has its place
+    before the first point, and its own count before its entries.
+    """
+    header_size, first_point, records = struct.unpack_from("<HII", data, 94)
+    packed = bool(data[104] & 0xC0)
+    if not _HEADER <= header_size <= first_point <= len(data):
+        raise InputError("a whole LAS or LAZ file", f"points that begin at byte {first_point}", _TO_DO, name)
+    if records * _RECORD_HEAD > first_point - header_size:
+        raise InputError("a whole LAS or LAZ file", f"{records} records before the points", _TO_DO, name)
+    if packed and first_point + 8 <= len(data):
+        (table,) = struct.unpack_from("<q", data, first_point)
+        table = struct.unpack_from("<q", data, len(data) - 8)[0] if table == -1 else table
+        if not first_point <= table <= len(data) - 8:
+            raise InputError("a whole LAZ file", "no table of its pieces", _TO_DO, name)
+        (pieces,) = struct.unpack_from("<I", data, table + 4)
+        require_count(pieces, len(data), name)
+        _require_item_sizes(data[header_size:first_point], struct.unpack_from("<H", data, 105)[0], name)
+    return packed
+
+
+def _require_item_sizes(records: bytes, point_bytes: int, name: str) -> None:
+    """Refuse a LAZ file whose packing describes points of another size than its header."""
+    begin = records.find(_PACKING)
+    if begin < 0:
+        raise InputError("a whole LAZ file", "no description of its packing", _TO_DO, name)
+    items = begin - 2 + _RECORD_HEAD + 32
+    try:
+        (count,) = struct.unpack_from("<H", records, items)
+        sizes = [struct.unpack_from("<H", records, items + 2 + 6 * k + 2)[0] for k in range(count)]
+    except struct.error:
+        sizes = []
+    if sum(sizes) != point_bytes:
+        got = f"{sum(sizes)} in its packing"
+        raise InputError(f"points of {point_bytes} bytes, as its header says", got, _TO_DO, name)
 
 
 FORMAT = Format(

@@ -1,8 +1,9 @@
 """What is wrong with a session, and what is still missing, without solving it."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePosixPath
 
-from calib_core.captures.content import diameter_sigma_mm, pose_of, sphere_of
+from calib_core.captures.content import diameter_sigma_mm, pose_of, read_as, sphere_of
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.poses import (
     angles_look_like_radians,
@@ -10,6 +11,7 @@ from calib_core.captures.poses import (
     duplicates,
     same_place,
 )
+from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.sweep import sweep_poses
 from calib_core.captures.unfit import unfit
 from calib_core.errors import CalibrationError
@@ -21,6 +23,7 @@ from calib_core.stages.stage import ReadFile
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 
 _LEAST_CAPTURES = 5
+_MOST_READ, _FILES_OF_SWEEP = 300, 3
 
 
 def check_session(
@@ -99,7 +102,31 @@ def _captures(
     if usable < _LEAST_CAPTURES:
         sentence = f"{usable} captures show the sphere, {_LEAST_CAPTURES} are needed at least, 10 to 15 are good."
         yield _error("captures", sentence)
+    yield from _doubtful(captures, read)
     yield from _duplicates(captures, read)
+
+
+def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
+    """Name the files that a reader is not sure of; one finding a doubt."""
+    by_doubt: dict[str, list[str]] = {}
+    taken: dict[str, str] = {}
+    for capture in [c for c in captures if c.kind in ("profile", "cloud", "sweep")][:_MOST_READ]:
+        middle = len(capture.files) // 2  # a sweep begins and ends beside the sphere
+        for name in capture.files[middle : middle + _FILES_OF_SWEEP]:
+            if PurePosixPath(name).suffix.lower() in IMAGES:
+                continue
+            try:
+                reading = read_as(capture, name, read, "cloud" if capture.kind == "cloud" else "profile")
+            except CalibrationError:
+                continue  # measuring it says so
+            for doubt in reading.doubts:
+                taken.setdefault(doubt, reading.sentence())
+                by_doubt.setdefault(doubt, []).append(capture.id)
+    for doubt, ids in by_doubt.items():
+        names = list(dict.fromkeys(ids))
+        others = f" So are those of {len(names) - 1} others." if len(names) > 1 else ""
+        to_do = "Say otherwise in the capture's format and format_settings."
+        yield _warning(names[0], f"Its file is doubtful: {doubt}{others} Taken: {taken[doubt]}. {to_do}")
 
 
 def _measured(measured: Measured) -> Iterator[Finding]:

@@ -142,6 +142,32 @@ def test_las_laz_and_e57() -> None:
     assert (reading.unit, reading.unit_from, reading.sure) == ("m", "format", "stated")
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "match"),
+    [
+        ("item size", b"\xff\xff", "in its packing"),
+        ("first point", b"\xff\xff\xff\x7f", "begin at byte"),
+        ("records", b"\xff\xff\xff\xff", "records before"),
+        ("table", b"\xff\xff\xff\xff\xff\xff\xff\x00", "table of its pieces"),
+        ("pieces", b"\xff\xff\xff\x7f", "2147483647"),
+    ],
+)
+def test_a_header_that_claims_too_much_reserves_nothing(place: str, value: bytes, match: str) -> None:
+    """Each of these took seconds and gigabytes before it failed."""
+    import laspy
+
+    packed = io.BytesIO()
+    laspy.read(io.BytesIO(las(CLOUD))).write(packed, do_compress=True)
+    data = bytearray(packed.getvalue())
+    first = int.from_bytes(data[96:100], "little")
+    table = int.from_bytes(data[first : first + 8], "little")
+    item = data.index(b"laszip encoded") - 2 + 54 + 32 + 2 + 2
+    at = {"item size": item, "first point": 96, "records": 100, "table": first, "pieces": table + 4}[place]
+    data[at : at + len(value)] = value
+    with pytest.raises(CalibrationError, match=match):
+        parse_cloud(bytes(data), "c.laz")
+
+
 @pytest.mark.parametrize(("name", "count"), [("c.las", 60), ("c.laz", 30), ("c.e57", 40)])
 def test_damaged_las_and_e57_are_refused(name: str, count: int) -> None:
     import laspy

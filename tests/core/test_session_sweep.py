@@ -183,3 +183,27 @@ def test_an_unreadable_profile_is_named(simulated):
     files = simulated.files | {name: b""}
     with pytest.raises(CalibrationError, match=r"004\.csv"):
         measure_capture(simulated.session, simulated.session.captures[0], files.__getitem__)
+
+
+def test_a_sweep_is_read_as_its_capture_says(simulated) -> None:
+    """Files in metres: doubted without a word, right with one, and the word is the capture's own."""
+    session = parse_session(
+        {**simulated.session.to_json(), "captures": simulated.session.to_json()["captures"][:1]}
+    )
+
+    def in_metres(name: str) -> bytes:
+        head, *rows = simulated.files[name].decode().splitlines()
+        values = [row.split(",") for row in rows]
+        metres = [
+            ",".join(repr(float(v) / 1000) if v and k < 2 else v for k, v in enumerate(row)) for row in values
+        ]
+        return "\n".join([head.replace("_mm", ""), *metres, ""]).encode()
+
+    plain = observe_sweep(session, session.captures[0], simulated.files.__getitem__)
+    told = changed(session, 0, format="table", format_settings={"unit": "m"})
+    again = observe_sweep(told, told.captures[0], in_metres)
+    assert len(again) == len(plain)
+    doubts = [f.sentence for f in check_session(session, in_metres) if "doubtful" in f.sentence]
+    assert len(doubts) == 1
+    assert "look like metres" in doubts[0]
+    assert [f for f in check_session(told, in_metres) if "doubtful" in f.sentence] == []
