@@ -38,7 +38,10 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
             require_count(count, len(data) * _MOST_PACKED if packed else len(data) // _LEAST_RECORD, name)
             # Piece by piece: a header that claims too much ends with the data, not with the memory.
             piece = max(1, _PIECE_BYTES // max(1, int(file.header.point_format.size)))
-            pieces = [np.column_stack([p.x, p.y, p.z]) for p in file.chunk_iterator(piece)]
+            pieces = [
+                np.column_stack([np.asarray(p.x), np.asarray(p.y), np.asarray(p.z)])
+                for p in file.chunk_iterator(piece)
+            ]
             xyz = np.concatenate(pieces) if pieces else np.empty((0, 3))
     except CalibrationError:
         raise

@@ -112,7 +112,7 @@ def test_load_data_beside_a_patched_tool_stay() -> None:
     ("brand", "chosen", "backup", "match"),
     [
         ("kuka", {"tool": 9}, CONFIG, r"TOOL_DATA\[9\]"),
-        ("kuka", {"tool": 2}, CONFIG, "#BASE"),
+        ("kuka", {"tool": 2}, CONFIG, "#TCP"),
         ("abb", {"tool": "tStand"}, RAPID, "robhold FALSE"),
         ("abb", {"tool": "tGrip", "frame": "wTurn", "part": "both"}, RAPID, "ufprog"),
         ("fanuc", {"tool": 2}, VA, "not set"),

@@ -82,7 +82,7 @@ def test_krl() -> None:
     np.testing.assert_allclose(parse_pose("kuka", pose(found, "XP2").pose).matrix, expected, atol=1e-9)
     assert found.tools[0].name == "GUN"
     assert "braces" in reasons(found, 8)
-    assert "TOOL_TYPE[2] is #BASE" in reasons(found, 9)
+    assert "TOOL_TYPE[2] is #TCP" in reasons(found, 9)
     assert "#TCP" in reasons(found, 11)
     alone = read(style1__dat=DAT)
     assert [p.name for p in alone.poses] == ["XP1", "XHOME"]

@@ -103,7 +103,7 @@ def test_a_zip_comes_back_with_one_file_changed(client: httpx.Client, solved: st
     ("name", "settings", "words"),
     [
         ("kuka", '{"tool": 9}', "a file that defines the tool"),
-        ("kuka", '{"tool": 2}', "#BASE"),
+        ("kuka", '{"tool": 2}', "#TCP"),
         ("json", "{}", "export that can change a backup"),
         ("nothing", "{}", "nothing"),
     ],

@@ -39,6 +39,7 @@ class _Program:
         self._motion: dict[str, tuple[int, int, str, int]] = {}
         self._names: dict[tuple[str, int], str] = {}
         self._types: dict[tuple[str, int], str] = {}
+        self._system = False
         self._tool: Reference | None = None
         self._base: Reference | None = None
 
@@ -56,6 +57,7 @@ class _Program:
     def _line(self, line: int, content: str) -> None:
         if _BEGIN.match(content):
             self._tool = self._base = None
+            self._system = "$CONFIG" in content.upper()
         elif named := _NAMED.match(content):
             self._names[named[1].upper(), int(named[2])] = named[3].strip()
         elif typed := _TYPED.match(content):
@@ -88,6 +90,9 @@ class _Program:
                 self._frame(system, fields, line)
             elif kind == "FDAT":
                 self._fdat(name, fields, line)
+            elif self._system and not name.upper().startswith("X"):
+                if any(number(fields.get(axis, "0")) for axis in "XYZ"):
+                    self._found.skip(line, f"{name}: a variable of the system, no taught point")
             elif kind or "X" in fields or "A1" in fields:
                 self._found.poses.append(self._position(name, fields, line))
         except ValueError as error:
@@ -103,8 +108,8 @@ class _Program:
             return frame
         kind = self._types.get((what, frame.number), "")
         moving = ""
-        if what == "TOOL" and kind == "BASE":
-            moving = f"stands still beside the robot (TOOL_TYPE[{frame.number}] is #BASE)"
+        if what == "TOOL" and kind == "TCP":
+            moving = f"stands still beside the robot (TOOL_TYPE[{frame.number}] is #TCP)"
         elif what == "BASE" and kind == "TCP":
             moving = f"is held by the robot (BASE_TYPE[{frame.number}] is #TCP)"
         return replace(frame, name=self._names.get((what, frame.number)) or None, moving=moving)

@@ -30,7 +30,7 @@ def _list(pose: list[float]) -> str:
 def _tool(answer: Answer, settings: NumberedSettings) -> list[str]:
     return [
         f"TOOL_DATA[{settings.tool}]={_list(tool_pose(answer, 'kuka'))}",
-        f"TOOL_TYPE[{settings.tool}]=#TCP",
+        f"TOOL_TYPE[{settings.tool}]=#BASE",
         f'TOOL_NAME[{settings.tool},]="{mark(answer, 24)}"',
     ]
 
@@ -47,10 +47,12 @@ def patch(backup: bytes, answer: Answer, settings: NumberedSettings) -> bytes:
     text, encoding = as_bytes_kept(backup)
     with_tool, with_table = wanted(answer, settings.part, "tool")
     if with_tool:
-        kind = re.search(rf"^\s*TOOL_TYPE\[\s*{settings.tool}\s*\]\s*=\s*#(\w+)", text, re.M | re.I)
-        if kind and kind[1].upper() == "BASE":
-            to_do = "Choose another tool with --tool: this one is a workpiece that the robot holds."
-            raise InputError("a tool on the flange", f"TOOL_TYPE[{settings.tool}]=#BASE", to_do, "tool")
+        kind = re.search(rf"^[ \t]*TOOL_TYPE\[\s*{settings.tool}\s*\]\s*=\s*#(\w+)", text, re.M | re.I)
+        if kind and kind[1].upper() == "TCP":
+            to_do = "Choose another tool with --tool: this one stands still beside the robot."
+            raise InputError("a tool on the flange", f"TOOL_TYPE[{settings.tool}]=#TCP", to_do, "tool")
+        if kind and kind[1].upper() == "NONE":  # of a slot that nothing was in: it could not be selected
+            text = replaced(text, kind.start(1), kind.end(1), "BASE")
         text = _put(text, "TOOL_DATA", settings.tool, _list(tool_pose(answer, "kuka")), answer)
     if with_table:
         text = _put(text, "BASE_DATA", settings.frame, _list(table_pose(answer, "kuka")), answer)
