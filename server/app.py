@@ -37,6 +37,7 @@ from server.routes import (
     archives,
     batches,
     captures,
+    causes,
     cells,
     clouds,
     devices,
@@ -167,6 +168,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         machines,
         truth,
         webhooks,
+        causes,
         health,
     ):
         api.include_router(module.router)

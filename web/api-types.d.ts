@@ -7,6 +7,12 @@ export interface AnsweredFrame {
   number_sigmas: number[];
 }
 
+export interface AppliedChanges {
+  session: StoredSession;
+  changes: Changes;
+  undo: Changes;
+}
+
 export interface ArchiveFacts {
   session: string;
   captures: number;
@@ -97,6 +103,13 @@ export interface BatchItem {
   problem?: Problem | null;
 }
 
+export interface BeforeAfter {
+  label: string;
+  unit?: string;
+  before: number | null;
+  after: number | null;
+}
+
 export interface Board {
   kind: "chessboard" | "charuco" | "circles" | "asymmetric-circles";
   columns: number;
@@ -160,6 +173,7 @@ export interface CameraResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "camera";
   model: "plain" | "rational" | "tilted" | "segmental";
@@ -319,6 +333,7 @@ export interface ChainResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "chain";
   tool0_from_laser: number[][];
@@ -344,6 +359,11 @@ export interface Change {
   what: string;
   left?: string;
   right?: string;
+}
+
+export interface Changes {
+  cell?: Record<string, unknown>;
+  captures?: Record<string, unknown>;
 }
 
 export interface CloudDeviations {
@@ -689,6 +709,7 @@ export interface LaserPlaneResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "laser-plane";
   plane_in_camera: PlaneInCamera;
@@ -804,6 +825,7 @@ export interface MergeResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "merge";
   frame: "turntable" | "base";
@@ -864,6 +886,11 @@ export interface MomentOfSession {
   numbers: Record<string, number>;
   guide: Guide;
   frames: Record<string, unknown> | null;
+}
+
+export interface NewChanges {
+  cell?: Record<string, unknown>;
+  captures?: Record<string, unknown>;
 }
 
 export interface NewDevice {
@@ -1024,6 +1051,13 @@ export interface PoseOfFile {
   time_s: number | null;
 }
 
+export interface PoseReading {
+  convention: string;
+  mm_per_unit: number;
+  radians: boolean;
+  way: "as-written" | "inverted" | "transposed" | "columns";
+}
+
 export interface PoseText {
   text: string;
   convention?: string | null;
@@ -1150,6 +1184,22 @@ export interface RobotPrograms {
 export interface Rollback {
   why?: string;
   number?: number | null;
+}
+
+export interface RootCause {
+  id: string;
+  kind: "pose-reading" | "swapped-poses" | "shifted-poses" | "moved-sphere" | "changed-tool" | "sphere-diameter" | "point-unit" | "table-direction" | "table-angles" | "not-the-flange";
+  title: string;
+  sentence: string;
+  evidence?: BeforeAfter[];
+  captures?: string[];
+  changes?: Changes | null;
+  pose_reading?: PoseReading | null;
+  poses_from?: Record<string, string>;
+}
+
+export interface RootCauses {
+  items: RootCause[];
 }
 
 export interface Row {
@@ -1337,6 +1387,7 @@ export interface StoredCameraResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "camera";
   model: "plain" | "rational" | "tilted" | "segmental";
@@ -1411,6 +1462,7 @@ export interface StoredChainResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "chain";
   tool0_from_laser: number[][];
@@ -1453,6 +1505,7 @@ export interface StoredLaserPlaneResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "laser-plane";
   plane_in_camera: PlaneInCamera;
@@ -1479,6 +1532,7 @@ export interface StoredMergeResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "merge";
   frame: "turntable" | "base";
@@ -1528,6 +1582,7 @@ export interface StoredTcpResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "tcp";
   tool0_from_laser: number[][];
@@ -1573,6 +1628,7 @@ export interface StoredTurntableResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
@@ -1593,6 +1649,7 @@ export interface StoredVerifyResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "verify";
   verified: string;
@@ -1668,6 +1725,7 @@ export interface TcpResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "tcp";
   tool0_from_laser: number[][];
@@ -1788,6 +1846,7 @@ export interface TurntableResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
@@ -1849,6 +1908,7 @@ export interface VerifyResult {
   pose_convention?: string | null;
   warnings?: string[];
   notes?: string[];
+  causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "verify";
   verified: string;

@@ -118,17 +118,17 @@ def find_start(centers: Centers) -> Start:
     if count > _SEARCH_CAPTURES:
         some = np.unique(np.linspace(0, count - 1, _SEARCH_CAPTURES).astype(int))
     few = centers.chosen(some)
-    starts = sorted(_settled(few, _candidates(few)), key=_badness)
+    starts = sorted(settled(few, _candidates(few)), key=badness)
     if len(some) < count:
         guesses = [(s.rotation, s.translation, s.center) for s in starts[:_BEST]]
-        starts = sorted(_settled(centers, guesses), key=_badness)
+        starts = sorted(settled(centers, guesses), key=badness)
     best = starts[0]
     rivals = [s for s in starts[1:] if _is_rival(s, best)]
     rival = rivals[0].scatter_mm if rivals else None
     return Start(best.rotation, best.translation, best.center, best.sides, best.misfit_mm, best.scatter_mm, rival)
 
 
-def _badness(start: Start) -> float:
+def badness(start: Start) -> float:
     """Return a robust cost: captures beyond a few scatters count as lost, however far they are."""
     scale = max(start.scatter_mm, 0.05)
     return float(np.sum(np.log1p((start.misfit_mm / (3 * scale)) ** 2)) + len(start.misfit_mm) * np.log(scale))
@@ -157,7 +157,7 @@ def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArr
         center, tool_in_laser = linear[index, :3], linear[index, 3:]
         guesses += [
             (rotation, rotation @ np.array([tool_in_laser[0], height, tool_in_laser[2]]), center)
-            for height in _heights(centers, rotation, center, tool_in_laser[1])
+            for height in heights(centers, rotation, center, tool_in_laser[1])
         ]
         if len(seen) >= _KEPT:
             break
@@ -185,7 +185,7 @@ def _promising(sought: Sought, rotations: FloatArray, linear: FloatArray) -> tup
     return sought.refined(rotations[best], linear[best], 17)[:2]
 
 
-def _heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: float) -> list[float]:
+def heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: float) -> list[float]:
     """Return values of the translation along L's y on which the captures' |y| agree best."""
     if not centers.open_side.any():
         return [given]
@@ -206,7 +206,7 @@ def _heights(centers: Centers, rotation: FloatArray, center: FloatArray, given: 
     return chosen
 
 
-def _settled(centers: Centers, guesses: list[tuple[FloatArray, FloatArray, FloatArray]]) -> list[Start]:
+def settled(centers: Centers, guesses: list[tuple[FloatArray, FloatArray, FloatArray]]) -> list[Start]:
     """Return guesses refined on all three components, the sides taken from where each guess puts the sphere."""
     height = np.broadcast_to(centers.height_weight[:, None] * [0.0, 1.0, 0.0], centers.measured.shape)
     sought = centers.sought(np.broadcast_to([1.0, 0.0, 1.0], height.shape) + height)

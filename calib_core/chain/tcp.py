@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.arms.alike import visits
-from calib_core.chain.causes import Cause, named_causes
+from calib_core.causes.happened import Happened, named_causes
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.model import ChainState, Sigmas, chain_data
@@ -113,7 +113,7 @@ class TcpSolution:
         By how much a capture's pose counts less than that of one that lies well, 1 … 0.
     points_per_independent : float
         How many of a capture's points say as much as an independent one (median).
-    causes : list of Cause
+    causes : list of Happened
         What happened to the captures, where one cause explains several.
     sphere : SphereSize
         As told or assumed.
@@ -145,7 +145,7 @@ class TcpSolution:
     start_scatter_mm: float
     weights: FloatArray
     points_per_independent: float
-    causes: list[Cause]
+    causes: list[Happened]
     sphere: SphereSize
     seen_in_laser_mm: FloatArray
     at_point: FloatArray

@@ -6,6 +6,7 @@ from typing import Final
 from pydantic import Field
 
 from calib_core.records.base import Record, Rows, Vector3, Verdict
+from calib_core.records.causes import RootCause
 from calib_core.records.evidence import AnyBlock
 
 _SHOWN: Final = "calib_core.stages.evidence"  # by name: the records know nothing of what shows them
@@ -22,8 +23,9 @@ class CaptureResidual(Record):
 class Result(Record):
     """What every stage's result has, beside the name of its `stage`.
 
-    `warnings` are doubts, one sentence a cause; `notes` say what else is worth knowing; `evidence` is the result
-    told in blocks, as terminal, report and page show it.  `pose_convention` is the cell's when it was solved.
+    `warnings` are doubts, one sentence a cause; `notes` say what else is worth knowing; `causes` are the root
+    causes that were found, the likeliest first, with what would mend them; `evidence` is the result told in
+    blocks, as terminal, report and page show it.  `pose_convention` is the cell's when it was solved.
     """
 
     method: str
@@ -33,6 +35,7 @@ class Result(Record):
     pose_convention: str | None = None
     warnings: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
+    causes: list[RootCause] = Field(default_factory=list[RootCause])
     evidence: list[AnyBlock] = Field(default_factory=list[AnyBlock])
 
     def __str__(self) -> str:

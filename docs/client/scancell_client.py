@@ -245,6 +245,12 @@ class Scancell:
         with 409."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", params={name: value for name, value in {"allow": allow}.items() if value is not None})
 
+    def machines_export_into_backup(self, session_id: str, name: str, backup: Mapping[str, bytes], settings: Any, allow: Any) -> Any:
+        """Return the file of a backup that defines the tool, with that one entry changed and every other
+        byte kept. Of several files it is the one that holds the entry; a zip comes back with that one file
+        in it changed."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", files=[*_files("backup", backup), *_text("settings", settings), *_text("allow", allow)])
+
     def cells_get_cells(self) -> Any:
         """List the cells: by `cell.id`, or an id made from the session's name where it has none."""
         return self.request("GET", "/api/v1/cells")
@@ -401,6 +407,24 @@ class Scancell:
         order."""
         return self.request("GET", "/api/v1/stages")
 
+    def machines_brands(self) -> Any:
+        """List the robot brands and other kinds of files that poses are read from."""
+        return self.request("GET", "/api/v1/brands")
+
+    def machines_read_controller(self, files: Mapping[str, bytes], brand: Any, as_written: Any, told: Any) -> Any:
+        """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""
+        return self.request("POST", "/api/v1/controller-files", files=[*_files("files", files), *_text("brand", brand), *_text("as_written", as_written), *_text("told", told)])
+
+    def machines_read_scanner_file(self, file: Mapping[str, bytes], kind: Any, format: Any, settings: Any) -> Any:
+        """Return what a reader takes from a file: columns, unit, points, and how sure it is; stores
+        nothing."""
+        return self.request("POST", "/api/v1/readings", files=[*_files("file", file), *_text("kind", kind), *_text("format", format), *_text("settings", settings)])
+
+    def machines_read_back_tool(self, session_id: str, files: Mapping[str, bytes], tool: Any, brand: Any, numbers: Any, convention: Any) -> Any:
+        """Compare the tool in the controller, of its files or as numbers, with the answer: equal, or what
+        differs."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/read-back", files=[*_files("files", files), *_text("tool", tool), *_text("brand", brand), *_text("numbers", numbers), *_text("convention", convention)])
+
     def results_off_the_truth(self, session_id: str, stage: str) -> Any:
         """Return how far the result of a simulated cell lies from the truth."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/truth/{quote(stage, safe='')}")
@@ -428,6 +452,19 @@ class Scancell:
     def webhooks_ping(self, webhook_id: str) -> Any:
         """Send a message of the type `ping`, to try the way to the receiver."""
         return self.request("POST", f"/api/v1/webhooks/{quote(webhook_id, safe='')}/ping")
+
+    def results_get_causes(self, session_id: str) -> Any:
+        """Return why the session fails or is doubtful: by its fresh results or, where unsolved, by its
+        captures."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/causes")
+
+    def results_apply_cause(self, session_id: str, cause_id: str) -> Any:
+        """Apply a root cause's remedy to the session; solve it again afterwards."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/causes/{quote(cause_id, safe='')}/apply")
+
+    def results_change_together(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Change the cell and captures together, all or nothing; what undoes a remedy is sent here."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/changes", json=body)
 
     def server_health(self) -> Any:
         """Return `ready` once the store answers and the workers are warm, `starting` before, `stopping` at

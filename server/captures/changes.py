@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from calib_core.causes.apply import merge_patch
 from calib_core.errors import ConflictError, DamagedError, InputError
 from calib_core.records import Capture, Measured, parse_capture, parse_session
 from server.captures.known import require_rigid
@@ -20,7 +21,6 @@ from server.store.sessions import (
     etag,
     load_session,
     locked_session,
-    merge_patch,
     require_revision,
     session_data,
     session_row,
@@ -30,8 +30,8 @@ from server.store.waiting import measure_anew
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
 _CHANGED = "It is measured again: the cell has changed."
 # What measuring a capture depends on, beside the capture.
-_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
-_FIXED = ("id", "files", "kind")
+MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
+FIXED = ("id", "files", "kind")
 
 
 def corrected_capture(
@@ -97,7 +97,7 @@ def corrected_session(
         require_rigid(session.cell)
     for capture in captures:
         check_poses(session, capture)
-    anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in _MEASURED_FROM)
+    anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in MEASURED_FROM)
     at_once = anew and len(captures) <= _MEASURED_AT_ONCE
     measurer = Measurer(measure, session, lambda: calibrated(replace(before, session=session)))
     measured = {c.id: measurer.measure(c, before.read).to_json() for c in captures} if at_once else {}
@@ -113,7 +113,7 @@ def corrected_session(
 
 
 def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
-    for name in _FIXED:
+    for name in FIXED:
         if name in changes and changes[name] != record.get(name):
             to_do = "Remove the capture and upload it again."
             raise InputError(f"the '{name}' that the capture came with", "another", to_do, name)

@@ -9,7 +9,9 @@ from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result, remark
 
 if TYPE_CHECKING:
-    from calib_core.records import Result
+    from calib_core.errors import CalibrationError
+    from calib_core.records import Result, RootCause, Session
+    from calib_core.stages.stage import ReadFile
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +20,13 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     session_argument(parser)
     stages = f"all (default), or one of {', '.join(stage_names())}"
     parser.add_argument("--stage", default="all", metavar="STAGE", help=stages)
+    remedy = parser.add_mutually_exclusive_group()
+    remedy.add_argument(
+        "--apply",
+        metavar="CAUSE",
+        help="apply the remedy of a root cause (its id, or 1 for the likeliest), then solve",
+    )
+    remedy.add_argument("--undo", action="store_true", help="undo what --apply changed last, then solve")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write results/ here instead of into the session")
 
 
@@ -25,6 +34,7 @@ def _run(options: argparse.Namespace) -> int:
     """Solve a session, store its results, print them; return 0 where all are accepted, else 1."""
     from calib_core.archive.archive import is_archive, opened
     from calib_core.archive.folder import folder_of, load_session, result_data
+    from calib_core.errors import CalibrationError
     from calib_core.formats.shared.writing import write_pieces
     from calib_core.stages.pipeline import run
     from server.console.progress import progress_bar
@@ -39,8 +49,13 @@ def _run(options: argparse.Namespace) -> int:
     with opened(path) as folder:
         session, read = load_session(folder)
         with progress_bar(options) as progress:
-            results = run(session, read, options.stage, progress, store)
-    text = "\n\n".join(str(result) for result in results.values())
+            if options.apply or options.undo:
+                session = _remedied(options, folder, session, read, in_place=target == folder)
+            try:
+                results = run(session, read, options.stage, progress, store)
+            except CalibrationError as error:
+                raise _with_cause(error, session, read) from None
+    text = "\n\n".join([*(str(result) for result in results.values()), *_causes_text(options, results)])
     data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
     print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is not None:
@@ -48,6 +63,68 @@ def _run(options: argparse.Namespace) -> int:
     else:
         remark(options, f"{path} stays as it is: --out DIR writes the results to a folder.")
     return NOT_ACCEPTED if any(result.verdict == "fail" for result in results.values()) else OK
+
+
+def _remedied(
+    options: argparse.Namespace, folder: Path, session: "Session", read: "ReadFile", *, in_place: bool
+) -> "Session":
+    """Return the session with a root cause's remedy applied, or undone; in its own folder it is stored so."""
+    from calib_core.archive.applied import note_applied, undone
+    from calib_core.causes.apply import applied, cause_named
+
+    if options.undo:
+        return undone(folder, session)
+    cause = cause_named(_causes(options, folder, session, read), options.apply)
+    if cause.changes is None:
+        remark(options, f"nothing to apply: {cause.sentence}")
+        return session
+    changed, undo = applied(session, cause.changes)
+    remark(options, f"applied: {cause.title}. --undo takes it back.")
+    if in_place:
+        note_applied(folder, changed, cause, undo)
+    return changed
+
+
+def _causes(options: argparse.Namespace, folder: Path, session: "Session", read: "ReadFile") -> "list[RootCause]":
+    """Return the root causes that fresh results name, or that solving the session finds."""
+    from calib_core.archive.folder import load_results, result_data
+    from calib_core.causes.session import session_causes
+    from calib_core.errors import CalibrationError
+    from calib_core.stages.graph import Graph
+    from calib_core.stages.pipeline import run
+
+    stored = load_results(folder)
+    found = session_causes(session, read, stored, Graph.of_files(session, read).stale(stored))
+    if found:
+        return found
+    try:
+        results = run(session, read, options.stage)
+    except CalibrationError:
+        return session_causes(session, read, {})
+    return session_causes(session, read, {stage: result_data(result) for stage, result in results.items()})
+
+
+def _with_cause(error: "CalibrationError", session: "Session", read: "ReadFile") -> "CalibrationError":
+    """Return why a session cannot be solved at all, with the likeliest cause where one is found."""
+    from calib_core.causes.session import unsolved_causes
+    from calib_core.errors import CalibrationError
+
+    try:
+        found = unsolved_causes(session, read)
+    except CalibrationError:
+        return error
+    return error.adding(f"{found[0].sentence} Do so by --apply {found[0].id}.") if found else error
+
+
+def _causes_text(options: argparse.Namespace, results: "Mapping[str, Result]") -> list[str]:
+    """Return how the root causes' remedies are applied."""
+    lines = [
+        f"  {cause.title}: scancell run {options.session} --apply {cause.id}"
+        for result in results.values()
+        for cause in result.causes
+        if cause.changes is not None
+    ]
+    return ["\n".join(["Remedies", *dict.fromkeys(lines)])] if lines else []
 
 
 def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path) -> None:

@@ -4,7 +4,6 @@ import secrets
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from sqlalchemy import Text, cast, delete, func, select, tuple_
 from sqlalchemy.orm import Session as Transaction
@@ -301,16 +300,3 @@ def unused(db: Transaction, digests: set[str]) -> set[str]:
     """Return those digests that no capture and no output of any session refers to."""
     referred = (select(column).where(column.in_(digests)) for column in (FileRow.sha256, OutputRow.sha256))
     return digests.difference(*(db.scalars(query) for query in referred))
-
-
-def merge_patch(data: Any, changes: Any) -> Any:
-    """Return data with changes merged in (RFC 7396): objects field by field, null removes, all else replaces."""
-    if not isinstance(changes, Mapping):
-        return changes
-    merged = dict(data) if isinstance(data, Mapping) else {}
-    for name, value in changes.items():
-        if value is None:
-            merged.pop(name, None)
-        else:
-            merged[name] = merge_patch(merged.get(name), value)
-    return merged

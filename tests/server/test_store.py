@@ -10,12 +10,13 @@ import httpx
 import pytest
 from sqlalchemy import create_engine
 
+from calib_core.causes.apply import merge_patch
 from calib_core.errors import NotFoundError
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
 from server.store.database import Store, record_event
 from server.store.models import Base, EventRow
-from server.store.sessions import create_session, locked_session, merge_patch, session_row
+from server.store.sessions import create_session, locked_session, session_row
 from tests.server.live_server import assert_problem, simulated_session
 
 CELL = {"cell": {"pose_convention": "ur"}}

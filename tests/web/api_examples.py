@@ -90,6 +90,7 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
     send("GET", f"{api}/jobs", params={"limit": 2})
     for what in ("formats", "conventions", "exports", "sources", "stages"):
         send("GET", f"{api}/{what}")
+    _causes(recorder, client)
     waiting = client.post(f"/sessions/{there}/solve/chain").json()["id"]
     send("POST", f"{api}/jobs/{{job_id}}/cancel", names={"job_id": waiting})
     names |= {"stage": "tcp", "capture_id": "p01", "place": 3}
@@ -153,6 +154,22 @@ def webhook_examples(recorder: Recorder) -> None:
     recorder.send("POST", f"{of_one}/ping", names=names)
     recorder.send("GET", f"{of_one}/deliveries", names=names)
     recorder.send("DELETE", of_one, names=names)
+
+
+def _causes(recorder: Recorder, client: httpx.Client) -> None:
+    """Take a TCP whose poses are told in another convention, and mend it."""
+    simulated = {"name": "wrong convention", "simulated": {"scenario": "tcp", "seed": 11}}
+    there = client.post("/sessions", json=simulated).json()["id"]
+    while client.post(f"/sessions/{there}/sources/simulated/capture").status_code == 201:
+        pass
+    client.patch(f"/sessions/{there}", json={"cell": {"pose_convention": "quaternion-xyzw"}}).raise_for_status()
+    job = client.post(f"/sessions/{there}/solve/tcp").json()["id"]
+    assert wait_for(client, job, 600)["status"] == "done"
+    session, names = "/api/v1/sessions/{session_id}", {"session_id": there}
+    found = recorder.send("GET", f"{session}/causes", names=names)
+    names["cause_id"] = found["items"][0]["id"]
+    recorder.send("POST", f"{session}/causes/{{cause_id}}/apply", names=names)
+    recorder.send("POST", f"{session}/changes", {"captures": {"p01": {"excluded": True}}}, names)
 
 
 def _uploads(recorder: Recorder, names: dict[str, Any]) -> None:

@@ -8,11 +8,12 @@ import { did } from "../state/undo.js";
 import { StateElement } from "./base.js";
 import { keep } from "./keep.js";
 import { stepName } from "./rail.js";
-import { remedies } from "./remedy.js";
+import { mendable, remedies } from "./remedy.js";
 import { attempt, notify, say } from "./toasts.js";
 
 /** @import {FolderWatchElement} from "./folder-watch.js" */
 /** @import {IntakeElement} from "./intake.js" */
+/** @import {Job, RootCause} from "../state/model.js" */
 
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
@@ -75,21 +76,24 @@ export class ActionsElement extends StateElement {
     this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working || !may("capture")));
     this.#showJob();
-    void this.#offerRemedies();
+    this.#offerRemedies();
     if (job && job.id === this.#followed) this.#ended();
   }
 
   /** What mends a failed result stands first, and nothing else is the main thing then. */
-  async #offerRemedies() {
+  #offerRemedies() {
     const { state } = this;
     const stage = state.stageOf(state.step);
     const result = state.results[stage];
     const judged = `${stage} ${result?.inputs_sha256} ${result?.stale}`;
     if (judged === this.#judged) return this.#quiet();
     this.#judged = judged;
-    const found = result ? await remedies(state, stage, result).catch(() => []) : [];
-    if (judged !== this.#judged) return;
-    this.#remedies.replaceChildren(...found.map(({ name, words, mend }, index) =>
+    this.#offer(stage, result ? mendable(result) : []);
+  }
+
+  /** @param {string} stage @param {readonly RootCause[]} causes */
+  #offer(stage, causes) {
+    this.#remedies.replaceChildren(...remedies(this.state, stage, causes).map(({ name, words, mend }, index) =>
       h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", "aria-label": words, onclick: () => void mend() }, index ? name : words)));
     this.#quiet();
   }
@@ -132,8 +136,15 @@ export class ActionsElement extends StateElement {
     if (job.status === "done") {
       this.state.open(job.stage, "result");
       say(maybe(`actions.solved_${job.stage}`, t("actions.solved")));
-    } else if (job.status === "failed") notify(job.error ? new Problem(job.error).message : t("actions.failed"), { bad: true });
+    } else if (job.status === "failed") void this.#failed(job);
     else notify(maybe(`actions.cancelled_${job.stage}`, t("actions.cancelled")));
+  }
+
+  /** Say why nothing could be solved, and offer what would mend it. @param {Job} job */
+  async #failed({ stage, error }) {
+    notify(error ? new Problem(error).message : t("actions.failed"), { bad: true });
+    const { items } = await api.causes(this.state.id).catch(() => ({ items: [] }));
+    if (!this.state.working) this.#offer(stage, items);
   }
 
   /** Let the simulated cell take its next capture. */

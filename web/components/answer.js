@@ -7,7 +7,7 @@ import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { glossed } from "./glossary.js";
 import { stepName } from "./rail.js";
-import { quotedIn } from "./remedy.js";
+import { causeCards, mendable } from "./remedy.js";
 
 /** @import {Block, FigureBlock, StageResult} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -22,6 +22,7 @@ export function answer(result, state, stage) {
     h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), mark(verdict, maybe(`verdict.${verdict}`, verdict))),
     h("dl", { class: "headline number" }, ...figuresOf(result).map((figure) => h("div", { class: figure.headline ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(figure.label))))),
     ...messages(result),
+    causeCards(state, stage, result),
     next(state, stage),
   );
 }
@@ -65,6 +66,6 @@ function next(state, stage) {
   const now = state.guide?.current;
   const result = state.results[stage];
   // Where the main button mends the cause, more captures would not.
-  if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && quotedIn(result).size)) return null;
+  if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && mendable(result).length)) return null;
   return h("p", { class: "next", title: now.instruction }, h("strong", {}, t("answer.next")), " ", now.instruction);
 }

@@ -1,31 +1,51 @@
-// What mends a failed result at once: where its warnings name another pose convention, reading the poses in that one.
+// What mends a failed or doubtful result at once: its root causes, each with what it is, the evidence, and Apply.
 
 import { api } from "../state/api.js";
-import { conventions } from "../state/registries.js";
+import { h } from "../dom.js";
 import { did } from "../state/undo.js";
-import { maybe, t } from "../texts.js";
+import { t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
-/** @import {StageResult} from "../state/model.js" */
+/** @import {RootCause, StageResult} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 /** @typedef {{ name: string, words: string, mend: () => Promise<unknown> }} Remedy */
 
-/** What stands in quotes in a failed result's warnings. @param {StageResult} result */
-export const quotedIn = ({ verdict, stale, warnings }) => new Set(verdict === "fail" && !stale ? (warnings ?? []).flatMap((text) => [...text.matchAll(/'([a-z0-9-]+)'/g)].map(([, name]) => name)) : []);
+/** The root causes of a fresh result. @param {StageResult} result @returns {RootCause[]} */
+export const causesOf = (result) => (result.stale ? [] : /** @type {RootCause[]} */ (result.causes ?? []));
 
-/** @param {SessionState} state @param {string} stage @param {StageResult} result @returns {Promise<Remedy[]>} */
-export async function remedies(state, stage, result) {
-  const quoted = quotedIn(result);
-  if (!quoted.size) return [];
-  const before = state.session?.cell.pose_convention;
-  return (await conventions()).filter(({ name }) => quoted.has(name) && name !== before).map(({ name }) => ({
-    name: maybe(`convention.${name}`, name),
-    words: t("remedy.convention", { convention: maybe(`convention.${name}`, name) }),
-    mend: () => attempt(async () => {
-      const set = (/** @type {string | undefined} */ convention) => api.changeSession(state.id, { cell: { pose_convention: convention } });
-      await set(name);
-      did(t("cell.changed"), () => set(before), { redo: () => set(name) });
-      state.follows(await api.solve(state.id, stage));
-    }),
+/** Those of them that something mends. @param {StageResult} result */
+export const mendable = (result) => causesOf(result).filter(({ changes }) => changes);
+
+/** @param {SessionState} state @param {string} stage @param {readonly RootCause[]} causes @returns {Remedy[]} */
+export const remedies = (state, stage, causes) => causes.filter(({ changes }) => changes).map((cause) => ({
+  name: t("remedy.apply", { title: cause.title }),
+  words: cause.sentence,
+  mend: () => apply(state, stage, cause),
+}));
+
+/** @param {SessionState} state @param {string} stage @param {RootCause} cause */
+const apply = (state, stage, cause) => attempt(async () => {
+  const { undo, changes } = await api.applyCause(state.id, cause.id);
+  did(t("remedy.applied", { title: cause.title }), () => api.changeTogether(state.id, undo), { redo: () => api.changeTogether(state.id, changes) });
+  state.follows(await api.solve(state.id, stage));
+});
+
+/** One card a cause, the likeliest first; a reviewed past has no buttons. @param {SessionState} state @param {string} stage @param {StageResult} result */
+export function causeCards(state, stage, result) {
+  const causes = causesOf(result);
+  if (!causes.length) return null;
+  return h("ul", { class: "causes" }, ...causes.map((cause) => {
+    const [remedy] = "timeline" in state ? [] : remedies(state, stage, [cause]);
+    return h("li", { class: "cause" },
+      h("h3", {}, cause.title),
+      h("p", { class: "small" }, cause.sentence),
+      ...(cause.evidence ?? []).map(evidence),
+      remedy && h("button", { type: "button", needs: "capture", onclick: () => void remedy.mend() }, t("remedy.do")));
   }));
+}
+
+/** @param {NonNullable<RootCause["evidence"]>[number]} figure */
+function evidence({ label, unit, before, after }) {
+  const words = (/** @type {number | null} */ value) => (value === null ? "–" : `${Number(value.toPrecision(3))}\u00a0${unit}`);
+  return h("p", { class: "small soft number" }, after === null ? `${label}: ${words(before)}` : t("remedy.evidence", { label, before: words(before), after: words(after) }));
 }

@@ -2,7 +2,7 @@
 
 import { t } from "../texts.js";
 
-/** @import {OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
+/** @import {AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
 
 const ROOT = "/api/v1";
 const LOGIN = "/login";
@@ -203,6 +203,15 @@ export const api = {
 
   /** Refused with 412 where a `revision` is given and the session is no longer that one. @param {string} id @param {Record<string, unknown>} change @param {number} [revision] @returns {Promise<SessionOut>} */
   changeSession: async (id, change, revision) => (await request(session(id), madeAgainst(revision, json("PATCH", change)))).json(),
+
+  /** @param {string} id @returns {Promise<RootCauses>} */
+  causes: (id) => get(`${session(id)}/causes`),
+
+  /** @param {string} id @param {string} cause @returns {Promise<AppliedChanges>} */
+  applyCause: async (id, cause) => (await request(`${session(id)}/causes/${encodeURIComponent(cause)}/apply`, json("POST"))).json(),
+
+  /** Change the cell and captures together, all or nothing. @param {string} id @param {Changes} changes @returns {Promise<AppliedChanges>} */
+  changeTogether: async (id, changes) => (await request(`${session(id)}/changes`, json("POST", changes))).json(),
 
   /** @param {string} id */
   removeSession: async (id) => void (await request(session(id), json("DELETE"))),

@@ -7,6 +7,7 @@ import type {
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile,
+  AppliedChanges, Changes, RootCause, RootCauses,
   Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
 
@@ -16,6 +17,7 @@ export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, Reco
 export type { FileReading };
 export type ControllerFile = ControllerFileContent;
 export type FilePose = PoseOfFile;
+export type { AppliedChanges, Changes, RootCause, RootCauses };
 export type Moment = MomentOfSession;
 /** A folder that is watched, and what came of it. */
 export type FolderWatch = NonNullable<FolderState["watch"]>;
@@ -35,7 +37,7 @@ export interface Page<T> {
 /** A stored result, and whether captures or cell have changed since. */
 type Stored<T> = T & { stale?: boolean };
 /** What all results have; the rest is told by their evidence. */
-export type StageResult = Pick<Stored<TcpRecord>, "stage" | "method" | "software" | "inputs_sha256" | "verdict" | "warnings" | "notes" | "evidence" | "stale"> & { residuals: Residual[] };
+export type StageResult = Pick<Stored<TcpRecord>, "stage" | "method" | "software" | "inputs_sha256" | "verdict" | "warnings" | "notes" | "causes" | "evidence" | "stale"> & { residuals: Residual[] };
 export type MergeResult = Stored<MergeRecord>;
 export type CameraResult = Stored<CameraRecord>;
 /** A row of any stage's residuals. */

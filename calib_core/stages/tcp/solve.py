@@ -1,7 +1,7 @@
 """The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,10 +19,6 @@ from calib_core.stages.given import Observed, SolvedTcp, StageInput
 from calib_core.stages.stage import SOFTWARE, Progress, ReadFile
 from calib_core.stages.tcp.record import TcpResidual, TcpResult
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
-
-if TYPE_CHECKING:
-    pass
-
 
 _MEASURING_SHARE = 0.3
 _SUSPICIOUS_SCATTER_MM = 1.0  # arms that are read rightly stay below
@@ -48,21 +44,36 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         doubt = _doubt_of_pitch(given)
         raise (error.adding(doubt) if doubt else error) from None
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
-    result = _with_likely_mistake(with_unused(result, given.captures, solved.unused), given, solved)
+    result = _with_causes(with_unused(result, given.captures, solved.unused), given, solved)
     doubt = _doubt_of_pitch(given) if result.verdict == "fail" else None
     return result.model_copy(update={"warnings": [*result.warnings, doubt]}) if doubt else result
 
 
-def _with_likely_mistake(result: TcpResult, given: StageInput, solved: SolvedTcp) -> TcpResult:
-    """Return the result; where the poses do not fit the scans but would if read otherwise, that is said first."""
-    scatter_mm = solved.solution.start_scatter_mm
-    if scatter_mm < _SUSPICIOUS_SCATTER_MM:
-        return result
-    from calib_core.captures.pose_doubts import likely_mistake
+def _with_causes(result: TcpResult, given: StageInput, solved: SolvedTcp) -> TcpResult:
+    """Return the result with its root causes; where poses do not belong to the scans, that is all that is said."""
+    happened = [cause.record(given.captures) for cause in solved.solution.causes]
+    if not _is_doubtful(result, solved):
+        return result.model_copy(update={"causes": happened})
+    from calib_core.causes.poses import pose_causes
 
-    given.progress(0.97, "Reading the poses in other ways")
-    said = likely_mistake(given.session.cell, given.captures, solved.observations, solved.sphere, scatter_mm)
-    return result.model_copy(update={"verdict": "fail", "warnings": [said]}) if said else result
+    given.progress(0.97, "Trying other readings of the poses")
+    found = pose_causes(given.session.cell, given.captures, solved.observations, solved.sphere)
+    if not found:
+        return result.model_copy(update={"causes": happened})
+    about = {name for cause in found for name in cause.captures}
+    others = [cause for cause in happened if not about & set(cause.captures)]
+    if any(cause.kind == "pose-reading" for cause in found):
+        return result.model_copy(update={"verdict": "fail", "warnings": [found[0].sentence], "causes": found})
+    explained = {cause.sentence for cause in happened if cause not in others}
+    warnings = [found[0].sentence, *(said for said in result.warnings if said not in explained)]
+    verdict = "warn" if result.verdict == "pass" else result.verdict
+    return result.model_copy(update={"verdict": verdict, "warnings": warnings, "causes": [*found, *others]})
+
+
+def _is_doubtful(result: TcpResult, solved: SolvedTcp) -> bool:
+    """Return whether the poses are to be doubted: nothing fits, or several captures contradict the others."""
+    rejected = int((~solved.solution.used).sum())
+    return result.verdict == "fail" or solved.solution.start_scatter_mm > _SUSPICIOUS_SCATTER_MM or rejected > 1
 
 
 def _doubt_of_pitch(given: StageInput) -> str | None:

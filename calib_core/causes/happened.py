@@ -12,11 +12,13 @@ from typing import Literal
 
 import numpy as np
 
+from calib_core.causes.readings import moved_poses
 from calib_core.chain.likelihood import ChainLinearisation, without_pose_errors
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged, without_each
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
+from calib_core.records import BeforeAfter, Capture, Changes, RootCause
 
 _LEAST_AFTER = 3
 _FAR_MM, _FAR_RAD = (
@@ -31,17 +33,47 @@ _MOST_SWAPS = 8
 
 
 @dataclass(frozen=True)
-class Cause:
-    """One cause: its kind, the captures that it is about, and a sentence."""
+class Happened:
+    """One cause: its kind, the captures that it is about, a sentence, and how far what moved has gone."""
 
     kind: Literal["moved-sphere", "changed-tool", "swapped-poses"]
     captures: tuple[str, ...]
     sentence: str
+    distance_mm: float | None = None
+
+    def record(self, captures: Sequence[Capture]) -> RootCause:
+        """Return it with its remedy: the smaller part of the session left out, or two poses exchanged."""
+        if self.kind == "swapped-poses":
+            one, other = self.captures
+            given = {one: other, other: one}
+            return RootCause(
+                id=f"swapped-poses-{one}"[:64],
+                kind=self.kind,
+                title=f"Poses of {one} and {other} are swapped",
+                sentence=self.sentence,
+                captures=list(self.captures),
+                changes=moved_poses(given, (), captures),
+                poses_from=given,
+            )
+        used = [capture.id for capture in captures if not capture.excluded]
+        after = [name for name in used if name in self.captures]
+        before = [name for name in used if name not in self.captures]
+        fewer = after if len(after) <= len(before) else before
+        moved = "The sphere moved" if self.kind == "moved-sphere" else "The scanner moved on the flange"
+        return RootCause(
+            id=f"{self.kind}-{self.captures[0]}"[:64],
+            kind=self.kind,
+            title=f"{moved} before {self.captures[0]}",
+            sentence=self.sentence,
+            evidence=[BeforeAfter(label="Moved by", unit="mm", before=self.distance_mm, after=None)],
+            captures=list(self.captures),
+            changes=Changes(captures={name: {"excluded": True} for name in fewer}) if fewer else None,
+        )
 
 
 def named_causes(
     observations: Sequence[SphereObservation], judged: Judged, offset_in_base_mm: FloatArray
-) -> list[Cause]:
+) -> list[Happened]:
     """Return the causes that are beyond doubt.
 
     Parameters
@@ -64,7 +96,7 @@ def named_causes(
 
 def _moved_at_an_end(
     observations: Sequence[SphereObservation], rejected: np.ndarray, offset_in_base_mm: FloatArray
-) -> Cause | None:
+) -> Happened | None:
     """Return the moved sphere where the rejected captures are the last or first ones and agree on a new place."""
     if len(rejected) < _LEAST_AFTER or np.any(np.diff(rejected) != 1):
         return None
@@ -81,20 +113,21 @@ def _moved_at_an_end(
     return None
 
 
-def _moved(names: Sequence[str], since: int, distance_mm: float, when: str) -> Cause:
-    return Cause(
+def _moved(names: Sequence[str], since: int, distance_mm: float, when: str) -> Happened:
+    return Happened(
         "moved-sphere",
         tuple(names[since:]),
         f"The sphere seems to have moved by {distance_mm:.2f} mm {when}. "
         "Fix it firmly and repeat the captures before or after that.",
+        distance_mm,
     )
 
 
-def _change(observations: Sequence[SphereObservation], judged: Judged) -> Cause | None:
+def _change(observations: Sequence[SphereObservation], judged: Judged) -> Happened | None:
     """Return the likeliest change of sphere or tool within the session, where one is clear and large."""
     gains, sizes = change_scores(judged)
     names = [o.capture for o in observations]
-    best: tuple[float, Cause] | None = None
+    best: tuple[float, Happened] | None = None
     for kind, unknowns in (("moved-sphere", 3), ("changed-tool", 6)):
         gain = gains[kind] - unknowns
         k = int(np.argmax(gain))
@@ -108,11 +141,12 @@ def _change(observations: Sequence[SphereObservation], judged: Judged) -> Cause 
         if kind == "moved-sphere":
             cause = _moved(names, k, shift_mm, f"before {names[k]}")
         else:
-            cause = Cause(
+            cause = Happened(
                 "changed-tool",
                 tuple(names[k:]),
                 f"The scanner seems to sit otherwise on the flange from {names[k]} on (by {shift_mm:.2f} mm and "
                 f"{np.rad2deg(turn_rad):.2f}°). Fix it firmly and take the captures before or after that again.",
+                shift_mm,
             )
         best = float(gain[k]), cause
     return best[1] if best else None
@@ -154,13 +188,13 @@ def _by_all(reduced: FloatArray, at: ChainLinearisation) -> FloatArray:
     return product
 
 
-def _swapped(observations: Sequence[SphereObservation], judged: Judged) -> list[Cause]:
+def _swapped(observations: Sequence[SphereObservation], judged: Judged) -> list[Happened]:
     """Return pairs of rejected captures that both fit with each other's pose."""
     rejected = np.flatnonzero(~judged.used)
     if not 2 <= len(rejected) <= _MOST_SWAPS:
         return []
     without = without_each(judged.fit.minimum.at)
-    found: list[Cause] = []
+    found: list[Happened] = []
     taken: set[int] = set()
     for i, j in combinations(rejected.tolist(), 2):
         if {i, j} & taken:
@@ -172,7 +206,7 @@ def _swapped(observations: Sequence[SphereObservation], judged: Judged) -> list[
             taken |= {i, j}
             names = observations[i].capture, observations[j].capture
             sentence = f"The poses of {names[0]} and {names[1]} seem to be swapped. Exchange them and solve again."
-            found.append(Cause("swapped-poses", names, sentence))
+            found.append(Happened("swapped-poses", names, sentence))
     return found
 
 

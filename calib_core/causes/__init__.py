@@ -1,0 +1,1 @@
+"""Root causes: hypotheses tried on a session that fails or is doubtful, and what would mend it."""

@@ -1,0 +1,104 @@
+"""Changes applied to a session, and the changes that undo them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from calib_core.causes.readings import Reading, changes_of, moved_poses
+from calib_core.errors import InputError
+from calib_core.records import Changes, RootCause, Session, parse_session
+
+_AGAIN = "Solve it again: the session has changed since."
+
+
+def merge_patch(data: Any, changes: Any) -> Any:
+    """Return data with changes merged in (RFC 7396): objects field by field, null removes, all else replaces."""
+    if not isinstance(changes, Mapping):
+        return changes
+    merged = dict(data) if isinstance(data, Mapping) else {}
+    for name, value in changes.items():
+        if value is None:
+            merged.pop(name, None)
+        else:
+            merged[name] = merge_patch(merged.get(name), value)
+    return merged
+
+
+def patch_back(before: Any, changes: Any) -> Any:
+    """Return the merge patch that undoes changes of `before`: what they added is removed by null."""
+    if not isinstance(changes, Mapping):
+        return before
+    fields = before if isinstance(before, Mapping) else {}
+    return {name: patch_back(fields[name], change) if name in fields else None for name, change in changes.items()}
+
+
+def applied(session: Session, changes: Changes) -> tuple[Session, Changes]:
+    """Return the session with changes made, and the changes that undo them.
+
+    Raises
+    ------
+    InputError
+        If a capture is not there, or what comes out is no session.
+    """
+    record = session.to_json()
+    captures = {capture["id"]: capture for capture in record.get("captures", [])}
+    missing = [name for name in changes.captures if name not in captures]
+    if missing:
+        raise InputError(
+            "captures of this session",
+            ", ".join(repr(name) for name in missing),
+            _AGAIN,
+            "captures",
+        )
+    undo = Changes(
+        cell=patch_back(record["cell"], changes.cell),
+        captures={name: patch_back(captures[name], change) for name, change in changes.captures.items()},
+    )
+    changed = {
+        **record,
+        "cell": merge_patch(record["cell"], changes.cell),
+        "captures": [merge_patch(capture, changes.captures.get(name, {})) for name, capture in captures.items()],
+    }
+    return parse_session(changed, "session.json"), undo
+
+
+def changes_for(session: Session, cause: RootCause) -> Changes:
+    """Return all that applying a cause changes in a session: of captures of other stages too.
+
+    Raises
+    ------
+    InputError
+        If it has no remedy, or its captures are gone.
+    """
+    if cause.changes is None:
+        raise InputError("a root cause with a remedy", f"'{cause.id}', which has none", cause.sentence, "cause")
+    there = {capture.id for capture in session.captures}
+    gone = sorted({*cause.changes.captures, *cause.poses_from.values()} - there)
+    if gone:
+        raise InputError(
+            "the captures that the cause is about", f"{', '.join(gone)} removed since", _AGAIN, "cause"
+        )
+    if cause.pose_reading is not None:
+        return changes_of(Reading.recorded(cause.pose_reading), session.cell, session.captures)
+    if cause.poses_from:
+        lost = [name for name in cause.changes.captures if name not in cause.poses_from]
+        return moved_poses(cause.poses_from, lost, session.captures)
+    return cause.changes
+
+
+def cause_named(causes: Sequence[RootCause], name: str) -> RootCause:
+    """Return a cause by its id, its kind where only one has it, or its place, "1" being the best.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found = [cause for cause in causes if cause.id == name] or [c for c in causes if c.kind == name]
+    if not found and name.isascii() and name.isdigit() and 1 <= int(name) <= len(causes):
+        found = [causes[int(name) - 1]]
+    if not found:
+        listed = ", ".join(f"'{cause.id}'" for cause in causes) or "none was found in this session"
+        raise InputError(
+            f"a root cause among {listed}", repr(name)[:80], "Solve the session to see them.", "cause"
+        )
+    return found[0]

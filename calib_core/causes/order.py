@@ -1,0 +1,105 @@
+"""Which capture has which pose: recorded poses handed out anew where some were swapped or shifted."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.causes.search import cost_of
+from calib_core.frames import FloatArray
+
+_MOST_COST = 6.0  # of a capture that fits no pose
+_MOVED_COST = 1.5  # of giving a capture another one's pose: with so many to choose from, some fit by chance
+_FITS = 5.0
+_MISFITS = 3.0  # how much worse a capture has to fit its own pose than another's
+_LEAST_OFF_MM = 0.5
+_LONGEST_SEARCHED = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """Poses handed out: `pose_of` (K,) is the place of each capture's pose, −1 where none fits."""
+
+    pose_of: np.ndarray
+    cost: float
+
+    @property
+    def moved(self) -> list[int]:
+        """The captures that get another one's pose."""
+        return [k for k, place in enumerate(self.pose_of.tolist()) if place not in (k, -1)]
+
+    @property
+    def lost(self) -> list[int]:
+        """The captures whose pose went to another one and that fit none."""
+        taken = set(self.pose_of.tolist())
+        return [k for k, place in enumerate(self.pose_of.tolist()) if place == -1 and k in taken]
+
+    @property
+    def swapped(self) -> bool:
+        """Whether the moved captures go in pairs that exchange their poses."""
+        places = self.pose_of.tolist()
+        return bool(self.moved) and all(places[places[k]] == k for k in self.moved)
+
+    @property
+    def step(self) -> int | None:
+        """By how many places the poses are shifted, None where the moved captures do not agree on one."""
+        moved = self.moved
+        steps = [int(self.pose_of[k]) - k for k in moved]
+        usual = max(set(steps), key=steps.count) if steps else 0
+        run = [k for k, step in zip(moved, steps, strict=True) if step == usual]
+        whole = len(run) >= max(2, len(moved) - 1) and run == list(range(run[0], run[-1] + 1))
+        return usual if usual and whole else None
+
+
+def shifts(count: int) -> Iterator[np.ndarray]:
+    """Give the ways in which poses from one capture on may belong to the one before or after, −1 for none."""
+    if count > _LONGEST_SEARCHED:
+        firsts: Sequence[int] = [0]
+    else:
+        firsts = range(count - 2)
+    for first in firsts:
+        for step in (1, -1):
+            places = np.arange(count)
+            places[first:] += step
+            if step < 0:
+                places[first] = -1
+            places[places >= count] = -1
+            yield places
+
+
+def handed_out(misfits_mm: FloatArray, scale_mm: float, allowed: bool = True) -> Order:
+    """Return the poses handed out so that the captures fit best; every pose is given once.
+
+    Parameters
+    ----------
+    misfits_mm : (K, K)
+        Of captures (rows) at recorded poses (columns).
+    scale_mm : float
+    allowed : bool, optional
+        Whether captures may get another one's pose at all.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    count = len(misfits_mm)
+    own = np.minimum(np.diag(cost_of(misfits_mm, scale_mm)), _MOST_COST)
+    if not allowed:
+        return Order(np.arange(count), float(own.sum()))
+    costs = np.minimum(cost_of(misfits_mm, scale_mm), _MOST_COST) + _MOVED_COST
+    np.fill_diagonal(costs, own)
+    rows, places = linear_sum_assignment(costs)
+    pose_of = np.arange(count)
+    for capture, place in zip(rows.tolist(), places.tolist(), strict=True):
+        if capture == place:
+            continue
+        here, there = misfits_mm[capture, capture], misfits_mm[capture, place]
+        fits = there < _FITS * scale_mm and here > max(_LEAST_OFF_MM, _MISFITS * there)
+        pose_of[capture] = place if fits else -1
+    taken = {place for k, place in enumerate(pose_of.tolist()) if place not in (k, -1)}
+    for capture in range(count):  # one that fits nothing better keeps its own, unless another one has that
+        if pose_of[capture] == -1 and capture not in taken:
+            pose_of[capture] = capture
+    cost = sum(
+        _MOST_COST if place == -1 else float(own[k]) if place == k else float(costs[k, place])
+        for k, place in enumerate(pose_of.tolist())
+    )
+    return Order(pose_of, cost)

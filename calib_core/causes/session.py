@@ -1,0 +1,144 @@
+"""The root causes of a session: those of its results or, where it cannot be solved, those its files tell."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.content import sphere_of
+from calib_core.captures.observe import observe_capture
+from calib_core.captures.poses import base_from_tool0_by_capture
+from calib_core.causes.apply import applied, changes_for
+from calib_core.causes.poses import pose_causes
+from calib_core.chain.observations import SphereObservation
+from calib_core.errors import CalibrationError, InputError, MeasurementError
+from calib_core.records import BeforeAfter, Capture, Changes, RootCause, Session
+from calib_core.stages.stage import ReadFile
+
+_NO_POSE = np.eye(4).ravel().tolist()
+_ASKED = 12  # captures that a hypothesis on files is tried on
+_ENOUGH = 0.7
+_DIAMETERS = {2.0: "that is its radius", 1000.0: "that is in metres", 25.4: "that is in inches"}
+_UNITS = {"m": "metres", "cm": "centimetres", "in": "inches", "um": "micrometres"}
+
+
+def session_causes(
+    session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]], stale: Collection[str] = ()
+) -> list[RootCause]:
+    """Return the root causes of a session with all that applying them would change, the likeliest first.
+
+    Parameters
+    ----------
+    session : Session
+    read : callable
+        Returns the bytes of a file by its name in the capture; asked only where there is no result of the tcp.
+    results : mapping
+        From stage to the JSON data of its result.
+    stale : collection of str
+        Stages whose results are stale: they count for nothing.
+    """
+    found: list[RootCause] = []
+    for stage, result in results.items():
+        if stage not in stale:
+            found += [RootCause.model_validate(cause) for cause in result.get("causes") or []]
+    if not found and ("tcp" not in results or "tcp" in stale):
+        found = unsolved_causes(session, read)
+    whole: list[RootCause] = []
+    for cause in found:
+        if any(cause.id == other.id for other in whole):
+            continue
+        try:
+            changes = None if cause.changes is None else changes_for(session, cause)
+        except InputError:  # its captures are gone
+            continue
+        whole.append(cause.model_copy(update={"changes": changes}))
+    return whole
+
+
+def unsolved_causes(session: Session, read: ReadFile) -> list[RootCause]:
+    """Return why the tcp captures cannot be solved: poses not to be read, files in another unit, the diameter."""
+    captures = [c for c in session.captures if c.step == "tcp" and not c.excluded]
+    if not captures:
+        return []
+    neutral = _without_poses(session)
+    observations, failed = _observed(neutral, captures, read)
+    if len(failed) > len(observations):
+        return _file_causes(neutral, captures, read)
+    try:
+        base_from_tool0_by_capture(session.cell, captures)
+    except CalibrationError:
+        if any(capture.kind == "sweep" for capture in captures):
+            return []
+        return pose_causes(session.cell, session.captures, observations, sphere_of(session.cell, captures))
+    return []
+
+
+def _without_poses(session: Session) -> Session:
+    """Return the session with all poses alike: what a capture shows does not depend on them."""
+    cell = session.cell.model_copy(update={"pose_convention": "matrix"})
+    captures = [c.model_copy(update={"pose": _NO_POSE}) for c in session.captures]
+    return session.model_copy(update={"cell": cell, "captures": captures})
+
+
+def _observed(
+    session: Session, captures: Sequence[Capture], read: ReadFile
+) -> tuple[list[SphereObservation], list[MeasurementError]]:
+    by_id = {capture.id: capture for capture in session.captures}
+    found: list[SphereObservation] = []
+    failed: list[MeasurementError] = []
+    for capture in captures:
+        if capture.kind in ("frame", "sweep"):
+            continue
+        try:
+            found.append(observe_capture(session, by_id[capture.id], read))
+        except MeasurementError as error:
+            failed.append(error)
+    return found, failed
+
+
+def _file_causes(session: Session, captures: Sequence[Capture], read: ReadFile) -> list[RootCause]:
+    """Return the unit of the files or the diameter of the sphere by which most captures show it."""
+    asked = captures[:: max(1, len(captures) // _ASKED)]
+    before = len(_observed(session, asked, read)[0])
+    found: list[tuple[int, RootCause]] = []
+    for cause in (*_units(session, captures), *_diameters(session)):
+        assert cause.changes is not None
+        trial, _ = applied(session, cause.changes)
+        seen = len(_observed(trial, asked, read)[0])
+        if seen >= _ENOUGH * len(asked) and seen > before:
+            evidence = BeforeAfter(
+                label=f"Captures that show the sphere, of {len(asked)}", before=float(before), after=float(seen)
+            )
+            found.append((seen, cause.model_copy(update={"evidence": [evidence]})))
+    return [cause for _, cause in sorted(found, key=lambda one: -one[0])]
+
+
+def _units(session: Session, captures: Sequence[Capture]) -> Iterator[RootCause]:
+    for unit, name in _UNITS.items():
+        patch = {"format_settings": {"unit": unit}}
+        files = [c for c in session.captures if c.kind in ("profile", "cloud")]
+        if not all(c.kind in ("profile", "cloud") for c in captures):
+            return
+        yield RootCause(
+            id=f"point-unit-{unit}",
+            kind="point-unit",
+            title=f"Files are in {name}",
+            sentence=f"The sphere shows in the captures if the numbers in their files are {name}: say so in the "
+            "captures' format_settings.",
+            changes=Changes(captures={capture.id: patch for capture in files}),
+        )
+
+
+def _diameters(session: Session) -> Iterator[RootCause]:
+    told = session.cell.sphere_diameter_mm
+    if told is None:
+        return
+    for factor, why in _DIAMETERS.items():
+        diameter = round(told * factor, 6)
+        yield RootCause(
+            id=f"sphere-diameter-{diameter:g}",
+            kind="sphere-diameter",
+            title=f"Sphere's diameter is {diameter:g} mm",
+            sentence=f"The sphere shows in the captures if it is {diameter:g} mm wide; told was {told:g}: {why}.",
+            changes=Changes(cell={"sphere_diameter_mm": diameter}),
+        )

@@ -1,0 +1,62 @@
+"""Why a session fails or is doubtful: root causes, each with its evidence and with what would mend it."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from calib_core.records.base import Finite, Identifier, Record
+
+CauseKind = Literal[
+    "pose-reading", "swapped-poses", "shifted-poses", "moved-sphere", "changed-tool", "sphere-diameter",
+    "point-unit", "table-direction", "table-angles", "not-the-flange",
+]  # fmt: skip
+"""What is at fault: how poses are read, which capture has which, what moved, and what was told wrongly."""
+
+
+class Changes(Record):
+    """Changes of a session: merge patches (RFC 7396) of its cell and, by id, of its captures."""
+
+    cell: dict[str, Any] = Field(default_factory=dict[str, Any])
+    captures: dict[Identifier, dict[str, Any]] = Field(default_factory=dict[str, dict[str, Any]])
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is changed."""
+        return not self.cell and not self.captures
+
+
+class BeforeAfter(Record):
+    """A figure as it is now and as it is with the remedy applied, None where it cannot be known before solving."""
+
+    label: str
+    unit: str = ""
+    before: Finite | None
+    after: Finite | None
+
+
+class PoseReading(Record):
+    """How the numbers of all poses are to be read instead: by a convention, in these units, this way round."""
+
+    convention: str
+    mm_per_unit: float
+    radians: bool
+    way: Literal["as-written", "inverted", "transposed", "columns"]
+
+
+class RootCause(Record):
+    """One root cause: what it is, as title and sentence, what speaks for it, and exactly what Apply changes.
+
+    `id` names it among the causes of its result.  `changes` is null where nothing but other captures mends it;
+    in a stage's result they name the stage's own captures.  Applied they change all of the session: by
+    `pose_reading` where every pose is rewritten, by `poses_from`, the capture whose pose each one gets.
+    """
+
+    id: Identifier
+    kind: CauseKind
+    title: str
+    sentence: str
+    evidence: list[BeforeAfter] = Field(default_factory=list[BeforeAfter])
+    captures: list[str] = Field(default_factory=list[str])
+    changes: Changes | None = None
+    pose_reading: PoseReading | None = None
+    poses_from: dict[str, str] = Field(default_factory=dict[str, str])

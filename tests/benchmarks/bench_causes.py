@@ -1,0 +1,138 @@
+"""Root causes: every wrong reading of poses, swapped and shifted ones, on simulated cells and both real sets."""
+
+from collections import Counter
+
+import numpy as np
+from bench_halves import DATA, SETS
+from cells import Cell
+from harness import Row
+from wrong_poses import Measured, Wrong, reordered, repaired, rewritten, shifted, swapped, wrong_readings
+
+from calib_core.captures.content import sphere_of
+from calib_core.causes.apply import applied, changes_for
+from calib_core.causes.poses import pose_causes
+from calib_core.causes.search import Posed, best_starts, cost_of, misfits_mm
+from calib_core.chain.start import centers_of
+from calib_core.errors import InputError
+from calib_core.records import Session
+from calib_core.robots import parse_pose
+
+_TOLD_APART = 6.0  # of the summed costs: what one capture that fits nowhere adds
+
+
+def run(full: bool) -> list[Row]:
+    """Return the figures; in full every wrong reading on every cell, otherwise every eleventh."""
+    cases = list(wrong_readings())
+    rows: list[Row] = []
+    for name, cells in sets(full):
+        picked = cases if full else cases[:: 11 if name == "simulated" else 23]
+        rows += readings(name, cells, picked)
+        rows += orders(name, cells, (30 if full else 4) if name == "simulated" else (10 if full else 2))
+    rows.append(right(range(200 if full else 12)))
+    return rows
+
+
+def sets(full: bool) -> list[tuple[str, list[Measured]]]:
+    found = [("simulated", [simulated(seed) for seed in range(8 if full else 3)])]
+    if DATA.is_dir():
+        found += [(name, [real(name)]) for name in SETS]
+    return found
+
+
+def simulated(seed: int) -> Measured:
+    cell = Cell.of("tcp", seed)
+    return Measured(cell.simulated.session, cell.observations, sphere_of(cell.simulated.session.cell, []))
+
+
+def real(name: str) -> Measured:
+    import json
+
+    from calib_core.captures.observe import observe_capture
+    from calib_core.records import parse_session
+
+    folder = DATA / name
+    session = parse_session(json.loads((folder / "session.json").read_text(encoding="utf-8")))
+    used = [c for c in session.captures if c.step == "tcp" and not c.excluded]
+    session = session.model_copy(update={"captures": used})
+    read = lambda file: (folder / file).read_bytes()  # noqa: E731
+    return Measured(session, [observe_capture(session, c, read) for c in used], sphere_of(session.cell, used))
+
+
+def readings(name: str, cells: list[Measured], cases: list[Wrong]) -> list[Row]:
+    judged: Counter[str] = Counter()
+    untold: list[str] = []
+    missed: list[str] = []
+    for number, case in enumerate(cases):
+        cell = cells[number % len(cells)]
+        session = rewritten(cell.session, case.told, case.written)
+        verdict = judgement(cell, session)
+        judged[verdict] += 1
+        if verdict == "cannot be told":
+            untold.append(case.name)
+        elif verdict != "right":
+            missed.append(f"{case.name}: {verdict}")
+    told = judged.total() - judged["cannot be told"]
+    share = judged["right"] / max(told, 1)
+    text = f"{judged['right']} of {told}" + (f"; missed {'; '.join(missed)}" if missed else "")
+    listed = f"{len(untold)} of {len(cases)}" + (f": {', '.join(untold)}" if untold else "")
+    return [
+        Row(
+            f"{name}: {len(cases)} wrong readings, right cause first and Apply repairs",
+            "≥ 98 %",
+            text,
+            share >= 0.98,
+        ),
+        Row(f"{name}: wrong readings that cannot be told", "≤ 5 %", listed, len(untold) <= 0.05 * len(cases)),
+    ]
+
+
+def orders(name: str, cells: list[Measured], count: int) -> list[Row]:
+    rows: list[Row] = []
+    for what, draw in (("swapped", swapped), ("shifted", shifted)):
+        rng = np.random.default_rng(13)
+        judged: Counter[str] = Counter()
+        for number in range(count):
+            cell = cells[number % len(cells)]
+            session = reordered(cell.session, draw(len(cell.observations), rng))
+            judged[judgement(cell, session)] += 1
+        told = count - judged["cannot be told"]
+        text = f"{judged['right']} of {told}, {judged['cannot be told']} cannot be told"
+        rows.append(Row(f"{name}: {count} with {what} poses", "≥ 98 %", text, judged["right"] >= 0.98 * told))
+    return rows
+
+
+def judgement(cell: Measured, session: Session) -> str:
+    """Return whether the first cause is right, by the poses after Apply; or what else is the matter."""
+    causes = pose_causes(session.cell, session.captures, cell.observations, cell.sphere)
+    if causes:
+        after, _ = applied(session, changes_for(session, causes[0]))
+        if repaired(after, cell.poses):
+            return "right"
+    if not told_apart(cell, session):
+        return "cannot be told"
+    return f"said {causes[0].id}" if causes else "nothing said"
+
+
+def told_apart(cell: Measured, session: Session) -> bool:
+    """Return whether one who has the true poses sees that they fit the captures better than the recorded ones."""
+    try:
+        recorded = [parse_pose(session.cell.pose_convention, c.pose or []) for c in session.captures]
+    except InputError:
+        return True
+    everyone = np.ones(len(recorded), dtype=bool)
+    both = [Posed(cell.poses, everyone), Posed(recorded, everyone)]
+    centers = centers_of(cell.observations, cell.sphere)
+    starts = best_starts(centers, both, 2)
+    scale = max(0.05, starts[0].scatter_mm)
+    true, other = (
+        float(cost_of(np.diag(misfits_mm(both[h].centers(centers), starts[h])), scale).sum()) for h in (0, 1)
+    )
+    return other - true > _TOLD_APART
+
+
+def right(seeds: range) -> Row:
+    said = 0
+    for seed in seeds:
+        cell = simulated(seed)
+        said += bool(pose_causes(cell.session.cell, cell.session.captures, cell.observations, cell.sphere))
+    return Row(f"{len(seeds)} right sessions: a cause said", "0", f"{said}", said == 0)
