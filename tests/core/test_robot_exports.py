@@ -43,13 +43,34 @@ def results(tool: RigidTransform = TOOL, verdict: str = "pass") -> dict[str, Any
         "software": "test",
         "inputs_sha256": "ab" * 32,
         "covariance": COVARIANCE,
+        "method": "test",
+        "residuals": [],
+        "variance_components": {
+            "point_sigma_mm": 0.02,
+            "position_sigma_mm": 0.05,
+            "orientation_sigma_rad": 1e-4,
+            "orientation_sigma_deg": 0.006,
+        },
     }
+    cube = (np.eye(3) * 1e-4).tolist()
     tcp = common | {
         "stage": "tcp",
         "tool0_from_laser": tool.to_rows(),
         "sphere_center_in_base_mm": [1500.0, 20.0, 600.0],
+        "sphere_center_covariance": cube,
+        "two_step": {},
+        "surface_rms_mm": 0.02,
+        "leave_one_out_surface_rms_mm": None,
+        "center_scatter_rms_mm": 0.03,
     }
-    table = common | {"stage": "turntable", "base_from_turntable": TABLE.to_rows(), "direction": 1, "mounts": []}
+    table = common | {
+        "stage": "turntable", "base_from_turntable": TABLE.to_rows(), "direction": 1, "mounts": [],
+        "axis_direction_in_base": TABLE.rotation[:, 2].tolist(), "axis_direction_covariance": cube,
+        "axis_point_in_base_mm": TABLE.translation_mm.tolist(), "axis_point_covariance": cube,
+        "axis_direction_sigma_deg": 0.01, "axis_point_sigma_mm": 0.02, "angle_sigma_deg": 0.003,
+        "encoder_scale": {"error": 0.0, "sigma": 1e-4, "applied": False},
+        "radial_rms_mm": 0.01, "axial_rms_mm": 0.01, "angle_rms_deg": 0.002, "tool0_from_laser": tool.to_rows(),
+    }  # fmt: skip
     return {"tcp": tcp, "turntable": table}
 
 

@@ -23,6 +23,7 @@ _ACTIVE = re.compile(r"^\s*\$(TOOL|BASE)\s*=\s*(.+?)\s*$", re.IGNORECASE)
 _BASIS = re.compile(r"\bBAS\s*\(\s*#(TOOL|BASE)\s*,\s*(\d+)\s*\)", re.IGNORECASE)
 _MOVE = re.compile(r"^\s*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b\s*(.*)$", re.IGNORECASE)
 _BEGIN = re.compile(r"^\s*(?:GLOBAL\s+)?(?:DEF|DEFFCT)\b", re.IGNORECASE)
+_SYSTEM_LIST = re.compile(r"^\s*DEFDAT\s+\$", re.IGNORECASE)
 _POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
 _EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
 
@@ -57,7 +58,8 @@ class _Program:
     def _line(self, line: int, content: str) -> None:
         if _BEGIN.match(content):
             self._tool = self._base = None
-            self._system = "$CONFIG" in content.upper()
+        elif _SYSTEM_LIST.match(content):
+            self._system = True
         elif named := _NAMED.match(content):
             self._names[named[1].upper(), int(named[2])] = named[3].strip()
         elif typed := _TYPED.match(content):
