@@ -800,6 +800,16 @@ export interface Measured {
   still?: Still | null;
 }
 
+export interface MeasuredClocks {
+  offset_s: number;
+  sigma_s: number;
+  rms_mm: number;
+  exposures: number;
+  clocks: string;
+  shift_at_100_mm_s_mm: number;
+  warning: string;
+}
+
 export interface MergeResidual {
   capture: string;
   used: boolean;

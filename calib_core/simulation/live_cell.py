@@ -3,7 +3,7 @@
 Nothing here keeps time: whoever serves it asks for a moment.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,6 +54,7 @@ class LiveCell:
         self._travel_s = travel_s
         self._from = self._to = self._standing(self.world.shots[0])
         self._began_s = -np.inf
+        self._shaken: tuple[float, float] | None = None
 
     @property
     def shots(self) -> tuple[Shot, ...]:
@@ -66,11 +67,15 @@ class LiveCell:
         self._to = self._standing(self.world.shots[number])
         self._began_s = now_s
 
+    def shake(self, mm: float, period_s: float) -> None:
+        """Move back and forth along the stripe from now on, the orientation held."""
+        self._shaken = mm, period_s
+
     def at(self, now_s: float) -> Moment:
         """Return the cell at a moment: on its way, slow at both ends, or there."""
         part = float(np.clip((now_s - self._began_s) / self._travel_s, 0.0, 1.0))
         if part >= 1.0:
-            return self._to
+            return self._to if self._shaken is None else self._moved_along(now_s, *self._shaken)
         eased = part * part * (3 - 2 * part)
         lift = np.array([0.0, 0.0, 8.0 * eased * (1 - eased)])  # never along a straight line of what it sees
         return Moment(
@@ -88,6 +93,15 @@ class LiveCell:
         moment = self.at(now_s)
         _, _, measured = measure(0, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)
         return profile_csv(measured, 1.0)
+
+    def _moved_along(self, now_s: float, mm: float, period_s: float) -> Moment:
+        along = (self._to.actual @ self.world.tool0_from_laser)[:3, 0]
+        by = mm * np.sin(2 * np.pi * now_s / period_s) * along
+
+        def moved(matrix: FloatArray) -> FloatArray:
+            return pose(matrix[:3, :3], matrix[:3, 3] + by)
+
+        return replace(self._to, reported=moved(self._to.reported), actual=moved(self._to.actual), moving=True)
 
     def _standing(self, shot: Shot) -> Moment:
         table_deg = shot.table.reported_angle if shot.table else 0.0

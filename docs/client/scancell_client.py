@@ -180,6 +180,12 @@ class Scancell:
         refused."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/live/capture", json=body)
 
+    def live_measure_clocks(self, session_id: str) -> Any:
+        """Measure the offset between the scanner's and the robot's clocks from what has just come. Before,
+        the robot moves back and forth for five seconds or more, its orientation held, the sphere in
+        view."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/live/clock-offset")
+
     def live_picture(self, session_id: str) -> Any:
         """Return the newest image of the session's camera as it came."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/live/picture")

@@ -141,6 +141,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"PUT {_SESSION}/sources/folder",
         f"PUT {_SESSION}/live",
         f"POST {_SESSION}/live/capture",
+        f"POST {_SESSION}/live/clock-offset",
         f"POST {_SESSION}/robot",
         f"POST {_SESSION}/robot-programs/{{name}}",
         f"DELETE {_SESSION}/sources/folder",

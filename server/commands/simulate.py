@@ -1,20 +1,41 @@
-"""`scancell simulate`: a session folder whose truth is known."""
+"""`scancell simulate`: a session folder whose truth is known; `simulate live`: the cell's devices, served."""
 
 import argparse
+import json
+import time
 from pathlib import Path
 
+from calib_core.errors import InputError
 from server.console.command import OK, Command
 from server.console.output import print_result
 
+_LIVE = "live"
+
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scenario", metavar="SCENARIO", help="tcp, or one of its variants")
-    parser.add_argument("--seed", type=int, required=True, metavar="N", help="the same seed gives the same files")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write")
+    help_ = "tcp, or one of its variants; live serves the cell's devices by their protocols"
+    parser.add_argument("scenario", metavar="SCENARIO", help=help_)
+    parser.add_argument("--seed", type=int, metavar="N", help="the same seed gives the same files")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="the folder to write; not for live")
+    parser.add_argument("--cell", default="turntable", metavar="NAME", help="live: the cell (%(default)s)")
+    parser.add_argument(
+        "--host", default="127.0.0.1", metavar="HOST", help="live: where it is served (%(default)s)"
+    )
+    parser.add_argument(
+        "--rest", type=float, default=3.0, metavar="S", help="live: how long it stands (%(default)s)"
+    )
+    parser.add_argument("--rounds", type=int, metavar="N", help="live: end after so many; left out, at Ctrl-C")
 
 
 def _run(options: argparse.Namespace) -> int:
-    """Write the session folder of a simulated cell, with truth.json beside session.json."""
+    """Write the session folder of a simulated cell, with truth.json beside session.json; or serve its devices."""
+    if options.scenario == _LIVE:
+        return _serve(options)
+    for name, value in (("--seed", options.seed), ("--out", options.out)):
+        if value is None:
+            raise InputError(
+                f"{name} for the session folder", "none", f"Add {name}.", f"simulate {options.scenario}"
+            )
     from calib_core.archive.folder import save_session, to_json_bytes
     from calib_core.simulation import simulate
 
@@ -28,6 +49,31 @@ def _run(options: argparse.Namespace) -> int:
     return OK
 
 
+def _serve(options: argparse.Namespace) -> int:
+    """Serve the devices, and send the robot from capture to capture until stopped."""
+    from server.simulated_cell.devices import SimulatedDevices
+
+    devices = SimulatedDevices(options.cell, options.seed or 1, host=options.host)
+    sources = devices.sources(options.host)
+    lines = ["The simulated cell is live. Its devices, as PUT …/sessions/{id}/devices/{name} takes them:"]
+    lines += [f"  {name}: {json.dumps(source)}" for name, source in sources.items()]
+    lines += [f"  robot as KUKA's variables: port {devices.variables.port}"]
+    lines += [f"  robot and table over OPC UA: {devices.opcua.url}"] if devices.opcua else []
+    print_result(options, "\n".join(lines), {"devices": sources})
+    try:
+        rounds = 0
+        while options.rounds is None or rounds < options.rounds:
+            rounds += 1
+            for number in range(len(devices.cell.shots)):
+                devices.go(number)
+                time.sleep(options.rest)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        devices.stop()
+    return OK
+
+
 COMMAND = Command(
-    "simulate", "write the session folder of a simulated cell, truth.json beside it", "files", _arguments, _run
+    "simulate", "write a simulated session with its truth, or serve its devices live", "files", _arguments, _run
 )

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.standstill import is_resting
-from calib_core.errors import CalibrationError, ConflictError
+from calib_core.clock_offset import ClockOffset, clock_offset
+from calib_core.errors import CalibrationError, ConflictError, MeasurementError
+from calib_core.frames import FloatArray
 from calib_core.records import Capture, Cell, Measured
 from server.live.exposures import Exposure, Profiler, exposure_of, in_short
 from server.live.link import Link
@@ -24,7 +26,7 @@ Take = Callable[[Capture, Mapping[str, bytes]], Measured]
 """Stores a capture and returns what was measured in it; raises CalibrationError."""
 
 SHOT_WAITS_S = 8.0
-_SAMPLES, _EXPOSURES = 4000, 12
+_SAMPLES, _EXPOSURES, _SEEN = 4000, 12, 1200
 _NEW_PLACE_MM, _NEW_PLACE_RAD, _NEW_TABLE_DEG = 3.0, 0.01, 0.5
 _POSES_AGREE_MM, _POSES_AGREE_RAD = 1.0, 0.005
 _IDLE_S = 0.1
@@ -56,6 +58,7 @@ class LiveCell:
         self._robot: deque[Sample] = deque(maxlen=_SAMPLES)
         self._table: deque[Sample] = deque(maxlen=_SAMPLES)
         self._exposures: deque[Exposure] = deque(maxlen=_EXPOSURES)
+        self._seen: deque[tuple[float, bool, FloatArray]] = deque(maxlen=_SEEN)
         self._frame: Frame | None = None
         self._shots: deque[Shot] = deque()
         self._arrived = threading.Condition()
@@ -63,6 +66,7 @@ class LiveCell:
         self._taken_at: tuple[Sample | None, float | None] | None = None
         self.last: Taken | None = None
         self.waits_for = ""
+        self.clocks: ClockOffset | None = None
         self.version = 0
         self._thread = threading.Thread(target=self._run, name="live cell", daemon=True)
         self._thread.start()
@@ -115,6 +119,7 @@ class LiveCell:
                 self._table.clear()
             if "scanner" in link.source.delivers:
                 self._exposures.clear()
+                self._seen.clear()
                 self._frame = None
 
     def ask(self, shot: Shot) -> None:
@@ -144,6 +149,36 @@ class LiveCell:
                 self._exposures[-1] if self._exposures else None,
             )
 
+    def clock_offset(self) -> tuple[ClockOffset, str]:
+        """Return how much more the scanner's clock tells than the robot's, and which clocks these are.
+
+        Raises
+        ------
+        MotionError, MeasurementError
+            If the newest readings are not of a move back and forth with the sphere in view.
+        """
+        with self._arrived:
+            robot = [s for s in self._robot if s.base_from_tool0 is not None]
+            seen = [one for one in self._seen if one[1] == self._seen[-1][1]]
+        if len(robot) < 2 or not seen:
+            raise MeasurementError(
+                "poses of the robot and exposures of the sphere", "none", "Connect both, and move back and forth."
+            )
+        by_device = all(s.device_time_s is not None for s in robot)
+        times = [(s.device_time_s if by_device else None) or s.host_time_s for s in robot]
+        positions = [s.base_from_tool0.translation_mm for s in robot if s.base_from_tool0 is not None]
+        moments, arcs = [one[0] for one in seen], [one[2] for one in seen]
+        within = [times[0] - 1 < moment < times[-1] + 1 for moment in moments]
+        kept = [k for k, is_within in enumerate(within) if is_within]
+        clocks = (
+            f"scanner: {'device' if seen[-1][1] else 'arrival'}, robot: {'device' if by_device else 'arrival'}"
+        )
+        if len(kept) < 2:
+            to_do = "Set the devices' clocks to within a second."
+            raise MeasurementError("exposures within the robot's track", f"none ({clocks})", to_do)
+        found = clock_offset(times, positions, [moments[k] for k in kept], [arcs[k] for k in kept])
+        return found, clocks
+
     def _run(self) -> None:
         while True:
             with self._arrived:
@@ -170,6 +205,10 @@ class LiveCell:
         exposure = exposure_of(frame, cell, profiler)
         with self._arrived:
             self._exposures.append(exposure)
+            if exposure.arc is not None:
+                moment_s = frame.device_time_s
+                arc = np.array([*exposure.arc.center_mm, exposure.arc.radius_mm])
+                self._seen.append((frame.host_time_s if moment_s is None else moment_s, moment_s is not None, arc))
             robot, table, exposures = list(self._robot), list(self._table), list(self._exposures)
         self.version += 1
         if self._shots:

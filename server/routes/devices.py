@@ -10,6 +10,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
+from calib_core.clock_offset import ClockOffset
 from calib_core.errors import NotFoundError
 from calib_core.records import Finite, Identifier, Record
 from server.http.dependencies import HubDep, IdempotencyDep, SessionId, StoreDep
@@ -28,6 +29,7 @@ DeviceName = Annotated[
     str, Path(description="A device's `name`.", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", examples=["robot"])
 ]
 _PREVIEW_EVERY_S = 0.1
+_LEAST_DRIFT_S = 0.002
 
 
 class NewDevice(Record):
@@ -93,6 +95,18 @@ class TakenShot(BaseModel):
     text: str
 
 
+class MeasuredClocks(BaseModel):
+    """How much more the scanner's clock tells than the robot's; its standard deviation, and what that shifts."""
+
+    offset_s: float
+    sigma_s: float
+    rms_mm: float
+    exposures: int
+    clocks: str = Field(description="Whose times these are: of the device, or of arrival.")
+    shift_at_100_mm_s_mm: float
+    warning: str = Field(description="Where it has drifted since it was last measured.")
+
+
 async def _cells(request: Request) -> LiveCells:
     return request.app.state.live
 
@@ -147,6 +161,29 @@ async def take_shot(
     return TakenShot(id=taken.capture, verdict=taken.verdict, zone=taken.zone, text=taken.text)
 
 
+@router.post("/live/clock-offset", response_model=MeasuredClocks)
+def measure_clocks(
+    session_id: SessionId, _: IdempotencyDep, store: StoreDep, cells: LiveCellsDep
+) -> MeasuredClocks:
+    """Measure the offset between the scanner's and the robot's clocks from what has just come.
+
+    Before, the robot moves back and forth for five seconds or more, its orientation held, the sphere in view.
+    """
+    existing_session(session_id, store)
+    live = require_live(cells, session_id)
+    found, clocks = live.clock_offset()
+    before, live.clocks = live.clocks, found
+    return MeasuredClocks(
+        offset_s=found.offset_s,
+        sigma_s=found.sigma_s,
+        rms_mm=found.rms_mm,
+        exposures=found.exposures,
+        clocks=clocks,
+        shift_at_100_mm_s_mm=found.shift_mm(100.0),
+        warning=_drift(before, found),
+    )
+
+
 @router.get("/live/picture", response_class=Response)
 def picture(session_id: SessionId, store: StoreDep, cells: LiveCellsDep) -> Response:
     """Return the newest image of the session's camera as it came."""
@@ -178,6 +215,15 @@ async def live_events(
             before, told_s = state, now_s
             yield ServerSentEvent(event="live", data=await run_in_threadpool(live_data, live))
         await asyncio.sleep(_PREVIEW_EVERY_S)
+
+
+def _drift(before: ClockOffset | None, now: ClockOffset) -> str:
+    if before is None:
+        return ""
+    apart_s = abs(now.offset_s - before.offset_s)
+    if apart_s <= max(_LEAST_DRIFT_S, 3 * (before.sigma_s**2 + now.sigma_s**2) ** 0.5):
+        return ""
+    return f"The clocks have drifted by {apart_s * 1000:.1f} ms since the offset was last measured."
 
 
 def _shot(session_id: str, body: NewShot, store: StoreDep) -> Shot:

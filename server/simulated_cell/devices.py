@@ -1,0 +1,144 @@
+"""The simulated cell's devices, each over a protocol of real ones: scanner, robot, table."""
+
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.robots import to_pose
+from calib_core.simulation import simulate
+from calib_core.simulation.live_cell import LiveCell
+from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
+from server.simulated_cell.rtde_server import RtdeServer
+from server.simulated_cell.stream_server import StreamServer
+
+_SPEED = 0.1  # m/s, told while the robot is on its way
+
+
+class SimulatedDevices:
+    """Scanner by HTTP stream, robot by RTDE, KUKA's variables and OPC UA, table by Modbus and OPC UA.
+
+    OPC UA and Modbus are served where their extras are installed.
+
+    Parameters
+    ----------
+    scenario, seed : str, int
+        Of a cell whose scanner sends profiles of the sphere.
+    rate_hz : float
+        Of exposures.
+    scanner_clock_s : float
+        What the scanner's clock tells more than the robot's.
+    """
+
+    def __init__(
+        self,
+        scenario: str = "turntable",
+        seed: int = 1,
+        rate_hz: float = 20.0,
+        host: str = "127.0.0.1",
+        travel_s: float = 0.5,
+        scanner_clock_s: float = 0.0,
+    ) -> None:
+        self.simulated = simulate(scenario, seed)
+        if self.simulated.world is None or set(self.simulated.world.options.kinds) != {"profile"}:
+            to_do = "Name tcp, turntable or one of their variants."
+            raise InputError("a cell whose scanner sends profiles of the sphere", f"'{scenario}'", to_do)
+        self.cell = LiveCell(self.simulated, travel_s)
+        self._rng = np.random.default_rng([seed, 20_270])
+        self._scanner_clock_s = scanner_clock_s
+        self._lock = threading.Lock()
+        self.scanner = StreamServer(self._exposure, rate_hz, host)
+        self.robot = RtdeServer(self._outputs, host)
+        self.variables = KukaVarProxyServer(self._variable, host)
+        self.opcua = self.modbus = None
+        try:
+            from server.simulated_cell.opcua_server import OpcUaServer
+
+            self.opcua = OpcUaServer(self._values, host)
+        except ImportError:
+            pass
+        try:
+            from server.simulated_cell.modbus_server import ModbusServer
+
+            self.modbus = ModbusServer(self._angle, host)
+        except ImportError:
+            pass
+
+    def go(self, number: int) -> None:
+        """Send robot and table to where a capture is taken."""
+        self.cell.go(number, time.monotonic())
+
+    def shake(self, mm: float, period_s: float) -> None:
+        """Move the robot back and forth along the stripe from now on."""
+        self.cell.shake(mm, period_s)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether robot or table are on their way."""
+        return self.cell.at(time.monotonic()).moving
+
+    def sources(self, host: str = "127.0.0.1") -> Mapping[str, Mapping[str, Any]]:
+        """Return the devices as `PUT …/devices/{name}` takes them."""
+        found: dict[str, Mapping[str, Any]] = {
+            "scanner": _source("image-stream", url=f"http://{host}:{self.scanner.port}/"),
+            "robot": _source("ur-rtde", host=host, port=self.robot.port),
+        }
+        if self.modbus is not None:
+            found["table"] = _source("modbus", host=host, port=self.modbus.port, address=100, moving=10)
+        elif self.opcua is not None:
+            found["table"] = _source("opcua", url=self.opcua.url, table="ns=2;s=Table")
+        return found
+
+    def stop(self) -> None:
+        """End all servers."""
+        for server in (self.scanner, self.robot, self.variables, self.opcua, self.modbus):
+            if server is not None:
+                server.stop()
+
+    def _exposure(self) -> tuple[bytes, str, float]:
+        with self._lock:
+            now_s = time.monotonic()
+            return self.cell.profile(now_s, self._rng), "text/csv", now_s + self._scanner_clock_s
+
+    def _flange(self) -> tuple[RigidTransform, bool, float, float]:
+        now_s = time.monotonic()
+        moment = self.cell.at(now_s)
+        return RigidTransform(moment.reported, "base", "tool0"), moment.moving, moment.table_deg, now_s
+
+    def _outputs(self) -> Mapping[str, tuple[float, ...]]:
+        pose, moving, _, now_s = self._flange()
+        return {
+            "timestamp": (now_s,),
+            "actual_q": (0.0,) * 6,  # the cell knows no arm
+            "actual_TCP_pose": tuple(to_pose("ur", pose)),
+            "actual_TCP_speed": (_SPEED if moving else 0.0, *(0.0,) * 5),
+        }
+
+    def _variable(self, name: str) -> str:
+        pose, moving, table_deg, _ = self._flange()
+        numbers = zip("XYZABC", to_pose("kuka", pose), strict=True)
+        return {
+            "$POS_ACT": "{E6POS: " + ", ".join(f"{letter} {value:.6f}" for letter, value in numbers) + "}",
+            "$TOOL": "{FRAME: X 0.0, Y 0.0, Z 0.0, A 0.0, B 0.0, C 0.0}",
+            "$BASE": "{FRAME: X 0.0, Y 0.0, Z 0.0, A 0.0, B 0.0, C 0.0}",
+            "$AXIS_ACT": f"{{E6AXIS: E1 {table_deg:.4f}}}",
+            "$ROB_STOPPED": "FALSE" if moving else "TRUE",
+            "$ACT_TOOL": "0",
+            "$ACT_BASE": "0",
+        }.get(name.upper(), "")
+
+    def _values(self) -> Mapping[str, Any]:
+        pose, moving, table_deg, _ = self._flange()
+        return {"Pose": to_pose("quaternion-xyzw", pose), "Moving": moving, "Table": table_deg}
+
+    def _angle(self) -> tuple[float, bool]:
+        _, moving, table_deg, _ = self._flange()
+        return table_deg, moving
+
+
+def _source(name: str, **settings: Any) -> Mapping[str, Any]:
+    return {"source": name, "settings": settings}

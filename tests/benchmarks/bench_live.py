@@ -1,0 +1,193 @@
+"""Live devices: the offset between clocks, what goes wrong with a device, a camera at 60 frames a second."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+
+from calib_core.clock_offset import clock_offset
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.records import parse_cell
+from server.live.link import Link
+from server.live.live_cell import LiveCell
+from server.live.shots import CaptureSettings
+from server.simulated_cell.devices import SimulatedDevices
+from server.simulated_cell.stream_server import StreamServer
+from server.sources.device import Frame, Reading, Sample, host_now_s
+from server.sources.registry import SOURCES
+from tests.benchmarks.harness import Row
+
+_OFFSET_S = 0.037
+_WIDTH, _HEIGHT, _RATE_HZ = 1280, 1024, 60.0
+
+
+def run(full: bool) -> Iterator[Row]:
+    """Measure all; with `full` two hundred moves, a hundred faults of each kind, and 3,600 frames."""
+    yield from _clocks(200 if full else 20)
+    yield from _faults(100 if full else 3)
+    yield from _camera(3600 if full else 300)
+
+
+def _clocks(moves: int) -> Iterator[Row]:
+    errors, sigmas = [], []
+    for seed in range(moves):
+        rng = np.random.default_rng(seed)
+        robot_s = np.sort(np.arange(0, 6, 0.008) + rng.uniform(-0.001, 0.001, 750))
+        seen_s = np.linspace(0.6, 5.4, 145) + rng.uniform(-0.005, 0.005, 145)
+        s = np.sin(2 * np.pi * 0.7 * seen_s)
+        positions = np.sin(2 * np.pi * 0.7 * robot_s)[:, None] * [20.0, 8.0, 5.0] + rng.normal(0, 0.01, (750, 3))
+        arcs = np.column_stack([18.0 * s, 180.0 - 7.0 * s, np.sqrt(400.0 - (10.0 + 5.0 * s) ** 2)])
+        found = clock_offset(robot_s, positions, seen_s + _OFFSET_S, arcs + rng.normal(0, 0.02, arcs.shape))
+        errors.append(found.offset_s - _OFFSET_S)
+        sigmas.append(found.sigma_s)
+    worst_ms = 1000 * float(np.max(np.abs(errors)))
+    yield Row(
+        "clock offset of 37 ms: largest error", "≤ 1 ms", f"{worst_ms:.3f} ms ({moves} moves)", worst_ms <= 1
+    )
+    ratio = float(np.sqrt(np.mean((np.array(errors) / sigmas) ** 2)))
+    yield Row("its error by its standard deviation, RMS", "0.8 … 1.25", f"{ratio:.2f}", 0.8 <= ratio <= 1.25)
+
+
+class _Watched:
+    """A robot's link to the simulated cell, and whether each pose that came over it is the true one."""
+
+    def __init__(self) -> None:
+        self.devices = SimulatedDevices("tcp", 1, travel_s=0.3)
+        self.wrong = self.taken = 0
+        source = SOURCES.get("ur-rtde")
+        settings = source.settings(host="127.0.0.1", port=self.devices.robot.port)
+        self.link = Link("robot", source, settings, self._take, lambda _: None)
+        self.link.start()
+
+    def _take(self, _: str, reading: Reading) -> None:
+        assert isinstance(reading, Sample)
+        assert reading.device_time_s is not None
+        assert reading.base_from_tool0 is not None
+        moment = self.devices.cell.at(reading.device_time_s)
+        if not moment.moving:  # on its way the server's two looks at the clock differ
+            true = RigidTransform(moment.reported, "base", "tool0")
+            self.wrong += bool(np.abs(true.difference(reading.base_from_tool0)).max() > 1e-6)
+        self.taken += 1
+
+    def wait(self, *statuses: str) -> float:
+        began_s = time.perf_counter()
+        while self.link.state().status not in statuses:
+            assert time.perf_counter() - began_s < 30, self.link.state()
+            time.sleep(0.005)
+        return time.perf_counter() - began_s
+
+    def stop(self) -> None:
+        self.link.stop()
+        self.devices.stop()
+
+
+def _faults(times: int) -> Iterator[Row]:
+    watched = _Watched()
+    robot = watched.devices.robot
+    outputs = robot._outputs  # the fault is put in its place
+
+    def slow() -> Any:
+        time.sleep(0.8)
+        return outputs()
+
+    def nonsense() -> Any:
+        return {**outputs(), "actual_TCP_pose": (float("nan"),) * 6}
+
+    def cut() -> None:
+        robot.is_out.set()
+        robot.cut()
+
+    def replaced(function: Callable[[], Any]) -> Callable[[], None]:
+        return lambda: setattr(robot, "_outputs", function)
+
+    def hang() -> Any:
+        time.sleep(3.0)
+        return outputs()
+
+    kinds: dict[str, tuple[Callable[[], None], tuple[str, ...]]] = {
+        "cable out": (cut, ("lost",)),
+        "server restarted": (robot.cut, ("lost",)),
+        "device hangs": (replaced(hang), ("silent", "lost")),
+        "device sends nonsense": (replaced(nonsense), ("nonsense", "lost")),
+    }
+    try:
+        watched.wait("live")
+        for what, (fault, statuses) in kinds.items():
+            said, back = [], []
+            for number in range(times):
+                watched.devices.go(number % 14)
+                time.sleep(0.1)
+                fault()
+                said.append(watched.wait(*statuses))
+                robot.is_out.clear()
+                robot._outputs = outputs
+                back.append(watched.wait("live"))
+                before = watched.taken
+                while watched.taken == before:
+                    time.sleep(0.005)
+            measured = f"{max(said):.2f} s, back within {max(back):.2f} s ({times} times)"
+            yield Row(f"{what}: said within", "≤ 2 s", measured, max(said) <= 2.0)
+        yield Row("wrong poses among those taken", "0", f"{watched.wrong} of {watched.taken}", watched.wrong == 0)
+    finally:
+        watched.stop()
+
+
+def _camera(frames: int) -> Iterator[Row]:
+    from calib_core.optics.stripe import find_stripe
+
+    find_stripe(next(iter(_images())))  # compiled by now
+    images = [cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes() for image in _images()]
+    made = iter(range(10**9))
+    server = StreamServer(lambda: (images[next(made) % len(images)], "image/png", time.monotonic()), _RATE_HZ)
+    ages: list[float] = []
+
+    def profile(frame: Frame) -> Any:
+        image = cv2.imdecode(np.frombuffer(frame.content, np.uint8), cv2.IMREAD_GRAYSCALE)
+        stripe = find_stripe(image)
+        ages.append(time.monotonic() - (frame.device_time_s or 0.0))
+        return stripe.pixels * 0.05
+
+    cell = parse_cell({"pose_convention": "abb", "sphere_diameter_mm": 40.0})
+
+    def take(*_: Any) -> Any:
+        raise InputError("nothing", "a capture", "Do not take any.")
+
+    live = LiveCell(lambda: (cell, set(), profile), take, CaptureSettings())
+    source = SOURCES.get("image-stream")
+    written = [0]
+    lock = threading.Lock()
+
+    def keep(name: str, reading: Reading) -> None:
+        with lock:
+            written[0] += 1
+        live.arrived(name, reading)
+
+    link = Link("camera", source, source.settings(url=server.url), keep, lambda _: None)
+    began_s = host_now_s()
+    live.add(link)
+    while written[0] < frames:
+        time.sleep(0.05)
+    seconds = host_now_s() - began_s
+    lost = server.sent - written[0]
+    live.stop()
+    server.stop()
+    rate = len(ages) / seconds
+    late_ms = 1000 * float(np.percentile(ages[5:], 95))
+    what = f"camera of {_WIDTH}×{_HEIGHT} at {frames / seconds:.0f} frames a second"
+    yield Row(f"{what}: frames lost", "0", f"{max(lost - 2, 0)} of {frames}", lost <= 2)  # one or two on their way
+    yield Row("previews with stripe and arc a second", "≥ 10", f"{rate:.0f}", rate >= 10)
+    yield Row("preview's age with its stripe, 95 %", "≤ 150 ms", f"{late_ms:.0f} ms", late_ms <= 150)
+
+
+def _images() -> Iterator[Any]:
+    rng = np.random.default_rng(1)
+    column = np.arange(_WIDTH)
+    for shift in range(6):
+        x = (column - 640.0 - 3 * shift) / 400.0
+        row = np.where(np.abs(x) < 0.8, 700.0 - 400.0 * np.sqrt(np.maximum(1 - x**2, 0)), 700.0)
+        light = 200.0 * np.exp(-0.5 * ((np.arange(_HEIGHT)[:, None] - row) / 2.0) ** 2)
+        yield np.clip(light + rng.normal(8, 2, (_HEIGHT, _WIDTH)), 0, 255).astype(np.uint8)
