@@ -1,6 +1,7 @@
 """The offset between two devices' clocks, from a move back and forth while the stripe sees the sphere."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -103,7 +104,7 @@ def clock_offset(
     if best in (0, len(grid) - 1):
         to_do = "Move faster and over 30 mm, or set the devices' clocks."
         raise MeasurementError(f"an offset within ±{largest_s:g} s", "one at its end", to_do)
-    found = minimize_scalar(
+    found: Any = minimize_scalar(
         rest, bounds=(grid[best - 1], grid[best + 1]), method="bounded", options={"xatol": 1e-7}
     )
     offset_s, least = float(found.x), float(found.fun)
