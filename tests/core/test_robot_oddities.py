@@ -48,3 +48,20 @@ ENDDAT
 
 def test_every_brand_has_twenty() -> None:
     assert {brand for brand, dialect in ODDITIES.items() if len(dialect.pieces) < 20} == set()
+
+
+@pytest.mark.parametrize(
+    ("brand", "line"),
+    [
+        ("epson", "TGo XY(0,0,10,0,0,0)"),
+        ("epson", "TMove XY(0,0,10,0,0,0)"),
+        ("epson", "BGo XY(0,0,10,0,0,0)"),
+        ("denso", "Approach P, P(1,2,3,4,5,6), 100"),
+        ("denso", "Draw L, (0,0,5,0,0,0)"),
+        ("kuka", "LIN_REL {X 0,Y 0,Z 10,A 0,B 0,C 0}"),
+    ],
+)
+def test_a_move_from_where_the_arm_is_has_no_pose_of_its_own(brand: str, line: str) -> None:
+    found = read_controller_files({"a.txt": f"{line}\n".encode()}, brand)
+    assert found.poses == ()
+    assert [row.line for row in found.skipped] == [1]

@@ -11,9 +11,9 @@ _RULES = (
     Rule("use-frame", r"""^\s*ChangeWork\s+(?P<frame>\d+)\s*$"""),
     Rule("joints", rf"""^\s*(?P<name>J\[\s*\d+\s*\])\s*=\s*J?\s*\({_VALUES}\)\s*$"""),
     Rule("pose", rf"""^\s*(?P<name>P\[\s*\d+\s*\])\s*=\s*P?\s*\({_VALUES}\)\s*$"""),
-    Rule("pose", rf"""^\s*(?:Move|Approach)\b.*?(?<![\w\]])P\s*\({_VALUES}\)"""),
+    Rule("pose", rf"""^\s*Move\b.*?(?<![\w\]])P\s*\({_VALUES}\)"""),
 )
-_HEADS = r"""^\s*(?:Tool\s+\d|Work\s+\d|ChangeTool|ChangeWork|[PJ]\[\s*\d+\s*\]\s*=)"""
+_HEADS = r"""^\s*(?:Tool\s+\d|Work\s+\d|ChangeTool|ChangeWork|[PJ]\[\s*\d+\s*\]\s*=|Approach\b|Depart\b|Draw\b)"""
 
 
 def find(data: bytes, name: str) -> Found:

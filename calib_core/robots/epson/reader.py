@@ -13,9 +13,10 @@ _RULES = (
         "pose",
         rf"""^\s*(?P<name>P\d+|P\(\d+\))\s*=\s*XY\s*\({_VALUES}\)\s*{_ARM}(?:/(?P<frame>\d+)\s*)?{_ARM}$""",
     ),
-    Rule("pose", rf"""^\s*(?:Go|Move|Jump3?|TGo|TMove|BGo)\s+XY\s*\({_VALUES}\)"""),
+    Rule("pose", rf"""^\s*(?:Go|Move|Jump3?)\s+XY\s*\({_VALUES}\)"""),
 )
-_HEADS = r"""^\s*(?:TLSet\b|Local\s+\d|P\d+\s*=|P\(\d+\)\s*=)"""
+# TGo and its like move from where the arm is: no poses.
+_HEADS = r"""^\s*(?:TLSet\b|Local\s+\d|P\d+\s*=|P\(\d+\)\s*=|[TB](?:Go|Move)\b)"""
 
 
 def find(data: bytes, name: str) -> Found:
