@@ -16,6 +16,7 @@ from server.auth.middleware import AuthMiddleware
 from server.auth.refusals import Refusals
 from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
+from server.health import HealthWatch
 from server.housekeeping import Housekeeping
 from server.http import errors, openapi
 from server.http.access_log import AccessLog
@@ -67,6 +68,7 @@ from server.settings import Settings
 from server.sources.watched_folder import session_watcher
 from server.store.database import Store
 from server.store.group_commit import GroupCommit
+from server.store.store_lock import DatabaseLock
 from server.webhooks.sender import WebhookSender
 
 _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
@@ -86,7 +88,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
-        store = Store(settings, hub.publish)
+        lock: DatabaseLock | None = getattr(app.state, "database_lock", None)
+        store = Store(settings, hub.publish, None if lock is None else lock.require)
         sender = app.state.webhooks = WebhookSender(settings, store)
         hub.wake_at_events(sender.wake)
         app.state.metrics.watch_store(store, settings.data)
@@ -94,6 +97,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         measuring_queue = MeasuringQueue(store, measuring)
         jobs = Jobs(settings, store, hub, measuring_queue.wake)
         past_scenes = PastScenes(store)
+        health_watch = app.state.health = HealthWatch(
+            {
+                "database": store.trouble,
+                "files": store.blobs.trouble,
+                "jobs": jobs.trouble,
+                **({} if lock is None else {"lock": lambda: lock.trouble}),
+            }
+        )
         scenes = SceneManager(past_scenes.load, partial(follow_scene, hub))
         app.state.past_scenes = past_scenes
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
@@ -113,6 +124,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(live.start)
             housekeeping.start()
             sender.start()
+            health_watch.start()
             if settings.warm_up:
                 threading.Thread(target=measuring.warm_up, daemon=True).start()
             yield
@@ -126,6 +138,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(measuring_queue.stop)
             await run_in_threadpool(housekeeping.stop)
             await run_in_threadpool(sender.stop)
+            await run_in_threadpool(health_watch.stop)
             await run_in_threadpool(group_commit.stop)
             await run_in_threadpool(measuring.stop)
             store.close()

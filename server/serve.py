@@ -32,6 +32,7 @@ class WorkbenchServer(uvicorn.Server):
 
     def __init__(self, settings: Settings) -> None:
         app = create_app(settings)
+        self._app = app
         self._hub: Hub = app.state.hub
         self._settings = settings
         self._slow_heads = SlowHeads(settings.head_timeout_s)
@@ -59,7 +60,8 @@ class WorkbenchServer(uvicorn.Server):
         sys.setswitchinterval(_SWITCH_S)
         gc.freeze()  # modules and routes stay: nobody's request waits while they are looked through
         gc.set_threshold(_NEW_OBJECTS)
-        with store_lock(self._settings):
+        with store_lock(self._settings) as lock:
+            self._app.state.database_lock = lock
             if self._settings.login_required:
                 require_admin(self._settings)
             super().run(sockets)

@@ -635,8 +635,9 @@ export interface GuideStep {
 }
 
 export interface Health {
-  status: "ready" | "starting" | "stopping";
+  status: "ready" | "starting" | "degraded" | "stopping";
   version: string;
+  reasons?: Record<string, string>;
 }
 
 export interface Highlight {

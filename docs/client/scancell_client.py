@@ -473,8 +473,8 @@ class Scancell:
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/changes", json=body)
 
     def server_health(self) -> Any:
-        """Return `ready` once the store answers and the workers are warm, `starting` before, `stopping` at
-        the end."""
+        """Return `ready` once the workers are warm, `starting` before, `stopping` at the end. `degraded`
+        where something is away that the server rests on; `reasons` says what and how."""
         return self.request("GET", "/api/v1/health")
 
 

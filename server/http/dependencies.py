@@ -6,6 +6,7 @@ from fastapi import Depends, Header, Path, Query, Request
 
 from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
+from server.health import HealthWatch
 from server.http.events import Hub
 from server.http.idempotency import Idempotency
 from server.http.uploads import UploadMemory
@@ -67,6 +68,13 @@ MeasuringDep = Annotated[Measuring, Depends(_measuring)]
 MetricsDep = Annotated[Metrics, Depends(_metrics)]
 UploadMemoryDep = Annotated[UploadMemory, Depends(_upload_memory)]
 MeasuringQueueDep = Annotated[MeasuringQueue, Depends(_measuring_queue)]
+
+
+async def _health(request: Request) -> HealthWatch:
+    return request.app.state.health
+
+
+HealthDep = Annotated[HealthWatch, Depends(_health)]
 WebhooksDep = Annotated[WebhookSender, Depends(_webhooks)]
 IntakeDep = Annotated[Intake, Depends(_intake)]
 

@@ -10,7 +10,8 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
-from sqlalchemy.exc import DBAPIError, OperationalError
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.routing import Match, Mount
@@ -135,6 +136,8 @@ def storage_problem(error: Exception) -> dict[str, Any]:
     untouched = "then send the request again; what was stored before is untouched."
     if "full" in said or (isinstance(error, OSError) and error.errno == ENOSPC):
         return problem_of_status(507, "the disk with the data folder is full", f"Free space there, {untouched}")
+    if "taken over" in said:
+        return problem_of_status(503, said, "Send it to that one; this one goes on once the other has ended.")
     if "locked" in said:
         to_do = f"End that program, or wait until it is done, {untouched}"
         return problem_of_status(503, f"another program holds the database ({said})", to_do)
@@ -159,10 +162,19 @@ def answer_to(error: CalibrationError) -> JSONResponse:
 
 async def refuse(error: CalibrationError, scope: Scope, receive: Receive, send: Send) -> None:
     """Answer a request, or the handshake of a WebSocket, with an error before any route sees it."""
+    await _deny(answer_to(error), scope, receive, send)
+
+
+async def refuse_as(body: Mapping[str, Any], scope: Scope, receive: Receive, send: Send) -> None:
+    """The same with problem details that are made already."""
+    await _deny(problem_response(body), scope, receive, send)
+
+
+async def _deny(answer: Response, scope: Scope, receive: Receive, send: Send) -> None:
     if scope["type"] == "websocket":
-        await WebSocket(scope, receive, send).send_denial_response(answer_to(error))
+        await WebSocket(scope, receive, send).send_denial_response(answer)
     else:
-        await answer_to(error)(scope, receive, send)
+        await answer(scope, receive, send)
 
 
 def _is_persons(request: Request) -> bool:
@@ -230,6 +242,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, validation)
     app.add_exception_handler(HTTPException, http)
     app.add_exception_handler(OSError, storage)
-    app.add_exception_handler(OperationalError, storage)
+    for unusable in (OperationalError, InterfaceError, PoolTimeoutError):  # InterfaceError: cut off in the midst
+        app.add_exception_handler(unusable, storage)
     app.add_exception_handler(ClientDisconnect, cut_off)
     app.add_exception_handler(Exception, unexpected)

@@ -275,7 +275,8 @@ class ReferenceMesh(BaseModel):
 
 
 class Health(BaseModel):
-    """Whether the server answers, and whether it is ready to solve."""
+    """Whether the server answers, and whether it is ready to solve; `reasons` say what is `degraded`."""
 
-    status: Literal["ready", "starting", "stopping"]
+    status: Literal["ready", "starting", "degraded", "stopping"]
     version: str
+    reasons: dict[str, str] = Field(default_factory=dict)

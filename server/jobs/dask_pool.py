@@ -36,6 +36,7 @@ class DaskPool(Pool):
             got, to_do = f"none there ({error})", "Start it, or correct SCANCELL_DASK; leave it out to solve here."
             raise InputError("a Dask scheduler", got, to_do, str(settings.dask)) from None
         self._settings = settings
+        self._cluster = self._client.scheduler_info()["id"]
         self._topic = f"scancell-{token_hex(8)}"
         self._told: SimpleQueue[worker.Message | None] = SimpleQueue()
         self._restarts: list[Thread] = []
@@ -63,8 +64,28 @@ class DaskPool(Pool):
         return isinstance(error, (KilledWorker, CancelledError))
 
     def is_used_up_by(self, error: BaseException) -> bool:
-        """Return never: the client finds the cluster again by itself."""
+        """Return never: whether the cluster is there `is_gone` says."""
         return False
+
+    def trouble(self) -> str | None:
+        """Return in words why no job can be done now, None where they can."""
+        if not self.takes_jobs:
+            return f"the Dask scheduler at {self._settings.dask} does not answer"
+        if not self._client.scheduler_info()["workers"]:
+            return "the Dask cluster has no worker"
+        return None
+
+    @property
+    def takes_jobs(self) -> bool:
+        """Whether the scheduler is there."""
+        return self._client.status == "running" and not self.is_gone
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether the client has given up, or found another scheduler, which knows nothing of what it was told."""
+        if self._client.status in ("closing", "closed"):
+            return True
+        return self._client.status == "running" and self._client.scheduler_info().get("id") != self._cluster
 
     def close(self) -> None:
         """Leave the cluster; it goes on without."""

@@ -77,6 +77,46 @@ class Jobs:
             return self._pool is not None
         return self._ready is not None and self._ready.done() and self._ready.exception() is None
 
+    def trouble(self) -> str | None:
+        """Return in words why no job can be done now, None where they can; a cluster that is back is used again.
+
+        Raises
+        ------
+        InputError
+            If a cluster that went away is still not there.
+        """
+        pool = self._pool
+        if pool is None:
+            return None
+        if pool.is_gone:
+            self._replace(pool)
+            return None
+        return pool.trouble()
+
+    def _replace(self, gone: Pool) -> None:
+        """Go on with a new pool: what had not begun begins there, what ran has ended and says so."""
+        pool = self._new_pool()
+        with self._lock:
+            if self._pool is not gone:  # the server stops
+                pool.close()
+                return
+            self._pool = pool
+            left = {job_id: job for job_id, job in self._running.items() if job.pool is gone}
+            for job_id in left:
+                del self._running[job_id]
+        for job_id, job in left.items():
+            if job.timer is not None:
+                job.timer.cancel()
+            if job.place is None:
+                self._submit_again(job_id, job.attempt + 1)
+            else:
+                self._fail(job_id, _cluster_gone())
+        gone.close()
+
+    def _fail(self, job_id: str, error: Data) -> None:
+        with self._store.write() as db:
+            fail_job(db, job_id, error)
+
     def stop(self) -> None:
         """End everything at once; unfinished jobs say so."""
         with self._lock:
@@ -106,6 +146,9 @@ class Jobs:
             work = partial(worker.solve, job_id, session, stage, digests, dict(stored.results))
         with self._lock:
             if self._pool is None:  # the server stops, and says so of its jobs
+                return
+            if not self._pool.takes_jobs:
+                threading.Thread(target=self._fail, args=(job_id, _cluster_gone()), daemon=True).start()
                 return
             try:
                 future = self._pool.submit(work)
@@ -257,7 +300,8 @@ class Jobs:
         if error is not None:
             with self._store.write() as db:
                 gone = running.pool.is_broken_by(error) or isinstance(error, CancelledError)
-                fail_job(db, job_id, _worker_ended() if gone else _explain(error))  # `cancel` has noted it before
+                ended = _worker_ended() if running.pool.takes_jobs else _cluster_gone()
+                fail_job(db, job_id, ended if gone else _explain(error))  # `cancel` has noted it before
             return
         solved = future.result()
         with self._store.write() as db:
@@ -287,6 +331,12 @@ def _kill(running: _Running) -> None:
     """End the worker that a job runs in."""
     if running.place is not None and (running.future.cancelled() or not running.future.done()):
         running.pool.end_worker(running.place)
+
+
+def _cluster_gone() -> Data:
+    return problem_of_status(
+        503, "the Dask cluster went away", "Run it again once GET /health says that it is back."
+    )
 
 
 def _worker_ended() -> Data:

@@ -43,6 +43,20 @@ class Pool(ABC):
     def is_used_up_by(self, error: BaseException) -> bool:
         """Return whether the pool as a whole is gone with that worker, and must be made anew."""
 
+    def trouble(self) -> str | None:
+        """Return in words why no job can be done now, None where they can."""
+        return None
+
+    @property
+    def takes_jobs(self) -> bool:
+        """Whether jobs can be submitted."""
+        return True
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it must be made anew, whatever becomes of its jobs."""
+        return False
+
     @abstractmethod
     def close(self) -> None:
         """End all workers that are this pool's own."""

@@ -1,19 +1,18 @@
 """Whether the server is well, and its figures."""
 
-from typing import Any, Literal
+from typing import Any
 
 from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
-from sqlalchemy import select
 
 from calib_core import __version__
-from server.http.dependencies import HubDep, JobsDep, MetricsDep, StoreDep
+from server.health import HealthWatch
+from server.http.dependencies import HealthDep, HubDep, JobsDep, MetricsDep
 from server.http.events import Hub
 from server.http.schemas import Health
 from server.http.strict_json import StrictRoute
 from server.jobs.jobs import Jobs
-from server.store.database import Store
 
 router = APIRouter(tags=["server"], route_class=StrictRoute)
 probes = APIRouter(tags=["server"], route_class=StrictRoute)
@@ -24,16 +23,20 @@ _EXAMPLE: dict[int | str, dict[str, Any]] = {
 
 
 @router.get("/health", response_model=Health)
-def health(store: StoreDep, jobs: JobsDep, hub: HubDep) -> Response:
-    """Return `ready` once the store answers and the workers are warm, `starting` before, `stopping` at the end."""
-    return JSONResponse({"status": _status(store, jobs, hub), "version": __version__})
+def health(health: HealthDep, jobs: JobsDep, hub: HubDep) -> Response:
+    """Return `ready` once the workers are warm, `starting` before, `stopping` at the end.
+
+    `degraded` where something is away that the server rests on; `reasons` says what and how.
+    """
+    return JSONResponse(_state(health, jobs, hub))
 
 
 @probes.get("/health", response_model=Health, responses={503: {"model": Health, "description": "Not ready."}})
-def ready(store: StoreDep, jobs: JobsDep, hub: HubDep) -> Response:
-    """Answer with 200 where work may be sent here, with 503 while the server starts or stops."""
-    status = _status(store, jobs, hub)
-    return JSONResponse({"status": status, "version": __version__}, 200 if status == "ready" else 503)
+def ready(health: HealthDep, jobs: JobsDep, hub: HubDep) -> Response:
+    """Answer with 200 where work may be sent here, with 503 while the server starts, stops or cannot store."""
+    state = _state(health, jobs, hub)
+    good = state["status"] == "ready" or (state["status"] == "degraded" and health.can_store)
+    return JSONResponse(state, 200 if good else 503)
 
 
 @probes.get("/health/alive", response_class=PlainTextResponse)
@@ -48,9 +51,7 @@ def metrics(figures: MetricsDep) -> Response:
     return Response(figures.text(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
 
-def _status(store: Store, jobs: Jobs, hub: Hub) -> Literal["ready", "starting", "stopping"]:
-    if hub.closed:
-        return "stopping"
-    with store.read() as db:
-        db.execute(select(1))
-    return "ready" if jobs.ready else "starting"
+def _state(health: HealthWatch, jobs: Jobs, hub: Hub) -> dict[str, Any]:
+    reasons = health.troubles()
+    status = "stopping" if hub.closed else "degraded" if reasons else "ready" if jobs.ready else "starting"
+    return {"status": status, "version": __version__, "reasons": reasons}

@@ -39,6 +39,7 @@ class BucketBlobs(Blobs):
         # Between finding a blob old and its removal, or its renewal: one lock for each first byte.
         self._locks = [threading.Lock() for _ in range(256)]
         self._client = _client(endpoint)
+        self._impatient = _client(endpoint, timeout_s=3, attempts=1)
         self._require_bucket()
 
     def put(self, content: bytes) -> str:
@@ -116,6 +117,12 @@ class BucketBlobs(Blobs):
                 if not self._is_young(digest, YOUNG_S if young_s is None else young_s):
                     self._client.delete_object(Bucket=self._bucket, Key=self._key(digest))
 
+    def trouble(self) -> str | None:
+        """Return in words why nothing can be stored now, None where it can; raises OSError."""
+        with _named(self._bucket):
+            self._impatient.head_bucket(Bucket=self._bucket)
+        return super().trouble()
+
     def scratch(self) -> IO[bytes]:
         """Return a nameless file on the local disk; it goes when it is closed."""
         return tempfile.TemporaryFile(dir=self._folder)
@@ -148,7 +155,7 @@ class BucketBlobs(Blobs):
         try:
             with _named(self._bucket):
                 self._client.head_bucket(Bucket=self._bucket)
-        except ClientError as error:
+        except (ClientError, OSError) as error:
             to_do = "Make the bucket, or name another in SCANCELL_BLOBS; check the keys and SCANCELL_S3_ENDPOINT."
             raise InputError(f"the bucket {self._bucket}", str(error), to_do, "blobs") from None
 
@@ -175,7 +182,7 @@ def _is_absent(error: Any) -> bool:
     return error.response.get("Error", {}).get("Code") in ("404", "NoSuchKey", "NoSuchBucket", "NotFound")
 
 
-def _client(endpoint: str | None) -> Any:
+def _client(endpoint: str | None, timeout_s: float = _TIMEOUT_S, attempts: int = _ATTEMPTS) -> Any:
     try:
         import boto3
         from botocore.config import Config
@@ -183,9 +190,9 @@ def _client(endpoint: str | None) -> Any:
         to_do = "Install it: pip install 'scancell[s3]'; or leave SCANCELL_BLOBS out."
         raise InputError("the extra 's3' for blobs in an S3 store", "an installation without it", to_do) from None
     config = Config(
-        connect_timeout=_TIMEOUT_S,
-        read_timeout=_TIMEOUT_S,
-        retries={"max_attempts": _ATTEMPTS, "mode": "standard"},
+        connect_timeout=timeout_s,
+        read_timeout=timeout_s,
+        retries={"max_attempts": attempts, "mode": "standard"},
         max_pool_connections=32,
         # Other makers' stores need not know Amazon's newer checksums; every content is compared with its SHA-256.
         request_checksum_calculation="when_required",

@@ -62,6 +62,13 @@ class Blobs(ABC):
     def scratch(self) -> IO[bytes]:
         """Return a nameless file on the data disk, for what is on its way in or out; it goes when it is closed."""
 
+    def trouble(self) -> str | None:
+        """Return in words why nothing can be stored now, None where it can; raises OSError where it cannot."""
+        with self.scratch() as file:
+            file.write(b"?")
+            file.flush()
+        return None
+
     @abstractmethod
     def interrupted(self) -> list[str]:
         """Return the names of what interrupted uploads left."""

@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Any
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from server.settings import Settings
@@ -27,9 +28,13 @@ class Store:
     settings : Settings
     publish : callable
         Called with every event, in order, once the transaction that recorded it is on the disk.
+    require_own : callable, optional
+        Called at the beginning of each transaction that writes: raises OSError where another server does now.
     """
 
-    def __init__(self, settings: Settings, publish: Publish) -> None:
+    def __init__(
+        self, settings: Settings, publish: Publish, require_own: Callable[[Session], None] | None = None
+    ) -> None:
         settings.data.mkdir(parents=True, exist_ok=True)
         self.blobs = open_blobs(settings.blob_place)
         self._publish = publish
@@ -37,11 +42,18 @@ class Store:
         self._reading = reading(self._engine)
         self._writing = self._engine.execution_options(writing=True)
         self._one_writer = threading.Lock()
+        self._require_own = require_own
 
     def migrate(self) -> None:
         """Bring the tables to this version's form, all or nothing; raises InputError if a later one wrote them."""
         with self._writing.begin() as connection:
             upgrade(connection)
+
+    def trouble(self) -> str | None:
+        """Return None where the database answers; raises what it raises."""
+        with self.read() as db:
+            db.execute(select(1))
+        return None
 
     @contextmanager
     def read(self) -> Generator[Session]:
@@ -57,6 +69,8 @@ class Store:
         """
         with self._one_writer:
             with Session(self._writing, expire_on_commit=False) as db:
+                if self._require_own is not None:
+                    self._require_own(db)
                 yield db
                 note_act(db, acting.get())
                 db.commit()

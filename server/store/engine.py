@@ -11,6 +11,15 @@ from sqlalchemy.exc import ArgumentError
 from calib_core.errors import InputError
 from server.http.json_text import JsonText
 
+_PATIENCE = {
+    "connect_timeout": 5,
+    "tcp_user_timeout": 10_000,
+    "keepalives_idle": 5,
+    "keepalives_interval": 3,
+    "keepalives_count": 3,
+}
+"""Of PostgreSQL's connections: a database whose machine is gone is noticed in seconds, not in hours."""
+
 
 def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine:
     """Return what speaks to the database at an address; it connects later, `read_only` without changing a byte.
@@ -40,7 +49,10 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
     try:
         # A connection that the database has closed meanwhile (a restart) is noticed before it is used.
         return create_engine(
-            address.set(drivername="postgresql+psycopg"), json_serializer=_json_text, pool_pre_ping=True
+            address.set(drivername="postgresql+psycopg"),
+            json_serializer=_json_text,
+            pool_pre_ping=True,
+            connect_args=_PATIENCE,
         )
     except ModuleNotFoundError:
         to_do = "Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out."

@@ -8,7 +8,7 @@ from itertools import islice
 from queue import SimpleQueue
 from typing import Any
 
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError
@@ -81,7 +81,11 @@ class GroupCommit:
         try:
             digests = self._store.blobs.put_all([content for write in writes for content in write.contents])
             outcomes = self._written(writes, iter(digests))
-        except (OSError, OperationalError) as error:  # no disk, no database: it is so for each of them
+        except (
+            OSError,
+            OperationalError,
+            InterfaceError,
+        ) as error:  # no disk, no database: it is so for each of them
             for write in writes:
                 write.done.set_exception(error)
         except Exception as error:

@@ -158,6 +158,13 @@ class EventRow(Base):
     created: Mapped[str] = mapped_column(String(32))
 
 
+class ServerNumberRow(Base):
+    """The number of the server that may write, one row: see `store_lock.DatabaseLock`."""
+
+    __tablename__ = "server_number"
+    number: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+
+
 class AnswerRow(Base):
     """The answer to a POST that carried an Idempotency-Key, to be given again."""
 

@@ -1,11 +1,14 @@
 """A store that is ready for one server: nobody else's meanwhile, and in this version's form."""
 
+import logging
+import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Final
 
-from sqlalchemy import Connection, text
+from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, InputError
 from server.settings import Settings
@@ -13,15 +16,82 @@ from server.store.database import Store
 from server.store.engine import engine_of
 from server.store.folder import folder_lock
 
+log = logging.getLogger("scancell")
 _LOCK: Final = 0x7363616E63656C6C  # "scancell": PostgreSQL's advisory locks have numbers for names
+_WRITING: Final = _LOCK + 1
 _END_THE_OTHER: Final = "End the other server, or choose another database."
+_LOOK_S: Final = 2.0
+
+_TAKEN_OVER: Final = "another server has taken over the database"
+
+
+class DatabaseLock:
+    """PostgreSQL's lock of one server, and the number by which its writes are known.
+
+    The lock goes with its connection, as when the database is restarted.  Whoever takes it next numbers himself
+    anew, and each write looks whether the number is still its server's: so two never write, however long one of
+    them takes to notice.
+    """
+
+    def __init__(self, engine: Engine, connection: Connection) -> None:
+        self._engine, self._connection = engine, connection
+        self._own: set[int] = set()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="database lock", daemon=True)
+        self.trouble: str | None = None
+
+    def start(self) -> None:
+        """Number this server, which has the lock, and keep it from here on."""
+        self._number()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Let go."""
+        self._stopping.set()
+        self._thread.join()
+        self._connection.close()
+
+    def require(self, db: Transaction) -> None:
+        """Refuse a transaction that would write beside another server; raises OSError."""
+        db.execute(text("SELECT pg_advisory_xact_lock_shared(:lock)"), {"lock": _WRITING})
+        if db.execute(text("SELECT number FROM server_number")).scalar() not in self._own:
+            raise OSError(_TAKEN_OVER)
+
+    def _number(self) -> None:
+        """Take the next number, once no other write is under way."""
+        with self._engine.begin() as connection:
+            connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _WRITING})
+            number = connection.scalar(text("SELECT coalesce(max(number), 0) + 1 FROM server_number"))
+            connection.execute(text("DELETE FROM server_number"))
+            connection.execute(text("INSERT INTO server_number (number) VALUES (:number)"), {"number": number})
+            self._own.add(int(number or 0))
+
+    def _work(self) -> None:
+        while not self._stopping.wait(_LOOK_S):
+            try:
+                if self.trouble is None:
+                    self._connection.execute(text("SELECT 1"))
+                    continue
+                self._connection.close()
+                self._connection = _own_connection(self._engine)
+                if not _taken(self._connection):
+                    self.trouble = _TAKEN_OVER
+                    continue
+                self._number()
+                self.trouble = None
+                log.warning("the lock of the database was taken again")
+            except DBAPIError as error:
+                if self.trouble is None:
+                    log.warning("the connection that holds the database's lock is gone: %s", error.orig)
+                self.trouble = "the database does not answer"
 
 
 @contextmanager
-def store_lock(settings: Settings) -> Generator[None]:
+def store_lock(settings: Settings) -> Generator[DatabaseLock | None]:
     """Keep other servers from data folder and database meanwhile, the tables brought up to date.
 
-    A server that is killed lets go of both by itself.
+    A server that is killed lets go of both by itself.  Gives what each write must ask, None where the folder's
+    lock is enough.
 
     Raises
     ------
@@ -30,39 +100,52 @@ def store_lock(settings: Settings) -> Generator[None]:
     ConflictError
         If another server uses them.
     """
-    with folder_lock(settings.data), _database_lock(settings):
+    with folder_lock(settings.data), _database_lock(settings) as lock:
         store = Store(settings, lambda _: None)
         try:
             store.migrate()
+            if lock is not None:
+                lock.start()
         except DBAPIError as error:
             raise _unusable(settings, error) from None
         finally:
             store.close()
-        yield
+        try:
+            yield lock
+        finally:
+            if lock is not None:
+                lock.stop()
 
 
 @contextmanager
-def _database_lock(settings: Settings) -> Generator[None]:
+def _database_lock(settings: Settings) -> Generator[DatabaseLock | None]:
     engine = engine_of(settings.sql_url)
     if engine.dialect.name == "sqlite":  # it lies in the folder
-        yield
+        yield None
         return
     try:
-        # The lock goes with the connection; an open transaction would hold back the database's cleaning.
-        connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
-    except DBAPIError as error:
-        raise _unusable(settings, error) from None
-    try:
-        _take_lock(connection)
-        yield
+        try:
+            connection = _own_connection(engine)
+        except DBAPIError as error:
+            raise _unusable(settings, error) from None
+        try:
+            if not _taken(connection):
+                need, got = "a database that no other server uses", "one in use"
+                raise ConflictError(need, got, _END_THE_OTHER, "database_url")
+            yield DatabaseLock(engine, connection)
+        finally:
+            connection.close()
     finally:
-        connection.close()
         engine.dispose()
 
 
-def _take_lock(connection: Connection) -> None:
-    if not connection.scalar(text("SELECT pg_try_advisory_lock(:lock)"), {"lock": _LOCK}):
-        raise ConflictError("a database that no other server uses", "one in use", _END_THE_OTHER, "database_url")
+def _own_connection(engine: Engine) -> Connection:
+    # The lock goes with the connection; an open transaction would hold back the database's cleaning.
+    return engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+
+
+def _taken(connection: Connection) -> bool:
+    return bool(connection.scalar(text("SELECT pg_try_advisory_lock(:lock)"), {"lock": _LOCK}))
 
 
 def _unusable(settings: Settings, error: DBAPIError) -> InputError:

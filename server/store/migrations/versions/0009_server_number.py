@@ -1,0 +1,21 @@
+"""The number of the server that may write."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0009"
+down_revision = "0008"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    op.create_table(
+        "server_number",
+        sa.Column("number", sa.BigInteger(), autoincrement=False, nullable=False),
+        sa.PrimaryKeyConstraint("number"),
+    )
+
+
+def downgrade() -> None:
+    op.drop_table("server_number")

@@ -1,0 +1,255 @@
+"""Outages: what the server rests on goes away and comes back; nothing acknowledged is lost, nothing is a 500."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from sqlalchemy import text
+
+from calib_core.errors import InputError
+from server.settings import Settings
+from server.store.database import Store
+from server.store.engine import engine_of
+from server.store.store_lock import store_lock
+from tests.server.live_server import make_session, serving, simulated_session, upload, wait_for
+from tests.server.postgres import free_port, new_database, running_postgres
+from tests.server.s3 import KEYS, running_s3, s3_client
+from tests.server.test_captures import arc_csv, record
+from tests.server.test_operation import serve
+
+HEALED_S = 30.0
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[str]:
+    with running_postgres() as address:
+        yield address
+
+
+@pytest.fixture
+def place(postgres: str, tmp_path: Path) -> dict[str, Any]:
+    name = f"outage{abs(hash(tmp_path)) % 10**9}"
+    return {"data": tmp_path / "data", "database_url": new_database(postgres, name), "port": 0, "warm_up": False}
+
+
+class Gate:
+    """A way to another server that can be shut, as when that one is restarted."""
+
+    def __init__(self, target: str) -> None:
+        self._host, _, port = target.rpartition(":")
+        self._target = (self._host, int(port))
+        self.port = free_port()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def open(self) -> None:
+        code = _RELAY.format(port=self.port, target=self._target)
+        self._process = subprocess.Popen([sys.executable, "-c", code])
+        _until_there(self.port)
+
+    def shut(self) -> None:
+        assert self._process is not None
+        self._process.kill()
+        self._process.wait()
+
+
+_RELAY = """
+import asyncio
+async def relay(reader, writer):
+    try:
+        there, back = await asyncio.open_connection(*{target!r})
+    except OSError:
+        writer.close()
+        return
+    async def copy(a, b):
+        try:
+            while data := await a.read(65536):
+                b.write(data)
+                await b.drain()
+        except OSError:
+            pass
+        b.close()
+    await asyncio.gather(copy(reader, back), copy(there, writer))
+async def main():
+    await (await asyncio.start_server(relay, "127.0.0.1", {port})).serve_forever()
+asyncio.run(main())
+"""
+
+
+@contextmanager
+def gated(target: str) -> Iterator[Gate]:
+    gate = Gate(target)
+    gate.open()
+    try:
+        yield gate
+    finally:
+        gate.shut()
+
+
+def until_health(client: httpx.Client, status: str) -> dict[str, Any]:
+    end_s = time.monotonic() + HEALED_S
+    while (found := client.get("/health").json())["status"] != status:
+        assert time.monotonic() < end_s, found
+        time.sleep(0.1)
+    return found
+
+
+def test_a_database_that_goes_away_and_comes_back(place: dict[str, Any]) -> None:
+    address = place["database_url"]
+    with gated(address.partition("@")[2].partition("/")[0]) as gate:
+        through = f"postgresql://scancell@127.0.0.1:{gate.port}/{address.rpartition('/')[2]}"
+        with serving(Settings(**{**place, "database_url": through})) as client:
+            session = make_session(client)
+            assert upload(client, session, record(), arc_csv()).status_code == 201
+            gate.shut()
+            for answer in (
+                client.get(f"/sessions/{session}"),
+                upload(client, session, {**record(), "id": "p02", "files": ["2.csv"]}, arc_csv()),
+            ):
+                assert answer.status_code == 503, answer.text
+                assert answer.headers["content-type"] == "application/problem+json"
+            said = until_health(client, "degraded")
+            assert "database" in said["reasons"]
+            site = str(client.base_url).removesuffix("/api/v1/")
+            assert client.get(f"{site}/health").status_code == 503
+            gate.open()
+            until_health(client, "ready")
+            assert (
+                upload(client, session, {**record(), "id": "p03", "files": ["3.csv"]}, arc_csv()).status_code
+                == 201
+            )
+            assert [c["id"] for c in client.get(f"/sessions/{session}/captures").json()["items"]] == ["p01", "p03"]
+
+
+def test_of_two_servers_only_one_ever_writes(place: dict[str, Any], tmp_path: Path) -> None:
+    """The first loses its connections without noticing at once; the second has taken over meanwhile."""
+    first = Settings(**place)
+    second = Settings(**{**place, "data": tmp_path / "other"})
+    with serving(first) as client:
+        make_session(client)
+        engine = engine_of(place["database_url"])
+        with engine.connect() as connection:
+            # What a restart of the database does to a server's connections, the lock's among them.
+            kill = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = current_database()"
+            connection.execute(text(f"{kill} AND pid <> pg_backend_pid()"))
+        engine.dispose()
+        with store_lock(second) as lock:
+            assert lock is not None
+            refused = client.post("/sessions", json={"cell": {"pose_convention": "abb"}})
+            assert refused.status_code == 503, refused.text
+            assert "taken over" in refused.json()["detail"]
+            store = Store(second, lambda _: None, lock.require)
+            with store.write() as db:
+                db.execute(text("SELECT 1"))
+            store.close()
+            assert "lock" in until_health(client, "degraded")["reasons"]
+        until_health(client, "ready")
+        assert client.post("/sessions", json={"cell": {"pose_convention": "abb"}}).status_code == 201
+
+
+def test_a_bucket_that_goes_away_and_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in KEYS.items():
+        monkeypatch.setenv(name, value)
+    with running_s3() as s3, gated(s3.removeprefix("http://")) as gate:
+        s3_client(s3).create_bucket(Bucket="outage")
+        place = {"data": tmp_path, "port": 0, "warm_up": False, "blobs": "s3://outage"}
+        with serving(Settings(**place, s3_endpoint=f"http://127.0.0.1:{gate.port}")) as client:
+            session = make_session(client)
+            assert upload(client, session, record(), arc_csv()).status_code == 201
+            gate.shut()
+            refused = upload(client, session, {**record(), "id": "p02", "files": ["2.csv"]}, arc_csv() + b"\n")
+            assert refused.status_code == 503, refused.text
+            assert "S3" in refused.json()["detail"]
+            assert "files" in until_health(client, "degraded")["reasons"]
+            gate.open()
+            until_health(client, "ready")
+            there = {**record(), "id": "p02", "files": ["2.csv"]}
+            assert upload(client, session, there, arc_csv() + b"\n").status_code == 201
+            for capture, name in (("p01", "captures/p01.csv"), ("p02", "2.csv")):
+                kept = client.get(f"/sessions/{session}/captures/{capture}")
+                name = kept.json()["files"][0]
+                assert client.get(f"/sessions/{session}/captures/{capture}/files/{name}").content.startswith(
+                    arc_csv()
+                )
+
+
+@pytest.mark.parametrize("lacking", [{"database_url": "postgresql://x@127.0.0.1:1/y"}, {"blobs": "s3://nowhere"}])
+def test_a_start_without_database_or_bucket_is_refused_in_words(
+    lacking: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in KEYS.items():
+        monkeypatch.setenv(name, value)
+    settings = Settings(data=tmp_path, s3_endpoint="http://127.0.0.1:1", **lacking)  # type: ignore[arg-type]
+    with pytest.raises(InputError) as refused, store_lock(settings):
+        pass
+    assert refused.value.to_do
+
+
+def test_a_scheduler_that_is_restarted(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    port = free_port()
+    scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    address = f"tcp://127.0.0.1:{port}"
+    worker = _dask("worker", address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", "--no-nanny")
+    try:
+        _until_there(port)
+        with start(dask=address) as client:
+            session = simulated_session(client, captures=14)
+            assert _solved(client, session)["status"] == "done"
+            for process in (scheduler, worker):
+                process.kill()
+                process.wait()
+            assert "Dask" in until_health(client, "degraded")["reasons"]["jobs"]
+            asked = client.post(f"/sessions/{session}/solve/tcp")
+            assert asked.status_code == 202, asked.text
+            failed = wait_for(client, asked.json()["id"])
+            assert (failed["status"], failed["error"]["status"]) == ("failed", 503)
+            assert "Dask" in failed["error"]["detail"]
+            scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+            worker = _dask(
+                "worker", address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", "--no-nanny"
+            )
+            until_health(client, "ready")
+            assert _solved(client, session)["status"] == "done"
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait()
+
+
+def _dask(*words: str) -> "subprocess.Popen[bytes]":
+    command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": os.getcwd()}, **quiet)  # noqa: PTH109
+
+
+def _until_there(port: int) -> None:
+    end_s = time.monotonic() + HEALED_S
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port), 1).close()
+            return
+        except OSError:
+            assert time.monotonic() < end_s
+            time.sleep(0.1)
+
+
+def _solved(client: httpx.Client, session: str) -> dict[str, Any]:
+    return wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])
+
+
+def test_a_reader_of_the_log_that_hangs_holds_up_nobody(tmp_path: Path) -> None:
+    process, address = serve(tmp_path / "data", SCANCELL_RATE_PER_S="100000", SCANCELL_RATE_BURST="100000")
+    try:  # nobody reads its standard error: a pipe holds 64 KiB, some 300 of its lines
+        with httpx.Client(base_url=f"{address}/api/v1", timeout=20, trust_env=False) as client:
+            for _ in range(1500):
+                assert client.get("/me").status_code == 200
+    finally:
+        process.kill()
+        process.communicate()
