@@ -13,6 +13,7 @@ from calib_core import __version__
 from calib_core.registry import Registry
 from server.console.command import BAD_INPUT, GROUPS, OK, Command
 from server.console.output import from_standard_input
+from server.console.remote import from_server
 
 COMMANDS: Registry[Command] = Registry("a command", "server.commands", "COMMAND", Command)
 
@@ -125,7 +126,7 @@ def _run(options: argparse.Namespace) -> int:
     command: Command = options.command
     assert command.run is not None
     try:
-        with from_standard_input(options):
+        with from_standard_input(options), from_server(options):
             status = command.run(options)
         sys.stdout.flush()
     except CalibrationError as error:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from calib_core.records import Result, RootCause, Session
     from calib_core.stages.stage import ReadFile
 
+    from scancell_client import Scancell
+
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     from calib_core.stages.registry import stage_names
@@ -39,6 +41,8 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.stages.pipeline import run
     from server.console.progress import progress_bar
 
+    if options.server is not None:
+        return _run_there(options)
     path: Path = options.session
     target = None if options.out is None and is_archive(path) else options.out or folder_of(path)
 
@@ -127,6 +131,45 @@ def _causes_text(options: argparse.Namespace, results: "Mapping[str, Result]") -
     return ["\n".join(["Remedies", *dict.fromkeys(lines)])] if lines else []
 
 
+def _run_there(options: argparse.Namespace) -> int:
+    """Solve a session on the server, where a folder or archive is sent to first; print its results."""
+    from calib_core.archive.folder import result_data, write_result
+    from server.console.progress import progress_bar
+    from server.console.remote import connected, session_id
+
+    with connected(options) as api, progress_bar(options, says_why=False) as progress:
+        session = (
+            _sent(api, options.session) if options.session.exists() else session_id(api, str(options.session))
+        )
+        progress(0.1, f"solving {options.stage} of session {session}")
+        results = api.solve(session, options.stage)
+        record = api.sessions_get(session)
+    if options.stage != "all":
+        results = {options.stage: results[options.stage]}
+    out: Path | None = options.out
+    if out is not None:
+        for stage, result in results.items():
+            write_result(out, stage, result)
+    text = "\n\n".join(str(result) for result in results.values())
+    data = {"session": record, "results": {name: result_data(result) for name, result in results.items()}}
+    print_result(options, f"session {session}\n\n{text}", data)
+    return NOT_ACCEPTED if any(result.verdict == "fail" for result in results.values()) else OK
+
+
+def _sent(api: "Scancell", path: Path) -> str:
+    """Send a session folder or archive to the server; return its id there."""
+    import tempfile
+
+    from calib_core.archive.archive import is_archive, pack
+
+    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
+        archive = path
+        if not is_archive(path):
+            archive = Path(folder) / "session.zip"
+            pack(path, archive)
+        return str(api.archives_import_archive(archive.read_bytes())["id"])
+
+
 def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path) -> None:
     """Write the results; where only the session's own folder is read-only, say so and keep the answer."""
     from calib_core.archive.folder import write_result
@@ -141,4 +184,6 @@ def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder:
         remark(options, f"warning: the results are not stored: {error} (or use --out DIR)")
 
 
-COMMAND = Command("run", "solve a session folder or archive, no server needed", "session", _arguments, _run)
+COMMAND = Command(
+    "run", "solve a session folder or archive, no server needed", "session", _arguments, _run, uses_server=True
+)

@@ -48,6 +48,8 @@ class Command:
         Gets the parsed arguments and returns the exit status; it imports late.
     actions : tuple of Command, optional
         In place of `run`: the words that follow the name, as in `archive pack`.
+    uses_server : bool
+        Whether it asks the server of --server itself; others get its session as an archive.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Command:
     arguments: Callable[[argparse.ArgumentParser], None] = no_arguments
     run: Callable[[argparse.Namespace], int] | None = None
     actions: tuple["Command", ...] = ()
+    uses_server: bool = False
 
 
 def session_argument(parser: argparse.ArgumentParser) -> None:
@@ -64,8 +67,10 @@ def session_argument(parser: argparse.ArgumentParser) -> None:
         "session",
         type=Path,
         metavar="SESSION",
-        help="a session folder or archive; - reads an archive from standard input",
+        help="a session folder or archive; - reads an archive from standard input; with --server an id or a name",
     )
+    of_server = "work with a session of this running server; SCANCELL_TOKEN holds the token where it asks for one"
+    parser.add_argument("--server", metavar="URL", help=of_server)
 
 
 def data_argument(parser: argparse.ArgumentParser) -> None:

@@ -35,6 +35,8 @@ from server.store.models import Data
 from server.store.sessions import load_session, locked_session, session_row
 from server.store.solves import ALL, ENDED, create_job, job_data, job_row, list_jobs
 
+Wait = Annotated[float, Query(ge=0, le=120, description="Answer when it has ended, or after so many s.")]
+
 router = APIRouter(tags=["solves"], route_class=StrictRoute)
 
 
@@ -51,7 +53,7 @@ async def solve(
     store: StoreDep,
     jobs: JobsDep,
     hub: HubDep,
-    wait: Annotated[float, Query(ge=0, le=120, description="Answer when it has ended, or after so many s.")] = 0,
+    wait: Wait = 0,
 ) -> Response:
     """Start solving a stage, or `all` that there are captures for; the job's end brings the results."""
     answer = await run_in_threadpool(_start, session_id, stage, idempotency, store, jobs)
@@ -102,10 +104,9 @@ def list_all(
 
 
 @router.get("/jobs/{job_id}", response_model=Job)
-def get_job(job_id: JobId, store: StoreDep) -> Response:
-    """Return how far a job is."""
-    with store.read() as db:
-        return JSONResponse(job_data(job_row(db, job_id)))
+async def get_job(job_id: JobId, store: StoreDep, hub: HubDep, wait: Wait = 0) -> Response:
+    """Return how far a job is; with `wait` once it has ended, or after so many seconds."""
+    return JSONResponse(await ended_job(store, hub, job_id, wait))
 
 
 @router.post("/jobs/{job_id}/cancel", response_model=Job)

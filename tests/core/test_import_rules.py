@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = sorted(file for top in ("calib_core", "server") for file in (ROOT / top).rglob("*.py"))
+TOPS = ("calib_core", "scancell_client", "server")
+SOURCES = sorted(file for top in TOPS for file in (ROOT / top).rglob("*.py"))
 WEB_AND_STORE = {
     "server", "fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "alembic", "websockets", "httpx",
-    "multipart", "pydantic_settings",
+    "multipart", "pydantic_settings", "scancell_client",
 }  # fmt: skip
 FILES = {"pathlib", "os", "shutil", "tempfile", "glob", "zipfile", "tarfile", "fileinput", "subprocess", "socket"}
 FILE_ROOMS = (

@@ -68,12 +68,11 @@ def ran(program: Path, *arguments: str, cwd: Path) -> str:
 
 def test_it_holds_every_file_and_no_names_of_nobody(wheel: Path) -> None:
     names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    listed = subprocess.run(
-        ["git", "ls-files", "calib_core", "server", "web"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
+    command = ["git", "ls-files", "calib_core", "scancell_client", "server", "web"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     files = [name for name in listed.stdout.split() if (ROOT / name).is_file()]
     assert {re.sub("^web/", "server/web/", name) for name in files} <= names
-    assert {name.partition("/")[0] for name in names} == {"calib_core", "server"}
+    assert {name.partition("/")[0] for name in names} == {"calib_core", "scancell_client", "server"}
     assert "calib_core/py.typed" in names
 
 

@@ -1,4 +1,4 @@
-"""`scancell schema python-client`: a client in Python, made from the API's OpenAPI document."""
+"""`scancell schema python-client`: the operations of `scancell_client`, made from the API's OpenAPI document."""
 
 import builtins
 import keyword
@@ -6,80 +6,24 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-_HEAD = '''"""A client of the workbench's API; made by `scancell schema python-client`, not to be edited.
-
-    with Scancell("http://127.0.0.1:8000") as api:
-        session = api.sessions_create({"cell": {"pose_convention": "fanuc"}})
-
-Each operation is a method that returns the answer's data: JSON, or bytes where it is a file.  What is refused is a
-`ProblemError`, whose words say what to do.  Needs httpx (`pip install httpx`).
-"""
+_HEAD = '''"""The operations of the workbench's API, made by `scancell schema python-client`, not to be edited."""
 
 import json
 from collections.abc import Mapping
 from typing import Any
 from urllib.parse import quote
-from uuid import uuid4
 
-import httpx
-
-
-class ProblemError(Exception):
-    """A request that was refused: problem details (RFC 9457) with `need`, `got` and `to_do`."""
-
-    def __init__(self, details: Mapping[str, Any]) -> None:
-        super().__init__(details.get("detail", "no details"))
-        self.details = dict(details)
-        self.status: int = details.get("status", 0)
+from scancell_client.connection import Connection
 
 
-class Scancell:
-    """A connection to a workbench.
-
-    Parameters
-    ----------
-    address : str
-        Such as ``http://127.0.0.1:8000``.
-    token : str, optional
-        An API token, where the workbench asks for one.
-    **more
-        Further arguments of `httpx.Client`, such as `timeout` (seconds).
-    """
-
-    def __init__(self, address: str, token: str | None = None, **more: Any) -> None:
-        headers = {"Authorization": f"Bearer {token}"} if token else {}
-        self._client = httpx.Client(base_url=address, headers=headers, **{"timeout": 60.0, **more})
-
-    def __enter__(self) -> "Scancell":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Hang up."""
-        self._client.close()
-
-    def request(self, method: str, path: str, **more: Any) -> Any:
-        """Send a request and return the answer's data; a POST carries a fresh Idempotency-Key.
-
-        Raises
-        ------
-        ProblemError
-            If it is refused.
-        """
-        headers = {name: value for name, value in more.pop("headers", {}).items() if value is not None}
-        if method == "POST":
-            headers.setdefault("Idempotency-Key", str(uuid4()))
-        answer = self._client.request(method, path, headers=headers, **more)
-        is_json = "json" in answer.headers.get("content-type", "")
-        if answer.is_error:
-            raise ProblemError(answer.json() if is_json else {"status": answer.status_code, "detail": answer.text})
-        if answer.status_code == 204:
-            return None
-        return answer.json() if is_json else answer.content
+class Operations(Connection):
+    """Each operation as a method that returns the answer's data: JSON, or bytes where it is a file."""
 '''
 _TAIL = """
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
 
 def _text(name: str, value: Any) -> list[tuple[str, Any]]:
     return [(name, (None, value if isinstance(value, str) else json.dumps(value)))]
@@ -123,7 +67,7 @@ def _method(verb: str, path: str, operation: Mapping[str, Any], schemas: Mapping
     given = [*_given(kind, form)]
     if in_query:
         pairs = ", ".join(f'"{p["name"]}": {_name(p)}' for p in in_query)
-        given.append(f"params={{name: value for name, value in {{{pairs}}}.items() if value is not None}}")
+        given.append(f"params=_given({{{pairs}}})")
     headers = ['"If-Match": if_match'] if if_match else []
     if kind is not None and not form and kind != "application/json":
         headers.append(f'"Content-Type": "{kind}"')

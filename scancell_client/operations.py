@@ -1,75 +1,15 @@
-"""A client of the workbench's API; made by `scancell schema python-client`, not to be edited.
-
-    with Scancell("http://127.0.0.1:8000") as api:
-        session = api.sessions_create({"cell": {"pose_convention": "fanuc"}})
-
-Each operation is a method that returns the answer's data: JSON, or bytes where it is a file.  What is refused is a
-`ProblemError`, whose words say what to do.  Needs httpx (`pip install httpx`).
-"""
+"""The operations of the workbench's API, made by `scancell schema python-client`, not to be edited."""
 
 import json
 from collections.abc import Mapping
 from typing import Any
 from urllib.parse import quote
-from uuid import uuid4
 
-import httpx
-
-
-class ProblemError(Exception):
-    """A request that was refused: problem details (RFC 9457) with `need`, `got` and `to_do`."""
-
-    def __init__(self, details: Mapping[str, Any]) -> None:
-        super().__init__(details.get("detail", "no details"))
-        self.details = dict(details)
-        self.status: int = details.get("status", 0)
+from scancell_client.connection import Connection
 
 
-class Scancell:
-    """A connection to a workbench.
-
-    Parameters
-    ----------
-    address : str
-        Such as ``http://127.0.0.1:8000``.
-    token : str, optional
-        An API token, where the workbench asks for one.
-    **more
-        Further arguments of `httpx.Client`, such as `timeout` (seconds).
-    """
-
-    def __init__(self, address: str, token: str | None = None, **more: Any) -> None:
-        headers = {"Authorization": f"Bearer {token}"} if token else {}
-        self._client = httpx.Client(base_url=address, headers=headers, **{"timeout": 60.0, **more})
-
-    def __enter__(self) -> "Scancell":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Hang up."""
-        self._client.close()
-
-    def request(self, method: str, path: str, **more: Any) -> Any:
-        """Send a request and return the answer's data; a POST carries a fresh Idempotency-Key.
-
-        Raises
-        ------
-        ProblemError
-            If it is refused.
-        """
-        headers = {name: value for name, value in more.pop("headers", {}).items() if value is not None}
-        if method == "POST":
-            headers.setdefault("Idempotency-Key", str(uuid4()))
-        answer = self._client.request(method, path, headers=headers, **more)
-        is_json = "json" in answer.headers.get("content-type", "")
-        if answer.is_error:
-            raise ProblemError(answer.json() if is_json else {"status": answer.status_code, "detail": answer.text})
-        if answer.status_code == 204:
-            return None
-        return answer.json() if is_json else answer.content
+class Operations(Connection):
+    """Each operation as a method that returns the answer's data: JSON, or bytes where it is a file."""
 
     def sessions_create(self, body: Mapping[str, Any]) -> Any:
         """Make a session, of a real cell or of the simulated one."""
@@ -77,7 +17,7 @@ class Scancell:
 
     def sessions_list_all(self, *, limit: int | None = None, cursor: str | None = None, search: str | None = None) -> Any:
         """List sessions, the newest first."""
-        return self.request("GET", "/api/v1/sessions", params={name: value for name, value in {"limit": limit, "cursor": cursor, "search": search}.items() if value is not None})
+        return self.request("GET", "/api/v1/sessions", params=_given({"limit": limit, "cursor": cursor, "search": search}))
 
     def sessions_get(self, session_id: str) -> Any:
         """Return a session with its captures' records."""
@@ -114,12 +54,12 @@ class Scancell:
 
     def captures_list_all(self, session_id: str, *, limit: int | None = None, cursor: str | None = None) -> Any:
         """List captures in the order of their arrival, with what was measured."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params=_given({"limit": limit, "cursor": cursor}))
 
     def captures_take_simulated(self, session_id: str, *, step: str | None = None, again: str | None = None) -> Any:
         """Let the simulated cell take its next capture, one of `step` where that is named; or one of its
         own `again`. What is taken again has a name of its own (`p05-again`); arm and scanner err anew."""
-        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params={name: value for name, value in {"step": step, "again": again}.items() if value is not None})
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params=_given({"step": step, "again": again}))
 
     def captures_get(self, session_id: str, capture_id: str) -> Any:
         """Return a capture with what was measured in it."""
@@ -219,15 +159,15 @@ class Scancell:
 
     def solves_solve(self, session_id: str, stage: str, *, wait: float | None = None) -> Any:
         """Start solving a stage, or `all` that there are captures for; the job's end brings the results."""
-        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}", params={name: value for name, value in {"wait": wait}.items() if value is not None})
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}", params=_given({"wait": wait}))
 
     def solves_list_all(self, *, limit: int | None = None, cursor: str | None = None, session: str | None = None, status: str | None = None) -> Any:
         """List jobs, the newest first."""
-        return self.request("GET", "/api/v1/jobs", params={name: value for name, value in {"limit": limit, "cursor": cursor, "session": session, "status": status}.items() if value is not None})
+        return self.request("GET", "/api/v1/jobs", params=_given({"limit": limit, "cursor": cursor, "session": session, "status": status}))
 
-    def solves_get_job(self, job_id: str) -> Any:
-        """Return how far a job is."""
-        return self.request("GET", f"/api/v1/jobs/{quote(job_id, safe='')}")
+    def solves_get_job(self, job_id: str, *, wait: float | None = None) -> Any:
+        """Return how far a job is; with `wait` once it has ended, or after so many seconds."""
+        return self.request("GET", f"/api/v1/jobs/{quote(job_id, safe='')}", params=_given({"wait": wait}))
 
     def solves_cancel(self, job_id: str) -> Any:
         """End a job that waits or runs; cancelling it again changes nothing."""
@@ -249,7 +189,7 @@ class Scancell:
     def answers_export_results(self, session_id: str, name: str, *, allow: str | None = None) -> Any:
         """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused
         with 409."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", params={name: value for name, value in {"allow": allow}.items() if value is not None})
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", params=_given({"allow": allow}))
 
     def machines_export_into_backup(self, session_id: str, name: str, backup: Mapping[str, bytes], settings: Any, allow: Any) -> Any:
         """Return the file of a backup that defines the tool, with that one entry changed and every other
@@ -300,7 +240,7 @@ class Scancell:
     def history_compare(self, stage: str, *, left: str, right: str) -> Any:
         """Return two results of a stage side by side, of one session or two: what differs, in units of its
         sigma."""
-        return self.request("GET", f"/api/v1/compare/{quote(stage, safe='')}", params={name: value for name, value in {"left": left, "right": right}.items() if value is not None})
+        return self.request("GET", f"/api/v1/compare/{quote(stage, safe='')}", params=_given({"left": left, "right": right}))
 
     def history_recompute(self, session_id: str) -> Any:
         """Start solving every stage with a result afresh, to compare; nothing of the session is changed.
@@ -317,16 +257,16 @@ class Scancell:
 
     def clouds_get_cloud(self, session_id: str, name: str, *, format_: str | None = None) -> Any:
         """Return the merged cloud or its mesh; as PLY it is what the merge stored, byte for byte."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/clouds/{quote(name, safe='/')}", params={name: value for name, value in {"format": format_}.items() if value is not None})
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/clouds/{quote(name, safe='/')}", params=_given({"format": format_}))
 
     def clouds_section(self, session_id: str, *, axis: str | None = None, at_mm: float | None = None, width_mm: float | None = None, against: str | None = None, diameter_mm: float | None = None) -> Any:
         """Return the points of the merged cloud in a thin slice, at most four thousand of them."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/section", params={name: value for name, value in {"axis": axis, "at_mm": at_mm, "width_mm": width_mm, "against": against, "diameter_mm": diameter_mm}.items() if value is not None})
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/section", params=_given({"axis": axis, "at_mm": at_mm, "width_mm": width_mm, "against": against, "diameter_mm": diameter_mm}))
 
     def clouds_deviation(self, session_id: str, *, against: str | None = None, diameter_mm: float | None = None) -> Any:
         """Return how far the merged cloud lies off the reference mesh or the sphere in it, as it was
         placed."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/deviation", params={name: value for name, value in {"against": against, "diameter_mm": diameter_mm}.items() if value is not None})
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/deviation", params=_given({"against": against, "diameter_mm": diameter_mm}))
 
     def clouds_put_reference(self, session_id: str, file: Mapping[str, bytes]) -> Any:
         """Store the mesh that says what the object should be, in place of the one before."""
@@ -339,7 +279,7 @@ class Scancell:
     def archives_get_archive(self, session_id: str, *, scene: bool | None = None) -> Any:
         """Return the session as one zip that still computes years later: record, files, results, past,
         pages."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/archive", params={name: value for name, value in {"scene": scene}.items() if value is not None})
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/archive", params=_given({"scene": scene}))
 
     def archives_import_archive(self, content: Any) -> Any:
         """Make a session from an archive, with its captures and results; what is wrong with it leaves
@@ -390,7 +330,7 @@ class Scancell:
 
     def access_audit(self, *, limit: int | None = None, cursor: str | None = None) -> Any:
         """List who did what, and who was refused what, the newest first."""
-        return self.request("GET", "/api/v1/audit", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
+        return self.request("GET", "/api/v1/audit", params=_given({"limit": limit, "cursor": cursor}))
 
     def registries_formats(self) -> Any:
         """List the file formats, and what may be said about a file that does not say it itself."""
@@ -453,7 +393,7 @@ class Scancell:
 
     def webhooks_get_deliveries(self, webhook_id: str, *, limit: int | None = None, cursor: str | None = None) -> Any:
         """List what was sent to a webhook or waits to be, the newest first."""
-        return self.request("GET", f"/api/v1/webhooks/{quote(webhook_id, safe='')}/deliveries", params={name: value for name, value in {"limit": limit, "cursor": cursor}.items() if value is not None})
+        return self.request("GET", f"/api/v1/webhooks/{quote(webhook_id, safe='')}/deliveries", params=_given({"limit": limit, "cursor": cursor}))
 
     def webhooks_ping(self, webhook_id: str) -> Any:
         """Send a message of the type `ping`, to try the way to the receiver."""
@@ -476,6 +416,10 @@ class Scancell:
         """Return `ready` once the workers are warm, `starting` before, `stopping` at the end. `degraded`
         where something is away that the server rests on; `reasons` says what and how."""
         return self.request("GET", "/api/v1/health")
+
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _text(name: str, value: Any) -> list[tuple[str, Any]]:

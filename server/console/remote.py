@@ -1,0 +1,95 @@
+"""`--server URL`: the session of a running server in place of a folder."""
+
+import argparse
+import os
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from scancell_client import Scancell
+
+_TOKEN = "SCANCELL_TOKEN"
+
+
+@contextmanager
+def connected(options: argparse.Namespace) -> Generator["Scancell"]:
+    """Give the client of the server that --server names.
+
+    Raises
+    ------
+    InputError
+        If it does not answer, or refuses something, in its own words.
+    """
+    import httpx
+
+    from calib_core.errors import InputError
+    from scancell_client import ProblemError, Scancell
+
+    address: str = options.server
+    if not address.startswith(("http://", "https://")):
+        to_do = "Write it as http://host:8000."
+        raise InputError("an address that begins with http:// or https://", repr(address), to_do, "--server")
+    try:
+        with Scancell(address.rstrip("/"), os.environ.get(_TOKEN), attempts=3) as api:
+            yield api
+    except ProblemError as error:
+        details: dict[str, Any] = {
+            "need": "a request that it takes",
+            "got": str(error),
+            "to_do": "",
+            **error.details,
+        }
+        to_do = details["to_do"]
+        if error.status == 401:
+            to_do = f"Set {_TOKEN} to a token of that server."
+        raise InputError(details["need"], details["got"], to_do, details.get("where") or address) from None
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        got = str(error) or type(error).__name__
+        raise InputError("a server that answers", got, "Start it, or correct the address.", address) from None
+
+
+@contextmanager
+def from_server(options: argparse.Namespace) -> Generator[None]:
+    """Put a session of the server that --server names into an archive for as long as a command works with it."""
+    if getattr(options, "server", None) is None or getattr(options.command, "uses_server", False):
+        yield
+        return
+    from calib_core.errors import CalibrationError
+
+    name = str(options.session)
+    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
+        file = Path(folder) / "session.zip"
+        with connected(options) as api:
+            file.write_bytes(api.archives_get_archive(session_id(api, name), scene=False))
+        options.session = file
+        try:
+            yield
+        except CalibrationError as error:
+            place = error.where.replace(str(file), f"session {name}")
+            raise type(error)(error.need, error.got, error.to_do, place) from None
+
+
+def session_id(api: "Scancell", name: str) -> str:
+    """Return the id of a session that is named by its id, or by its name where only one has it.
+
+    Raises
+    ------
+    InputError
+        If there is none, or several have this name.
+    """
+    from calib_core.errors import InputError
+    from scancell_client import ProblemError
+
+    try:
+        return str(api.sessions_get(name)["id"])
+    except ProblemError as error:
+        if error.status != 404:
+            raise
+    found = [one["id"] for one in api.sessions_list_all(search=name, limit=1000)["items"] if one["name"] == name]
+    if len(found) != 1:
+        got = "no such session" if not found else f"{len(found)} sessions of this name"
+        raise InputError("the id of a session, or its name", got, "Take the id that the page's address has.", name)
+    return str(found[0])
