@@ -23,6 +23,9 @@ _EXIT_STATUS = """exit status:
   2  bad input: one sentence on standard error says which file and what to do"""
 
 
+_LONGEST_LINE = 2000
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one sentence, and whose options are written in full."""
 
@@ -30,7 +33,7 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(*arguments, allow_abbrev=False, **more)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: error: {message}. See {self.prog} --help.\n")
+        self.exit(BAD_INPUT, f"{self.prog}: error: {_one_line(message)}. See {self.prog} --help.\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -39,6 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how to go on
         return _complete()
+    if any("\0" in word for word in words):
+        print("scancell: error: an argument with a NUL character. Remove it.", file=sys.stderr)
+        return BAD_INPUT
     try:
         options = parser(words).parse_args(words)
     except SystemExit as end:  # --help, or a usage error that is printed already
@@ -136,6 +142,16 @@ def _run(options: argparse.Namespace) -> int:
         return BAD_INPUT
     except (BrokenPipeError, KeyboardInterrupt):
         raise
+    except OSError as error:  # a name that is too long, a folder that is a file, a disk that is full
+        if options.debug:
+            raise
+        place = f"{error.filename}: " if error.filename else ""
+        said = error.strerror or type(error).__name__
+        sentence = (
+            f"{place}need files and folders that can be used, got {said.lower()}. Correct the name, or make room."
+        )
+        print(f"scancell: error: {_one_line(sentence)}", file=sys.stderr)
+        return BAD_INPUT
     except Exception as error:
         if options.debug:
             raise
@@ -149,7 +165,11 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    """Return text as a terminal may show it: in one line, and nothing in it that would steer the terminal."""
+    shown = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in " ".join(text.split()))
+    return (
+        shown if len(shown) <= _LONGEST_LINE else f"{shown[: _LONGEST_LINE // 2]} … {shown[-_LONGEST_LINE // 2 :]}"
+    )
 
 
 if __name__ == "__main__":

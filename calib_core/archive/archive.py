@@ -13,7 +13,14 @@ from typing import IO, Any, Final, cast
 from calib_core import __version__
 from calib_core.archive.bag import Bag, Content, open_bag, write_bag
 from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
-from calib_core.archive.folder import MAX_SESSION_BYTES, SESSION_FILE, folder_of, load_session, parse_json
+from calib_core.archive.folder import (
+    MAX_SESSION_BYTES,
+    SESSION_FILE,
+    folder_of,
+    load_session,
+    parse_json,
+    real_path,
+)
 from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
 from calib_core.archive.stored_results import require_result
@@ -277,7 +284,7 @@ def _json_object(bag: Bag, name: str) -> dict[str, Any]:
 
 def _folder_files(folder: Path, out: Path) -> dict[str, Content]:
     """Return a session folder's files by name, without hidden ones and the archive to be written."""
-    root = folder.resolve()
+    root = real_path(folder)
     files: dict[str, Content] = {}
     for place, folders, names in os.walk(folder, onerror=_raise):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
@@ -285,9 +292,9 @@ def _folder_files(folder: Path, out: Path) -> dict[str, Content]:
             _refuse_entry(Path(place) / name, "a link to a folder")
         for name in names:
             path = Path(place) / name
-            if name.startswith(".") or path.resolve() == out.resolve():
+            if name.startswith(".") or real_path(path) == real_path(out):
                 continue
-            if not path.resolve().is_relative_to(root):
+            if not real_path(path).is_relative_to(root):
                 _refuse_entry(path, "a link that leads out of it")
             if not path.is_file():
                 _refuse_entry(path, "a device, a pipe or a broken link")

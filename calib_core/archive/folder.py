@@ -4,10 +4,12 @@ Nothing stored is ever changed in place: a file is written beside its name, flus
 """
 
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
@@ -42,7 +44,7 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
         raise InputError("a JSON object {…}", f"a {type(data).__name__}", "Write the session's record.", str(file))
     record = to_present_format(cast("dict[str, Any]", data), str(file))
     session = parse_session(record, str(file))
-    _require_finite(record, str(file))
+    require_plain(record, str(file))
     return session, _reader(folder)
 
 
@@ -134,12 +136,17 @@ def to_json_bytes(data: Any) -> bytes:
     return (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
+def real_path(path: Path) -> Path:
+    """Return where a path leads, also where links lead in a circle."""
+    return Path(os.path.realpath(path))
+
+
 def _reader(folder: Path) -> ReadFile:
-    root = folder.resolve()
+    root = real_path(folder)
 
     def read(name: str) -> bytes:
         path = folder / name
-        if not path.resolve().is_relative_to(root):
+        if not real_path(path).is_relative_to(root):
             got = "one that leads out of it"
             raise InputError("a file inside the session folder", got, "Copy it into captures/.", str(path))
         return read_bytes(path, "Copy the file there, or remove its capture from session.json.")
@@ -160,11 +167,3 @@ def read_bytes(path: Path, to_do: str, limit_bytes: int = MAX_FILE_BYTES) -> byt
         raise InputError(
             "a file that can be read", got, "Check its permissions and the disk.", str(path)
         ) from None
-
-
-def _require_finite(data: dict[str, Any], where: str) -> None:
-    """Refuse NaN and infinities in fields that the format does not know; Python would read them, JSON has none."""
-    try:
-        json.dumps(data, allow_nan=False)
-    except ValueError:
-        raise InputError("finite numbers", "NaN or infinity", "Leave such fields out.", where) from None

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from sqlalchemy.exc import DBAPIError
+
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
 from calib_core.stages.registry import optics_stages
 from server.http.errors import problem, problem_of_status
@@ -126,7 +128,10 @@ class Jobs:
             _kill(job)
         if pool is not None:
             pool.close()
-        self._fail_unfinished("the server was stopped while it ran")
+        try:
+            self._fail_unfinished("the server was stopped while it ran")
+        except (OSError, DBAPIError):  # the next start says it
+            log.exception("what became of the jobs could not be stored")
 
     def submit(self, job_id: str, attempt: int = 1) -> None:
         """Hand a stored job to the workers, for the first time or after the worker of another job was ended."""

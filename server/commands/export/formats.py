@@ -53,7 +53,7 @@ def export(options: argparse.Namespace) -> int:
             if len(backup) > 1:
                 print(f"scancell: {file} changed", file=sys.stderr)
     except NotUsableError as error:
-        print(f"scancell: error: {error}", file=sys.stderr)
+        print(f"scancell: error: {' '.join(str(error).split())}", file=sys.stderr)
         return NOT_ACCEPTED
     write_out(options, options.out, [content])
     return OK
