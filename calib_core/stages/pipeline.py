@@ -1,7 +1,9 @@
 """Stages solved: one, or all that a session has captures for."""
 
+from numpy.linalg import LinAlgError
+
 from calib_core.captures.solved_optics import remembered
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MotionError
 from calib_core.records import Capture, Result, Session
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.evidence import with_evidence
@@ -89,7 +91,14 @@ def solve_stage(
         What the stage's solver says.
     """
     given = stage_input(session, stage, read, progress, store, kept)
-    return with_evidence(session, STAGES.get(stage, "stage").solve(given))
+    try:
+        result = STAGES.get(stage, "stage").solve(given)
+    except LinAlgError:
+        to_do = "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures."
+        raise MotionError(
+            "captures and sigmas that determine an answer", "equations without one", to_do, stage
+        ) from None
+    return with_evidence(session, result)
 
 
 def stage_input(

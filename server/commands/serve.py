@@ -31,7 +31,9 @@ def serve(options: argparse.Namespace) -> int:
     from server.serve import WorkbenchServer
     from server.settings import Settings
 
-    settings = Settings(host=host, port=port, data=options.data)
+    tls = {"tls_certificate": options.tls_cert, "tls_key": options.tls_key}
+    given = {name: path for name, path in tls.items() if path is not None}
+    settings = Settings(host=host, port=port, data=options.data, **given)
     set_up(settings.log)
     sys.setswitchinterval(_SWITCH_S)
     server = WorkbenchServer(settings)

@@ -1,0 +1,94 @@
+"""What a store need not keep any longer: sessions by age, and the oldest of a cell beyond its room."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session as Transaction
+
+from server.store.database import Store
+from server.store.models import FileRow, OutputRow, ReleaseRow, SessionRow
+from server.store.releases import cell_of
+from server.store.sessions import delete_session, unused
+from server.store.tokens import from_now
+
+
+@dataclass(frozen=True)
+class Old:
+    """A session that may go, and why: `age` or `quota`."""
+
+    id: str
+    name: str
+    cell: str
+    updated: str
+    size: int
+    why: str
+
+
+def sessions_beyond(
+    db: Transaction, days: float | None = None, cell: str | None = None, quota_bytes: int | None = None
+) -> list[Old]:
+    """Return the sessions that a rule lets go, the oldest first.
+
+    What is in force for a cell is kept, whatever its age: the session that its answer was released from.
+
+    Parameters
+    ----------
+    db : Transaction
+    days : float, optional
+        Sessions that nobody has changed for so long go.
+    cell : str, optional
+        Only sessions of this cell.
+    quota_bytes : int, optional
+        Of each cell the oldest go, until the files of those that stay need no more than this.
+    """
+    latest = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
+    in_force = set(db.scalars(select(ReleaseRow.session_id).where(ReleaseRow.number.in_(latest))))
+    sizes = _sizes(db)
+    before = None if days is None else from_now(-timedelta(days=days))
+    newest_first: dict[str, list[SessionRow]] = {}
+    for row in db.scalars(select(SessionRow).order_by(SessionRow.updated.desc(), SessionRow.id)):
+        newest_first.setdefault(cell_of(row), []).append(row)
+    found: list[Old] = []
+    for name, rows in newest_first.items():
+        if cell is not None and name != cell:
+            continue
+        total = sum(sizes.get(row.id, 0) for row in rows if row.id in in_force)
+        for row in rows:
+            if row.id in in_force:
+                continue
+            size = sizes.get(row.id, 0)
+            old = before is not None and row.updated < before
+            too_much = quota_bytes is not None and total + size > quota_bytes
+            if old or too_much:
+                found.append(Old(row.id, row.name, name, row.updated, size, "age" if old else "quota"))
+            else:
+                total += size
+    return sorted(found, key=lambda one: one.updated)
+
+
+def remove_sessions(store: Store, sessions: Sequence[Old]) -> int:
+    """Remove sessions for good, each in a transaction of its own; those that changed meanwhile stay."""
+    removed = 0
+    for one in sessions:
+        with store.write() as db:
+            row = db.get(SessionRow, one.id)
+            if row is None or row.updated != one.updated:
+                continue
+            digests = delete_session(db, one.id)
+        with store.read() as db:
+            digests = unused(db, digests)
+        store.blobs.remove(digests)
+        removed += 1
+    return removed
+
+
+def _sizes(db: Transaction) -> dict[str, int]:
+    """Return the bytes of each session's files; what sessions share counts for each."""
+    sizes: dict[str, int] = {}
+    for rows in (FileRow, OutputRow):
+        query = select(rows.session_id, func.sum(rows.size)).group_by(rows.session_id)
+        for session_id, size in db.execute(query):
+            sizes[session_id] = sizes.get(session_id, 0) + int(size)
+    return sizes
