@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from calib_core.errors import CalibrationError
     from calib_core.records import Result, RootCause, Session
     from calib_core.stages.stage import ReadFile
-
     from scancell_client import Scancell
 
 
@@ -137,6 +136,11 @@ def _run_there(options: argparse.Namespace) -> int:
     from server.console.progress import progress_bar
     from server.console.remote import connected, session_id
 
+    if options.apply or options.undo:
+        from calib_core.errors import InputError
+
+        to_do = "Apply it on the page, or to the session's folder."
+        raise InputError("--server alone", "--apply or --undo with it", to_do, "--server")
     with connected(options) as api, progress_bar(options, says_why=False) as progress:
         session = (
             _sent(api, options.session) if options.session.exists() else session_id(api, str(options.session))
