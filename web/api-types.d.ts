@@ -139,6 +139,27 @@ export interface Brands {
   items: Brand[];
 }
 
+export interface BudgetAtPart {
+  frame: "turntable" | "laser";
+  point_mm: number[];
+  sigmas_mm: number[];
+  uncertainty_mm: number;
+  shared_uncertainty_mm: number;
+  cancelled_mm: number;
+  parts: BudgetPart[];
+  helps_most: string;
+  stage: string;
+  stale?: boolean;
+  field?: FieldPoint[] | null;
+}
+
+export interface BudgetPart {
+  name: "tool" | "scanner" | "table" | "arm" | "arm_alike" | "angle" | "points";
+  sigma_mm: number;
+  worst_sigma_mm: number;
+  shared: boolean;
+}
+
 export interface CameraCandidate {
   model: string;
   parameters: number;
@@ -289,6 +310,18 @@ export interface CellHistory {
   id: string;
   sessions: CellSession[];
   releases: Release[];
+}
+
+export interface CellPlan {
+  reachable: boolean | null;
+  wanted_mm: number | null;
+  sphere: SpherePlan;
+  spheres: SpherePlan[];
+  distance_mm: number;
+  offset_mm: number;
+  where: string;
+  limited_by: string;
+  sentence: string;
 }
 
 export interface CellSession {
@@ -483,6 +516,12 @@ export interface FieldOfView {
   far_mm: number;
   near_width_mm: number;
   far_width_mm?: number | null;
+}
+
+export interface FieldPoint {
+  point_mm: number[];
+  uncertainty_mm: number;
+  shared_uncertainty_mm: number;
 }
 
 export interface Figure {
@@ -1002,6 +1041,21 @@ export interface PlaneInCamera {
   distance_mm: number;
 }
 
+export interface PlannedCell {
+  scanner: FieldOfView;
+  point_sigma_mm?: number;
+  pitch_mm?: number;
+  kind?: "profile" | "cloud" | "center";
+  arm?: "calibrated" | "ordinary" | "nominal";
+  position_sigma_mm?: number | null;
+  mounting_mm?: number;
+  sphere_diameter_mm?: number | null;
+  sphere_class?: "certified" | "bearing" | "coated" | "turned";
+  limits?: Limits;
+  wanted_mm?: number | null;
+  most_captures?: number;
+}
+
 export interface PlannedPose {
   id: string;
   pose: number[];
@@ -1046,6 +1100,13 @@ export interface PoseLines {
   items: PoseLine[];
 }
 
+export interface PoseList {
+  pose_convention: string;
+  speed_mm_s: number;
+  poses: PoseOfSet[];
+  note: string;
+}
+
 export interface PoseOfFile {
   name: string;
   pose: number[] | null;
@@ -1060,6 +1121,13 @@ export interface PoseOfFile {
   as_written: number[] | null;
   doubt: string | null;
   time_s: number | null;
+}
+
+export interface PoseOfSet {
+  base_from_tool0: number[][];
+  numbers: number[];
+  approach_numbers: number[] | null;
+  uncertainty_mm: number | null;
 }
 
 export interface PoseReading {
@@ -1247,6 +1315,9 @@ export interface ScannerFound {
   covariance_with_tool: number[][];
   applied: boolean;
   sphere_diameter_sigma_mm: number;
+  covariance_with_table?: number[][] | null;
+  half_width_mm?: number | null;
+  facing?: number;
 }
 
 export interface SceneControls {
@@ -1343,6 +1414,13 @@ export interface SkippedPart {
   line: number;
   reason: string;
   file: string | null;
+}
+
+export interface SpherePlan {
+  diameter_mm: number;
+  captures: number | null;
+  uncertainty_mm: number;
+  after_mm: (number | null)[];
 }
 
 export interface StageOfCell {

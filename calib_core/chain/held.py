@@ -52,6 +52,8 @@ class Held:
         Whether the scanner's errors are taken out of the points.
     errors : list of ScannerError
         Those that are significant, the arm's length scale among them.
+    half_width_mm : float
+        Half the width that the scanner's points fill.
     """
 
     state: ChainState
@@ -62,6 +64,7 @@ class Held:
     facing: int
     applied: bool
     errors: list[ScannerError]
+    half_width_mm: float = 1.0
 
     @property
     def tool_and_scanner(self) -> np.ndarray:
@@ -95,6 +98,10 @@ def point_rows(
 
 def hold_files(judged: Judged, apply: bool) -> Held:
     """Return the answer of captures that were judged, for corrected files or for files as they are."""
+    return replace(_held(judged, apply), half_width_mm=judged.data.half_width_mm)
+
+
+def _held(judged: Judged, apply: bool) -> Held:
     found, at, data = judged.fit.state, judged.fit.minimum.at, judged.data
     active = data.active
     covariance = judged.fit.covariance * judged.inflation

@@ -59,6 +59,8 @@ class ChainSolution:
         Of those of the table, by the same.
     cross_covariance : (6, 6)
         Of tool0_from_laser with base_from_turntable.
+    scanner_with_table : (6, n)
+        Of base_from_turntable with the nuisances.
     tcp_distance, turntable_distance : float
         Squared Mahalanobis distance of the stages' own answers from the whole chain's: 6 and 5 degrees of freedom.
     tcp_difference, turntable_difference : (6,)
@@ -68,6 +70,7 @@ class ChainSolution:
     tcp: TcpSolution
     turntable: TurntableSolution
     cross_covariance: FloatArray
+    scanner_with_table: FloatArray
     tcp_distance: float
     turntable_distance: float
     tcp_difference: FloatArray
@@ -116,6 +119,7 @@ def solve_chain(
         tcp=still,
         turntable=turning,
         cross_covariance=covariance[:6, size] @ turning.covariance.pose_by_unknowns.T,
+        scanner_with_table=turning.covariance.pose_by_unknowns @ covariance[size, held.tool_and_scanner[6:]],
         tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], still.covariance[:6, :6], estimated),
         turntable_distance=_distance(
             table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], turning.covariance.pose[some], estimated

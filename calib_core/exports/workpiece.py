@@ -11,6 +11,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
+from calib_core.guidance.budget import Calibrated, View, together
 from calib_core.records import Record, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.registry import steps_that_show
@@ -141,7 +142,10 @@ def _on_the_table(result: Mapping[str, Any], mount: Mapping[str, Any]) -> AtWork
 
 
 def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any]) -> AtWorkpiece | None:
-    """Return how well a scanned point on the table is known, over the poses that saw the sphere there (RMS)."""
+    """Return how well a scanned point on the table is known, over the poses that saw the sphere there (RMS).
+
+    The scanner's own errors count together with what they did to tool and table.
+    """
     rows = [r for r in result["residuals"] if r["used"] and r.get("mount") == mount["mount"]]
     angles_deg = {r["capture"]: r["table_deg"] for r in rows if r.get("table_deg") is not None}
     poses = _poses(session, set(angles_deg), ("turntable",))
@@ -149,24 +153,18 @@ def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any])
         return None
     tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
     table = RigidTransform.from_rounded(result["base_from_turntable"], "base", "turntable")
-    cross = covariance_in(result, "cross_covariance")
-    covariance = np.block(
-        [
-            [covariance_in(result, "covariance"), cross],
-            [cross.T, covariance_in(result, "turntable_covariance")],
-        ]
-    )
+    for name in ("covariance", "turntable_covariance", "cross_covariance"):
+        covariance_in(result, name)
+    known = Calibrated.of(result, [0.0, 0.0, 0.0])
     place = np.array(mount["center_in_turntable_mm"], dtype=float)
     total = np.zeros((3, 3))
     for capture, base_from_tool0 in poses.items():
-        angle = np.deg2rad(result["direction"] * angles_deg[capture])
-        turn = RigidTransform.of([0.0, 0.0, angle], [0.0, 0.0, 0.0], "turntable", "turntable")
-        turned = turn.apply(place)
-        in_laser = (base_from_tool0 @ tool).inverse().apply(table.apply(turned))
-        by_tool = base_from_tool0.rotation @ point_jacobian(tool, in_laser)
-        # From the base into T at angle zero, where the point belongs.
-        jacobian = (table @ turn).rotation.T @ np.hstack([by_tool, -point_jacobian(table, turned)])
-        total += jacobian @ covariance @ jacobian.T
+        angle = float(np.deg2rad(angles_deg[capture]))
+        turn = RigidTransform.of(
+            [0.0, 0.0, result["direction"] * angle], [0.0, 0.0, 0.0], "turntable", "turntable"
+        )
+        in_laser = (base_from_tool0 @ tool).inverse().apply((table @ turn).apply(place))
+        total += together(known, View(base_from_tool0.rotation, angle, in_laser), place)
     return _summed("both", mount["mount"], place, total / len(poses))
 
 

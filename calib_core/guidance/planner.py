@@ -10,12 +10,14 @@ from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Candidates, Room, allowed, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 
-_CANDIDATES, _NEAR = 300, 60
+_CANDIDATES, _NEAR = 300, 80
 _NEAR_MM, _NEAR_RAD = 8.0, 0.08
+_STEPS = (1.0, 0.5)
 _SEED = 20_270
 _SWEEPS = 4
 _WORTH = 0.999  # of the criterion: an exchange that gains less is none
 _SHARE_SURE = 0.1
+_BESIDE_PLAN_MM = 3.0
 _TIMID_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
 _AXES = np.array(
     [[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1], [1, 1, 0], [1, -1, 0]], dtype=float
@@ -88,8 +90,9 @@ def next_pose(situation: Situation, count: int = _CANDIDATES) -> NextPose | None
     if not best.sure and len(situation.taken):
         timid = _timid(situation)
         return _best(situation, timid) if len(timid) else best
-    near = _near(situation, best)
-    return _best(situation, near) if len(near) else best
+    for step in _STEPS:
+        best = _best(situation, _near(situation, best, step))
+    return best
 
 
 def _best(situation: Situation, poses: Candidates) -> NextPose:
@@ -137,16 +140,16 @@ def _timid(situation: Situation) -> Candidates:
     return Candidates(tuple(poses), np.array(places).reshape(-1, 3))
 
 
-def _near(situation: Situation, best: NextPose) -> Candidates:
+def _near(situation: Situation, best: NextPose, step: float) -> Candidates:
     """Return the pose itself and allowed ones near it."""
     rng = np.random.default_rng(_SEED)
     given, room = situation.assumed, situation.room
-    steps = rng.standard_normal((_NEAR, 6)) * np.array([_NEAR_RAD] * 3 + [_NEAR_MM] * 3)
+    steps = rng.standard_normal((_NEAR, 6)) * np.array([_NEAR_RAD] * 3 + [_NEAR_MM] * 3) * step
     poses = [best.base_from_tool0]
-    for step in steps:
-        turned = best.base_from_tool0.perturbed([*step[:3], 0.0, 0.0, 0.0])
+    for change in steps:
+        turned = best.base_from_tool0.perturbed([*change[:3], 0.0, 0.0, 0.0])
         # Turned about the sphere, then shifted: the sphere stays in view.
-        seen = given.tool0_from_laser.apply(best.center_in_laser_mm + step[3:])
+        seen = given.tool0_from_laser.apply(best.center_in_laser_mm + change[3:])
         pose = RigidTransform.of(
             turned.rotation, given.center_in_base_mm - turned.rotation @ seen, "base", "tool0"
         )
@@ -175,18 +178,23 @@ class PlannedSet:
 def planned_set(situation: Situation, count: int, grid: int = 500, sweeps: int = _SWEEPS) -> PlannedSet:
     """Return the set of `count` poses that together leave least uncertainty: greedy, then by exchange.
 
+    From each the sphere stays in the field though it may be 3 mm beside its place: a plan is made by a drawing.
+
     Raises
     ------
     ValueError
         If fewer poses are allowed than are asked for.
     """
-    poses = situation.proposed(grid)
+    poses = situation.proposed(2 * grid)
+    radius = situation.assumed.sphere.radius_mm
+    safe = situation.room.sight.sees(poses.centers_in_laser, radius, _BESIDE_PLAN_MM)
+    poses = poses.chosen(safe & (np.cumsum(safe) <= grid))
     if len(poses) < count:
         raise ValueError(f"{len(poses)} allowed poses, {count} wanted")
     taken = len(situation.taken)
     design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
     first = list(range(taken))
-    chosen = exchanged(design, first, _greedy(design, first, count), sweeps)
+    chosen = exchanged(design, first, greedy(design, first, count), sweeps)
     ordered = _in_order(design, first, chosen)
     index = np.array(ordered) - taken
     after = [float(worst_sigma_mm(design.workpiece([*first, *ordered[: n + 1]]))) for n in range(len(ordered))]
@@ -194,7 +202,8 @@ def planned_set(situation: Situation, count: int, grid: int = 500, sweeps: int =
     return PlannedSet(picked, np.array(after))
 
 
-def _greedy(design: Design, first: Sequence[int], count: int) -> list[int]:
+def greedy(design: Design, first: Sequence[int], count: int) -> list[int]:
+    """Return captures beside the first ones, each the one that helps most when it is chosen."""
     chosen: list[int] = []
     for _ in range(count):
         others = [k for k in range(len(first), len(design)) if k not in chosen]

@@ -34,6 +34,11 @@ def parse_cell(data: Mapping[str, Any], where: str = "cell") -> Cell:
 _R = TypeVar("_R", bound=Record)
 
 
+def parsed_record(model: type[_R], data: Mapping[str, Any], where: str) -> _R:
+    """Return any record that JSON data describes; raises InputError."""
+    return _parse(model, data, where)
+
+
 def _parse(model: type[_R], data: Mapping[str, Any], where: str) -> _R:
     try:
         return model.model_validate(data)

@@ -73,6 +73,8 @@ class ScannerFound(Record):
 
     `covariance_with_tool` is (6, n).  With `applied` the tool belongs to points from which scale, shear and bow
     are taken out, otherwise to the files as they are.  `sphere_diameter_sigma_mm` is what was told or assumed.
+    `covariance_with_table` is (6, n), of base_from_turntable in the whole chain; `half_width_mm` half the width
+    that the points fill, in which a bow is measured; `facing` is 1 where z grows away from the scanner, else −1.
     """
 
     names: list[str]
@@ -82,6 +84,9 @@ class ScannerFound(Record):
     covariance_with_tool: Rows
     applied: bool
     sphere_diameter_sigma_mm: float
+    covariance_with_table: Rows | None = None
+    half_width_mm: float | None = None
+    facing: int = 1
 
 
 class AtPoint(Record):

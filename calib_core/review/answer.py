@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from calib_core.errors import ConflictError
+from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.frames import FloatArray, RigidTransform
@@ -95,7 +95,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         base_from_turntable=_table(convention.name, answer),
         position_sigma_mm=answer.position_sigma_mm,
         rotation_sigma_deg=answer.rotation_sigma_deg,
-        budget=result.get("budget"),
+        budget=_budget(answer),
         decision=answer.results.get("verify", {}).get("decision"),
     )
 
@@ -108,6 +108,16 @@ def answer_of_folder(
     try:
         return answer_record(answer_of(session, results, stale, date))
     except ConflictError:
+        return None
+
+
+def _budget(answer: Answer) -> Any:
+    """Return the error budget at the workpiece as JSON data; None of results that have no covariances for it."""
+    from calib_core.guidance.at_part import budget_at
+
+    try:
+        return budget_at(answer.session, answer.results).to_json()
+    except (InputError, KeyError, TypeError, ValueError):
         return None
 
 

@@ -67,6 +67,8 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_API}/sessions",
         f"GET {_SESSION}",
         f"GET {_SESSION}/guide",
+        f"GET {_SESSION}/budget",
+        f"GET {_SESSION}/planned",
         f"GET {_SESSION}/check",
         f"GET {_SESSION}/causes",
         f"GET {_SESSION}/events",
@@ -131,6 +133,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         "POST /scenes/{session}/highlight",
     ),
     Role.CAPTURE: (
+        f"POST {_API}/plan",
         f"POST {_API}/sessions",
         f"PATCH {_SESSION}",
         f"POST {_SESSION}/captures/batch",

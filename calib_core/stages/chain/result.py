@@ -64,7 +64,8 @@ def chain_result(
         undetermined=tcp.undetermined,
         two_step=tcp.two_step,
         variance_components=variance_components(table.sigmas, table.point_sigma_mm, table.options),
-        scanner=tcp.scanner,
+        scanner=tcp.scanner
+        and tcp.scanner.model_copy(update={"covariance_with_table": solution.scanner_with_table.tolist()}),
         workpiece=tcp.workpiece,
         confidence_95=tcp.confidence_95,
         residuals=[*tcp.residuals, *rows],

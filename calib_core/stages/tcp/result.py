@@ -70,6 +70,8 @@ def scanner_found(solution: TcpSolution) -> ScannerFound:
         covariance_with_tool=covariance[:6, 6:].tolist(),
         applied=held.applied,
         sphere_diameter_sigma_mm=solution.sphere.sigma_mm,
+        half_width_mm=held.half_width_mm,
+        facing=held.facing,
     )
 
 

@@ -1,0 +1,203 @@
+"""Before anything is bought or mounted: what a scanner, an arm and a sphere can reach at the part, and how."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field
+
+from calib_core.captures.content import sphere_of
+from calib_core.chain.model import Sigmas
+from calib_core.errors import InputError
+from calib_core.evidence.numbers import COVERAGE
+from calib_core.frames import RigidTransform, rotation_from_vector
+from calib_core.guidance.candidates import Room
+from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.planner import Situation, greedy
+from calib_core.guidance.sight import Sight
+from calib_core.records import Cell, NotNegative, Positive, Record
+from calib_core.records.planning import FieldOfView, Limits
+from calib_core.records.session import SphereClass
+
+ArmClass = Literal["calibrated", "ordinary", "nominal"]
+
+ARMS: Final[Mapping[str, Sigmas]] = {
+    "calibrated": Sigmas(0.02, 5e-5, 5e-5, 0.02, 5e-5, 1.0),
+    "ordinary": Sigmas(0.05, 1.5e-4, 1e-4, 0.06, 1.5e-4, 1.0),
+    "nominal": Sigmas(0.08, 2e-4, 1e-4, 0.2, 3e-4, 1.0),
+}
+"""A pose's own scatter and the part that is alike where poses are alike: of an arm whose kinematics were
+measured, of a good one, and of a large one as delivered."""
+
+_DIAMETERS_MM: Final = (12.0, 20.0, 25.4, 30.0, 38.1, 50.0, 60.0, 80.0)
+_MOST_CAPTURES: Final = 30
+_GRID: Final = 160
+_HOME: Final = rotation_from_vector(np.array([np.pi, 0.0, 0.0]))
+_SAME: Final = 1.02  # nearer to each other than this two spheres are alike, and the smaller one is proposed
+
+
+class CellToPlan(Record):
+    """A cell that does not stand yet; lengths in mm. What is left out is an ordinary one's.
+
+    `mounting_mm` is about how far the scanner sits from the flange; without `sphere_diameter_mm` the usual ones
+    are tried.
+    """
+
+    scanner: FieldOfView
+    point_sigma_mm: Positive = 0.02
+    pitch_mm: Positive = 0.1
+    kind: Literal["profile", "cloud", "center"] = "profile"
+    arm: ArmClass = "ordinary"
+    position_sigma_mm: NotNegative | None = None
+    mounting_mm: Positive = 150.0
+    sphere_diameter_mm: Positive | None = None
+    sphere_class: SphereClass = "certified"
+    limits: Limits = Field(default_factory=Limits)
+    wanted_mm: Positive | None = None
+    most_captures: Annotated[int, Field(ge=5, le=60)] = _MOST_CAPTURES
+
+
+class SpherePlan(Record):
+    """What one sphere reaches: ± (k = 2) at the workpiece after so many captures, and after how many as wanted.
+
+    `captures` is null where `most_captures` do not reach `wanted_mm`; `after_mm` has one figure a capture, null
+    while a direction is open.
+    """
+
+    diameter_mm: float
+    captures: int | None
+    uncertainty_mm: float
+    after_mm: list[float | None]
+
+
+class CellPlan(Record):
+    """What is reachable, with which sphere, how many captures, and where to put it.
+
+    `spheres` are those that fit into the field, as they were tried. `sphere` is the one to take. `distance_mm` and
+    `offset_mm` say how the scanner should see it: that far along z, the stripe that far beside its middle.
+    `limited_by` says what more captures would not help.
+    """
+
+    reachable: bool | None
+    wanted_mm: float | None
+    sphere: SpherePlan
+    spheres: list[SpherePlan]
+    distance_mm: float
+    offset_mm: float
+    where: str
+    limited_by: str
+    sentence: str
+
+
+def plan_cell(cell: CellToPlan) -> CellPlan:
+    """Return what a cell will reach, from the covariance that its solver would state.
+
+    Raises
+    ------
+    InputError
+        If no sphere fits into the field of view.
+    """
+    diameters = _DIAMETERS_MM if cell.sphere_diameter_mm is None else (cell.sphere_diameter_mm,)
+    tried = [found for diameter in diameters if (found := _with_sphere(cell, diameter)) is not None]
+    if not tried:
+        field = cell.scanner
+        got = f"{field.near_width_mm:g} mm at {field.near_mm:g} mm, {field.far_mm - field.near_mm:g} mm deep"
+        to_do = "Take a smaller sphere, or a scanner with a larger field."
+        raise InputError("a field of view into which the sphere's arc fits", got, to_do, "scanner")
+    plan, situation = min(tried, key=lambda one: (_cost(one[0]), one[0].diameter_mm))
+    sight, radius = situation.room.sight, plan.diameter_mm / 2
+    distance, offset = float(abs(sight.safest(radius, 1.0)[2])), 0.55 * radius if cell.kind == "profile" else 0.0
+    reached = None if cell.wanted_mm is None else plan.captures is not None
+    return CellPlan(
+        reachable=reached,
+        wanted_mm=cell.wanted_mm,
+        sphere=plan,
+        spheres=[one for one, _ in tried],
+        distance_mm=distance,
+        offset_mm=offset,
+        where="Where the workpiece will be, at its height: the arm's errors are alike there and count for both. "
+        "On a table: once beside it, then on it, as far off the axis as the workpiece reaches, at its lowest "
+        "and at its highest, eight angles each.",
+        limited_by=_limited_by(situation),
+        sentence=_sentence(cell, plan),
+    )
+
+
+def _with_sphere(cell: CellToPlan, diameter_mm: float) -> tuple[SpherePlan, Situation] | None:
+    """Return what captures of a sphere reach, each the one that helps most; None where it does not fit."""
+    situation = _situation(cell, diameter_mm)
+    poses = situation.proposed(_GRID)
+    if len(poses) < cell.most_captures:
+        return None
+    design = Design(situation.seen_from(poses), situation.assumed)
+    order = greedy(design, [], cell.most_captures)
+    after = [float(worst_sigma_mm(design.workpiece(order[: n + 1]))) for n in range(len(order))]
+    wanted = cell.wanted_mm
+    captures = next((n + 1 for n, s in enumerate(after) if wanted is not None and COVERAGE * s <= wanted), None)
+    shown = [COVERAGE * s if s < 20.0 else None for s in after]
+    plan = SpherePlan(
+        diameter_mm=diameter_mm, captures=captures, uncertainty_mm=COVERAGE * after[-1], after_mm=shown
+    )
+    return plan, situation
+
+
+def _situation(cell: CellToPlan, diameter_mm: float) -> Situation:
+    field = cell.scanner
+    sight = Sight(
+        kind=cell.kind,
+        near_mm=field.near_mm,
+        far_mm=field.far_mm,
+        near_half_width_mm=field.near_width_mm / 2,
+        far_half_width_mm=(field.far_width_mm or field.near_width_mm) / 2,
+        pitch_mm=cell.pitch_mm,
+        point_sigma_mm=cell.point_sigma_mm,
+    )
+    sigmas = ARMS[cell.arm]
+    if cell.position_sigma_mm is not None:
+        sigmas = replace(sigmas, position_mm=cell.position_sigma_mm)
+    as_told = Cell(pose_convention="matrix", sphere_diameter_mm=diameter_mm, sphere_class=cell.sphere_class)
+    aside = cell.mounting_mm / np.sqrt(2)
+    tool = RigidTransform.of([0.3, 0.0, 0.0], [aside, 0.0, aside], "tool0", "laser")
+    center = np.array([1000.0, 0.0, 500.0])
+    assumed = Assumed(sphere_of(as_told, []), tool, center, sigmas, sight.middle_mm)
+    return Situation([], assumed, Room(sight, cell.limits, _HOME))
+
+
+def _cost(plan: SpherePlan) -> float:
+    """Return what decides between spheres: captures as wanted, else ±, in steps of `_SAME`."""
+    if plan.captures is not None:
+        return float(plan.captures)
+    return 1000.0 + np.round(np.log(plan.uncertainty_mm) / np.log(_SAME))
+
+
+def _limited_by(situation: Situation) -> str:
+    """Return what is left however many captures there are: the source without which the same captures do best."""
+    poses = situation.proposed(60)
+    seen, given = situation.seen_from(poses), situation.assumed
+    every = range(len(seen))
+    exact = replace(given.sphere, sigma_mm=0.0)
+    own = replace(given.sigmas, position_mm=0.002, orientation_rad=2e-6)
+    alike = replace(given.sigmas, alike_position_mm=0.0, alike_orientation_rad=0.0)
+    without = {
+        "the sphere's diameter: take one with a certificate": replace(given, sphere=exact),
+        "the arm's repeatability": replace(given, sigmas=own),
+        "the arm's errors that are alike where poses are alike: have its kinematics measured": replace(
+            given, sigmas=alike
+        ),
+        "what is not known of the scanner's scale, and of the arm's lengths with it": replace(given, priors=None),
+    }
+    left = {cause: float(worst_sigma_mm(Design(seen, one).workpiece(every))) for cause, one in without.items()}
+    return min(left, key=lambda cause: left[cause])
+
+
+def _sentence(cell: CellToPlan, plan: SpherePlan) -> str:
+    sphere = f"a sphere of {plan.diameter_mm:g} mm ({cell.sphere_class})"
+    if cell.wanted_mm is None:
+        return f"± {plan.uncertainty_mm:.2g} mm at the workpiece with {sphere} and {len(plan.after_mm)} captures."
+    if plan.captures is None:
+        return (
+            f"± {cell.wanted_mm:g} mm is out of reach: {sphere} and {len(plan.after_mm)} captures leave "
+            f"± {plan.uncertainty_mm:.2g} mm."
+        )
+    return f"± {cell.wanted_mm:g} mm at the workpiece takes {sphere} and {plan.captures} captures."

@@ -1,0 +1,66 @@
+"""`scancell next`: what to do now, the pose that helps most, or a planned set of poses."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from server.console.command import OK, Command, session_argument
+from server.console.output import print_result
+
+if TYPE_CHECKING:
+    from calib_core.guidance.pose_list import PoseList
+    from calib_core.records import GuideNow
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    session_argument(parser)
+    parser.add_argument("--count", type=int, metavar="N", help="a planned set of so many poses for the sphere")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from calib_core.archive.archive import opened
+    from calib_core.archive.folder import load_session
+    from calib_core.archive.stored_results import stored_results
+    from calib_core.captures.measure import measure_capture
+    from calib_core.errors import InputError
+    from calib_core.guidance.pose_list import planned_poses
+    from calib_core.stages.graph import Graph
+    from calib_core.stages.guide import guide
+
+    if options.count is not None and not 1 <= options.count <= 30:
+        raise InputError("1 to 30 poses", str(options.count), "Ask for so many.", "--count")
+    with opened(options.session) as folder:
+        session, read = load_session(folder)
+        results = stored_results(folder)
+        stale = Graph.of_files(session, read).stale(results)
+        shown = [c for c in session.captures if not c.excluded and c.kind != "frame"]
+        measured = [measure_capture(session, capture, read) for capture in shown]
+    if options.count is None:
+        now = guide(session, measured, results, stale).current
+        print_result(options, _text(now), now.to_json())
+    else:
+        told = {stage: {**dict(result), "stale": stage in stale} for stage, result in results.items()}
+        plan = planned_poses(session, measured, told, options.count)
+        print_result(options, _listed(plan), plan.to_json())
+    return OK
+
+
+def _text(now: "GuideNow") -> str:
+    lines = [now.instruction, f"  {now.why}"]
+    if now.progress:
+        lines.append(f"  {now.progress}")
+    if now.suggested_pose_numbers:
+        lines.append("  pose: " + " ".join(f"{value:.4f}" for value in now.suggested_pose_numbers))
+    if now.suggested_note:
+        lines.append(f"  {now.suggested_note}")
+    return "\n".join(lines)
+
+
+def _listed(plan: "PoseList") -> str:
+    lines = [plan.note, f"  pose of the flange in base ({plan.pose_convention}), then ± at the workpiece"]
+    for number, pose in enumerate(plan.poses, start=1):
+        after = "not determined yet" if pose.uncertainty_mm is None else f"± {pose.uncertainty_mm:.3f} mm"
+        lines.append(f"  {number:>2}  " + " ".join(f"{value:10.4f}" for value in pose.numbers) + f"  {after}")
+    return "\n".join(lines)
+
+
+COMMAND = Command("next", "what to do now, and the pose that helps most", "session", _arguments, _run)

@@ -1,0 +1,92 @@
+"""`scancell plan`: what a cell will reach, before anything is bought or mounted."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from server.console.command import NOT_ACCEPTED, OK, Command
+from server.console.output import print_result
+
+if TYPE_CHECKING:
+    from calib_core.guidance.cell_plan import CellPlan
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the cell as JSON; options win")
+    for name, what in (
+        ("near-mm", "where the scanner's field of view begins"),
+        ("far-mm", "where it ends"),
+        ("near-width-mm", "its width where it begins"),
+        ("far-width-mm", "its width where it ends (as where it begins)"),
+        ("noise-mm", "standard deviation of a point (0.02)"),
+        ("pitch-mm", "between points along the stripe (0.1)"),
+        ("sphere-mm", "the sphere's diameter (the usual ones are tried)"),
+        ("wanted-mm", "the wanted ± at the workpiece, k = 2"),
+        ("tilt-deg", "how far the scanner can lean (30)"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar=name.rsplit("-", 1)[-1].upper(), help=what)
+    parser.add_argument("--arm", choices=("calibrated", "ordinary", "nominal"), help="the arm's class (ordinary)")
+    parser.add_argument(
+        "--sphere-class", choices=("certified", "bearing", "coated", "turned"), help="how exact it is (certified)"
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Print the plan; return 1 where the wanted figure is out of reach."""
+    from calib_core.guidance.cell_plan import CellToPlan, plan_cell
+    from calib_core.records.parsing import parsed_record
+
+    plan = plan_cell(parsed_record(CellToPlan, _cell(options), str(options.file or "plan")))
+    print_result(options, _text(plan), plan.model_dump(mode="json"))
+    return NOT_ACCEPTED if plan.reachable is False else OK
+
+
+def _cell(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the cell of the file with what the options say."""
+    data: dict[str, Any] = {} if options.file is None else _read(options.file)
+    told = {
+        "point_sigma_mm": options.noise_mm,
+        "pitch_mm": options.pitch_mm,
+        "sphere_diameter_mm": options.sphere_mm,
+        "sphere_class": options.sphere_class,
+        "wanted_mm": options.wanted_mm,
+        "arm": options.arm,
+    }
+    data |= {name: value for name, value in told.items() if value is not None}
+    names = ("near_mm", "far_mm", "near_width_mm", "far_width_mm")
+    field = {name: value for name in names if (value := getattr(options, name)) is not None}
+    data["scanner"] = {**data.get("scanner", {}), **field}
+    if options.tilt_deg is not None:
+        data["limits"] = {**data.get("limits", {}), "tilt_deg": options.tilt_deg}
+    return data
+
+
+def _read(file: Path) -> dict[str, Any]:
+    import json
+
+    from calib_core.errors import InputError
+
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError("a cell as JSON", str(error), "Give another file, or options alone.", str(file)) from None
+    if not isinstance(data, dict):
+        raise InputError("a JSON object", type(data).__name__, "See docs/guidance.md.", str(file))
+    return data
+
+
+def _text(plan: "CellPlan") -> str:
+    lines = [plan.sentence, f"  more captures do not help against {plan.limited_by}"]
+    lines.append(
+        f"  the scanner {plan.distance_mm:.0f} mm from the sphere, "
+        f"the stripe {plan.offset_mm:.0f} mm beside its middle"
+    )
+    lines += [f"  {plan.where}", "", f"  {'sphere':>9} {'captures':>9} {'then':>10}"]
+    for one in plan.spheres:
+        captures = "–" if one.captures is None else str(one.captures)
+        reached = one.uncertainty_mm if one.captures is None else one.after_mm[one.captures - 1]
+        lines.append(f"  {one.diameter_mm:6g} mm {captures:>9} ± {reached or 0.0:.3f} mm")
+    return "\n".join(lines)
+
+
+COMMAND = Command("plan", "what a cell will reach, before anything is bought", "files", _arguments, _run)

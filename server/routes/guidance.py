@@ -1,0 +1,73 @@
+"""What to do next and what it is worth: budget at the part, planned poses, a cell before it stands."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from calib_core.errors import InputError
+from calib_core.guidance.at_part import BudgetAtPart
+from calib_core.guidance.cell_plan import CellPlan, CellToPlan
+from calib_core.guidance.pose_list import PoseList
+from server.http.dependencies import SessionId, StoreDep
+from server.http.strict_json import StrictRoute
+from server.store.sessions import load_session
+
+router = APIRouter(tags=["guidance"], route_class=StrictRoute)
+
+Millimetres = Annotated[float | None, Query(ge=-1e5, le=1e5, allow_inf_nan=False, examples=[25.0])]
+
+
+class PlannedCell(CellToPlan):
+    """A cell that does not stand yet, as `POST /plan` takes it."""
+
+    model_config = {  # noqa: RUF012
+        "json_schema_extra": {
+            "examples": [{"scanner": {"near_mm": 130, "far_mm": 230, "near_width_mm": 60}, "wanted_mm": 0.2}]
+        }
+    }
+    most_captures: Annotated[int, Field(ge=5, le=40)] = 20
+
+
+@router.get("/sessions/{session_id}/budget", response_model=BudgetAtPart)
+def get_budget(
+    session_id: SessionId,
+    store: StoreDep,
+    x_mm: Millimetres = None,
+    y_mm: Millimetres = None,
+    z_mm: Millimetres = None,
+    field: bool = False,
+) -> BudgetAtPart:
+    """Return the error budget of the answer at a point of the workpiece, in T or without a table in L.
+
+    Left out, the point is the cell's, or where the sphere stood. `field` adds points all over the table.
+    """
+    from calib_core.guidance.at_part import budget_at
+
+    given = [x_mm, y_mm, z_mm]
+    if any(value is None for value in given) and any(value is not None for value in given):
+        raise InputError("x_mm, y_mm and z_mm together, or none", "some of them", "Give all three.", "x_mm")
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    point = None if x_mm is None else [value or 0.0 for value in given]
+    return budget_at(stored.session, stored.results_with_stale(), point, field)
+
+
+@router.get("/sessions/{session_id}/planned", response_model=PoseList)
+def get_planned(
+    session_id: SessionId, store: StoreDep, captures: Annotated[int, Query(ge=1, le=30, examples=[10])] = 10
+) -> PoseList:
+    """Return the poses that together leave least uncertainty at the workpiece, and what each gains."""
+    from calib_core.guidance.pose_list import planned_poses
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    return planned_poses(stored.session, list(stored.measured.values()), stored.results_with_stale(), captures)
+
+
+@router.post("/plan", response_model=CellPlan)
+def post_plan(cell: PlannedCell) -> CellPlan:
+    """Return what a cell will reach before anything is bought: sphere, captures, place. Stores nothing."""
+    from calib_core.guidance.cell_plan import plan_cell
+
+    return plan_cell(cell)

@@ -1,0 +1,110 @@
+"""The error budget at the workpiece: what is stated of measured points holds, and its parts are told apart."""
+
+import numpy as np
+import pytest
+
+from calib_core.archive.folder import result_data
+from calib_core.errors import ConflictError, InputError
+from calib_core.exports.workpiece import at_workpiece
+from calib_core.guidance.at_part import budget_at
+from calib_core.guidance.budget import Calibrated, View, budget, covariances, stated, together
+from calib_core.guidance.cell_plan import CellToPlan, plan_cell
+from calib_core.records.planning import FieldOfView
+from calib_core.simulation import simulate
+from calib_core.stages.pipeline import solve_stage
+from tests.benchmarks.bench_budget import one
+
+FIELD = FieldOfView(near_mm=130, far_mm=230, near_width_mm=60, far_width_mm=90)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    made = simulate("turntable", 2)
+    return made.session, result_data(solve_stage(made.session, "chain", made.files.__getitem__))
+
+
+def test_measured_points_lie_off_by_what_is_stated() -> None:
+    found = [one(seed) for seed in range(3)]
+    errors = np.concatenate([points.errors_mm for points in found])
+    variances = np.diagonal(np.concatenate([points.covariances for points in found]), axis1=1, axis2=2)
+    assert 0.4 < np.mean(errors**2 / variances) < 2.0  # three cells: their shared errors are few
+    assert np.mean(np.abs(errors) <= 1.96 * np.sqrt(variances)) > 0.85
+
+
+def test_the_scanners_errors_cancel_between_tool_and_point(solved) -> None:
+    _, result = solved
+    known = Calibrated.of(result)
+    view = View(np.eye(3), 0.3)
+    place = np.array([40.0, -20.0, 80.0])
+    parts = covariances(known, view, place)
+    apart = parts["tool"] + parts["table"] + parts["scanner"]
+    assert np.trace(together(known, view, place)) < np.trace(apart)
+    whole = stated(known, view, place)
+    assert np.linalg.eigvalsh(whole)[0] > 0
+    assert np.trace(whole) > np.trace(together(known, view, place))
+
+
+def test_both_counts_what_the_scanner_did_to_tool_and_table(solved) -> None:
+    session, result = solved
+    both = [row for row in at_workpiece(session, result) if row.of == "both"]
+    older = {**result, "scanner": {**result["scanner"], "covariance_with_table": None}}
+    without = [row for row in at_workpiece(session, older) if row.of == "both"]
+    assert len(both) == len(without) == 2
+    for new, old in zip(both, without, strict=True):
+        assert new.worst_sigma_mm != pytest.approx(old.worst_sigma_mm, rel=1e-3)
+        # What is unknown of the arm's lengths and the scanner's scale is in the tool, and back out at the point.
+        assert new.worst_sigma_mm < 1.1 * old.worst_sigma_mm
+
+
+def test_a_budget_tells_shared_from_averaging_parts_and_what_helps(solved) -> None:
+    session, result = solved
+    found = budget_at(session, {"chain": result}, [30.0, 10.0, 60.0], with_field=True)
+    assert found.frame == "turntable"
+    assert {part.name for part in found.parts} == {
+        "tool", "table", "scanner", "arm", "arm_alike", "angle", "points",
+    }  # fmt: skip
+    assert {part.name for part in found.parts if not part.shared} == {"arm", "angle", "points"}
+    assert found.shared_uncertainty_mm < found.uncertainty_mm
+    assert found.helps_most.startswith("What would help most")
+    assert found.field is not None
+    middle = min(found.field, key=lambda point: np.hypot(*point.point_mm[:2]))
+    edge = max(found.field, key=lambda point: np.hypot(*point.point_mm[:2]))
+    assert middle.uncertainty_mm > 0
+    assert edge.uncertainty_mm > 0.9 * middle.uncertainty_mm
+
+
+def test_without_a_table_the_budget_is_the_tools(solved) -> None:
+    session, result = solved
+    alone = {k: v for k, v in result.items() if k != "base_from_turntable"} | {"stage": "tcp"}
+    found = budget_at(session, {"tcp": alone})
+    assert found.frame == "laser"
+    assert "table" not in {part.name for part in found.parts}
+    with pytest.raises(ConflictError, match="Solve the session"):
+        budget_at(session, {})
+    with pytest.raises(InputError, match="workpiece"):
+        Calibrated.of({**alone, "workpiece": None})
+
+
+def test_many_views_are_averaged(solved) -> None:
+    _, result = solved
+    known = Calibrated.of(result)
+    views = [View(np.eye(3), angle) for angle in (0.0, 2.0, 4.0)]
+    mean = np.mean([budget(known, [view], [50.0, 0.0, 50.0]).sigmas_mm[2] ** 2 for view in views])
+    assert budget(known, views, [50.0, 0.0, 50.0]).sigmas_mm[2] ** 2 == pytest.approx(mean)
+
+
+def test_a_plan_says_what_is_reachable_and_what_limits() -> None:
+    plan = plan_cell(CellToPlan(scanner=FIELD, sphere_diameter_mm=30, wanted_mm=0.3, most_captures=15))
+    assert plan.reachable
+    assert plan.sphere.captures is not None
+    assert plan.sphere.captures <= 15
+    assert plan.sphere.after_mm[plan.sphere.captures - 1] <= 0.3
+    assert "30 mm" in plan.sentence
+    worse = plan_cell(
+        CellToPlan(scanner=FIELD, sphere_diameter_mm=30, wanted_mm=0.05, arm="nominal", most_captures=15)
+    )
+    assert worse.reachable is False
+    assert worse.sphere.uncertainty_mm > plan.sphere.uncertainty_mm
+    assert "kinematics" in worse.limited_by
+    with pytest.raises(InputError, match="larger field"):
+        plan_cell(CellToPlan(scanner=FieldOfView(near_mm=130, far_mm=131, near_width_mm=4)))
