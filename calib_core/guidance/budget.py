@@ -110,7 +110,8 @@ class Calibrated:
         InputError
             If its covariances are none, or nothing says where the scanner sees the workpiece.
         """
-        scanner, found = result.get("scanner"), result.get("variance_components") or {}
+        scanner: Mapping[str, Any] | None = result.get("scanner")
+        found: Mapping[str, Any] = result.get("variance_components") or {}
         table = result.get("base_from_turntable") if result.get("stage") == "chain" else None
         if scanner is None or (table is not None and scanner.get("covariance_with_table") is None):
             scanner = {
@@ -248,7 +249,9 @@ def budget(known: Calibrated, views: Sequence[View], point_mm: Sequence[float] |
     on_table = known.base_from_turntable is not None
     point = np.array(known.point_in_laser_mm if point_mm is None else point_mm, dtype=float)
     each = [covariances(known, view, point) for view in views]
-    mean = {name: np.mean([parts[name] for parts in each], axis=0) for name in each[0]}
+    mean: dict[PartName, FloatArray] = {
+        name: np.asarray(np.mean([parts[name] for parts in each], axis=0), dtype=float) for name in each[0]
+    }
     calibrated = np.mean([together(known, view, point) for view in views], axis=0)
     apart = mean["tool"] + mean["table"] + mean["scanner"]
     total = calibrated + sum((mean[n] for n in mean if n not in ("tool", "table", "scanner")), np.zeros((3, 3)))
