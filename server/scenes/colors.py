@@ -15,13 +15,15 @@ REJECTED: Rgb = (230, 159, 0)
 LIGHT: Rgb = (0, 158, 115)
 SPHERE: Rgb = (150, 155, 165)
 GHOST: Rgb = (190, 75, 200)
+UNCERTAIN: Rgb = (213, 94, 0)
 
 MOUNTS: tuple[Rgb, ...] = ((204, 121, 167), (60, 160, 215), (200, 190, 60), (120, 90, 200))
 BOARD: Rgb = (60, 160, 215)
-# Eight tones that neighbours in a row tell apart, and viridis for heights.
+# Twelve tones that neighbours in a row tell apart, as many as a table's scans, and viridis for heights.
 SCANS: tuple[Rgb, ...] = (
     (86, 128, 180), (222, 143, 68), (86, 166, 120), (196, 92, 100),
     (140, 112, 186), (176, 160, 80), (70, 170, 180), (200, 120, 170),
+    (30, 70, 120), (120, 80, 50), (20, 110, 70), (120, 30, 80),
 )  # fmt: skip
 VIRIDIS: tuple[Rgb, ...] = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 

@@ -11,7 +11,8 @@ from server.scenes.bridge import bridge
 from server.scenes.layers import LAYERS
 from server.scenes.live import LiveScene
 from server.scenes.manager import SceneManager
-from server.scenes.router import Past, Scenes, SessionId, client_answer, require_scene
+from server.scenes.router import Past, Scenes, SessionId, client_answer, legend_answer, require_scene
+from server.scenes.stories import Side
 from server.scenes.views import VIEWS
 
 controls_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
@@ -50,6 +51,22 @@ class ViewChange(BaseModel):
 
     view: str = Field(max_length=40, examples=["Top"])
     if_open: bool = False
+
+
+class StoryChange(BaseModel):
+    """The step whose story is told, and whether at its captures or at its result."""
+
+    step: str = Field(max_length=40, examples=["tcp"])
+    side: Side = "measure"
+
+
+class StoryShown(BaseModel):
+    """The view that was taken, and each layer: whether it belongs to the story; `open` where somebody looks."""
+
+    open: bool
+    view: str
+    layers: dict[str, bool]
+    subject: list[str]
 
 
 class Turn(BaseModel):
@@ -130,6 +147,33 @@ def take_view(session: SessionId, viewer: Viewer, body: ViewChange, scenes: Scen
             raise
 
 
+@controls_router.post(
+    "/viewers/{viewer}/story", response_model=StoryShown, summary="Tell one viewer the story of a step"
+)
+def tell_story(session: SessionId, viewer: Viewer, body: StoryChange, scenes: Scenes) -> StoryShown:
+    """Move one viewer's camera to what a step is about, and say which layers tell it; nobody else's changes."""
+    require_scene(scenes, session)
+    live = scenes.live(session)
+    if live is None:
+        return StoryShown(open=False, view="", layers={}, subject=[])
+    told = live.tell(viewer, _shown_by(body.step), body.side)
+    return StoryShown(
+        open=True,
+        view=told.view,
+        layers={name: name in told.layers for name in LAYERS},
+        subject=sorted(told.subject),
+    )
+
+
+@controls_router.get(
+    "/viewers/{viewer}/legend", response_class=HTMLResponse, summary="The legend of what one viewer sees"
+)
+def viewer_legend(session: SessionId, viewer: Viewer, scenes: Scenes, request: Request) -> Response:
+    """Return the legend of a viewer's story as a piece of HTML; empty while nobody looks at the scene."""
+    live = scenes.live(session)
+    return legend_answer(live.legend_of(viewer) if live else "", request)
+
+
 @controls_router.get("/viewers/{viewer}/picture", response_class=Response, summary="What one viewer sees, as PNG")
 def viewer_picture(
     session: SessionId, viewer: Viewer, scenes: Scenes, width: Pixels = 1280, height: Pixels = 800
@@ -142,6 +186,16 @@ def viewer_picture(
     colors = np.ascontiguousarray(pixels[..., [2, 1, 0, 3]])
     headers = {"Content-Disposition": f'attachment; filename="scene-{session}.png"', "Cache-Control": "no-store"}
     return Response(cv2.imencode(".png", colors)[1].tobytes(), media_type="image/png", headers=headers)
+
+
+def _shown_by(step: str) -> str:
+    """Return what the captures of a step, or of the stage of this name, show; else the sphere."""
+    from calib_core.stages.registry import stages
+
+    for stage in stages():
+        if step in (stage.name, *stage.guided) and stage.step is not None:
+            return stage.step.shows
+    return {"merge": "object", "chain": "sphere-on-table"}.get(step, "sphere")
 
 
 def _live(scenes: SceneManager, session: str) -> LiveScene:

@@ -79,6 +79,15 @@ class CaptureFacts:
 
 
 @dataclass(frozen=True, eq=False)
+class KnownHowWell:
+    """Covariances: of tool0_from_laser and base_from_turntable (6, 6: rx ry rz tx ty tz), of the centre (3, 3)."""
+
+    tool: FloatArray | None = None
+    sphere: FloatArray | None = None
+    table: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class SceneFacts:
     """A session in the robot's base; what is not known yet is None, never guessed.
 
@@ -95,6 +104,7 @@ class SceneFacts:
     merged: MergedScans | None = None
     scans: Callable[[], MergedScans | None] = lambda: None
     next_pose: RigidTransform | None = None
+    uncertainty: KnownHowWell | None = None
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -150,7 +160,25 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     captures = tuple(capture for capture in drawn if capture is not None)
     optics, merged = optics_facts(session, results), scene.load_merged() or scene.load_scans()
     facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
-    return replace(facts, sphere_radius_mm=_radius_mm(session, facts), next_pose=_next_pose(scene))
+    radius_mm, well = _radius_mm(session, facts), _known_how_well(results)
+    return replace(facts, sphere_radius_mm=radius_mm, next_pose=_next_pose(scene), uncertainty=well)
+
+
+def _known_how_well(results: Mapping[str, Result]) -> KnownHowWell:
+    """Return the covariances that count: those of the whole chain, else of the stages."""
+
+    def block(stage: str, name: str, size: int) -> FloatArray | None:
+        rows = getattr(results.get(stage), name, None)
+        found = None if rows is None else np.array([row[:size] for row in rows[:size]], dtype=float)
+        return found if found is not None and found.shape == (size, size) and np.isfinite(found).all() else None
+
+    solved = "chain" if "chain" in results else "tcp"
+    table = block("chain", "turntable_covariance", 6)
+    return KnownHowWell(
+        block(solved, "covariance", 6),
+        block(solved, "sphere_center_covariance", 3),
+        block("turntable", "covariance", 6) if table is None else table,
+    )
 
 
 def _next_pose(scene: SceneInput) -> RigidTransform | None:

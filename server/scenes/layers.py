@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
+from server.scenes.arm import arm
 from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
 from server.scenes.facts import SceneFacts
@@ -17,6 +18,7 @@ from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.signs import cross, short
 from server.scenes.trial import trial
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
+from server.scenes.uncertainty import uncertainty
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 _FAN_RAYS = 24
@@ -112,7 +114,7 @@ def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
     for capture in look.shown(facts):
         text = capture.id
         if capture.state == "rejected":
-            text = f"✕ {capture.id} · {short(capture.reason)}"
+            text = f"✕ {capture.id}" + (f" · {short(capture.reason)}" if capture.id == look.picked else "")
         size = 1.3 if capture.id == look.picked else crowded
         above = capture.base_from_tool0.translation_mm + np.array([0.0, 0.0, 14.0])
         yield nodes.label(f"/labels/{capture.id}", above, text, size)
@@ -123,10 +125,12 @@ Layer = Callable[[SceneFacts, Look], Iterator[Node]]
 LAYERS: dict[str, tuple[str, Layer]] = {
     "scans": ("Merged cloud", merged_layer),
     "base": ("Base and floor", base_frame),
+    "arm": ("Arm, generic", arm),
     "frames": ("Flange and laser frames", frames),
     "light": ("Plane of light", light),
     "points": ("Points by residual", residual_points),
     "sphere": ("Sphere", sphere),
+    "uncertainty": ("Uncertainty, magnified", uncertainty),
     "ghost": ("Pose to take next", ghost),
     "trial": ("Poses being read", trial),
     "table": ("Turntable: axis and frame", table_axis),

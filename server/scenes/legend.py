@@ -1,6 +1,6 @@
 """The legend: what the colours mean, with units, as HTML for the live scene and for the offline file."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from html import escape
 
 from server.scenes.cloud_layers import height_range_mm, shown_cloud
@@ -11,6 +11,7 @@ from server.scenes.colors import (
     LIGHT,
     REJECTED,
     SCANS,
+    UNCERTAIN,
     USED,
     VIRIDIS,
     WAITING,
@@ -19,26 +20,37 @@ from server.scenes.colors import (
     length_text,
 )
 from server.scenes.deviation import CloudDeviation
-from server.scenes.facts import SceneFacts
+from server.scenes.facts import KnownHowWell, SceneFacts
 from server.scenes.look import Look
 from server.scenes.merged import MergedScans
 from server.scenes.optics import OpticsFacts
 from server.scenes.turntable import TableFacts
 from server.scenes.turntable_layers import AXIS, mount_color
+from server.scenes.uncertainty import magnified
 
 
-def legend_html(facts: SceneFacts, look: Look) -> str:
-    """Return the legend of a scene; without a result it says what is still to come."""
-    parts = _of_captures(facts, look)
-    if facts.table is not None:
+def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = None) -> str:
+    """Return the legend of a scene, or of those of its layers; without a result it says what is still to come."""
+
+    def told(*names: str) -> bool:
+        return layers is None or any(name in layers for name in names)
+
+    parts = _of_captures(facts, look) if told("frames", "points") else []
+    if facts.table is not None and told("table"):
         parts += _of_table(facts.table)
-    if facts.optics is not None:
+    if facts.optics is not None and told("camera"):
         parts += _of_optics(facts.optics)
-    if (cloud := shown_cloud(facts, look)) is not None:
+    if (cloud := shown_cloud(facts, look)) is not None and told("scans"):
         parts += _of_cloud(cloud, look)
+    if _told_how_well(facts.uncertainty) and told("uncertainty"):
+        parts.append(_key(UNCERTAIN, "●", f"uncertainty, k = 2, ×{magnified(facts)}"))
     if look.alone:
         parts.append(f"<p>The cell as it stood at capture {escape(look.picked or '')}.</p>")
     return "".join(parts)
+
+
+def _told_how_well(known: KnownHowWell | None) -> bool:
+    return known is not None and any(part is not None for part in (known.tool, known.sphere, known.table))
 
 
 def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
@@ -145,9 +157,9 @@ def rejected_html(facts: SceneFacts) -> str:
 def _scale(limit_mm: float) -> str:
     limit = length_text(limit_mm)
     return (
-        f"<h2>Distance to the sphere</h2>{_bar(DIVERGING)}"
+        f"<div><h2>Distance to the sphere</h2>{_bar(DIVERGING)}"
         f'<div class="ticks"><span>≤ −{limit}</span><span>0</span><span>≥ +{limit}</span></div>'
-        '<div class="ticks"><span>inside</span><span>outside</span></div>'
+        '<div class="ticks"><span>inside</span><span>outside</span></div></div>'
     )
 
 

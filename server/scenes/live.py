@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
+from calib_core.errors import NotFoundError
 from calib_core.frames import RigidTransform
 from server.scenes.cache import PointCache
 from server.scenes.cloud_view import CloudColors, CloudView
@@ -20,6 +21,7 @@ from server.scenes.legend import legend_html, rejected_html
 from server.scenes.look import Look, look_at
 from server.scenes.nodes import Node
 from server.scenes.panel import Panel, PanelActions, take
+from server.scenes.stories import Side, Story, story
 from server.scenes.viewers import Viewers
 from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view, view_of_places
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 SECRET_HEADER = "x-scancell-scene"
 _QUIET = threading.Lock()
+_MOST_STORIES = 200  # of pages that may come back
 
 
 class LiveScene:
@@ -57,6 +60,7 @@ class LiveScene:
         self._scene = scene
         self._picked: str | None = None
         self._turned_to = 0
+        self._stories: dict[str, tuple[str, Side]] = {}
         self._trial: tuple[RigidTransform, ...] = ()
         self._cloud = CloudView()
         self._deviations = KeptDeviations()
@@ -111,6 +115,29 @@ class LiveScene:
         with self._lock:
             ids = [capture.id for capture in self._known.captures]
         self._panel.turn_to(ids.index(capture_id) + 1 if capture_id in ids else 0)
+
+    def tell(self, viewer: str, shows: str, side: Side) -> Story:
+        """Tell one page the story of a step: move its camera, keep its legend; return what it shows.
+
+        Until that page looks, and after it comes back, the story waits for it.
+        """
+        with self._lock:
+            self._stories[viewer] = (shows, side)
+            while len(self._stories) > _MOST_STORIES:
+                self._stories.pop(next(iter(self._stories)))
+        told = story(shows, side, self._known)
+        with contextlib.suppress(NotFoundError):
+            self.viewers.move(viewer, self._view(told.view))
+        return told
+
+    def legend_of(self, viewer: str) -> str:
+        """Return the legend of what one page's story shows; the whole one where it has none."""
+        with self._lock:
+            told = self._stories.get(viewer)
+            if told is None:
+                return self.legend
+            facts = self._known
+            return legend_html(facts, self._look(facts), story(*told, facts).layers)
 
     def move(self, viewer: str, name: str) -> None:
         """Move one page's camera to a view; raises NotFoundError where that page does not look."""
@@ -202,9 +229,8 @@ class LiveScene:
     def _welcome(self, client: "ClientHandle") -> None:
         """Set a newcomer further away whose window is narrow; viser's first camera is the same for all."""
         self._details.follow(client)
-        if client.camera.aspect < 1:
-            with client.atomic():
-                take(client.camera, self._view(first_view(self._known)))
+        with client.atomic():
+            take(client.camera, self._first_view_of(client))
 
     def _show(self, view: View) -> None:
         """Let newcomers start at a view and take those who are there along."""
@@ -213,7 +239,14 @@ class LiveScene:
         first.up, first.position, first.look_at = view.up, view.position_m, view.look_at_m
         for client in self._server.get_clients().values():
             with client.atomic():
-                take(client.camera, view)
+                take(client.camera, self._first_view_of(client, view))
+
+    def _first_view_of(self, client: "ClientHandle", otherwise: View | None = None) -> View:
+        """Return where a page's own story looks from, else the scene's."""
+        told = self._stories.get(self.viewers.name_of(client))
+        if told is not None:
+            return self._view(story(*told, self._known).view)
+        return otherwise or self._view(first_view(self._known))
 
 
 def start_viser(secret: str) -> "ViserServer":

@@ -175,6 +175,13 @@ def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity:
     )
 
 
+def ellipsoid(name: str, pose: RigidTransform, half_mm: FloatArray, color: Rgb, opacity: float) -> Node:
+    """Return a translucent ellipsoid with its half axes (3,) along those of a pose."""
+    scale = tuple((half_mm * METRES_PER_MM).tolist())
+    looks = {"radius": 1.0, "scale": scale, "color": color, "opacity": opacity, "subdivisions": 3}
+    return Node(name, "add_icosphere", {**_place(pose), **looks, "cast_shadow": False, "receive_shadow": False})
+
+
 def _metres(values_mm: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.ascontiguousarray(np.asarray(values_mm) * METRES_PER_MM, dtype=np.float32)
 

@@ -32,21 +32,26 @@ _STYLE = """
 html, body, #root { background: #fff; }
 html.dark, html.dark body, html.dark #root { background: #141414; }
 #scancell-legend {
-  position: fixed; left: 12px; bottom: 12px; z-index: 5; max-width: 236px; padding: 8px 12px; border-radius: 6px;
-  pointer-events: none; font: 12px/1.5 system-ui, sans-serif; font-variant-numeric: tabular-nums;
-  color: #24292f; background: rgb(255 255 255 / 0.85); box-shadow: 0 0 0 1px rgb(0 0 0 / 0.1);
+  position: fixed; left: 0; right: 0; bottom: 0; z-index: 5; box-sizing: border-box; max-height: 30vh;
+  overflow: auto; padding: 6px 12px; border-top: 1px solid rgb(0 0 0 / 0.1); columns: 2 200px; column-gap: 20px;
+  font: 12px/1.5 system-ui, sans-serif; font-variant-numeric: tabular-nums; color: #24292f; background: #fff;
 }
-.dark #scancell-legend {
-  color: #e4e6ea; background: rgb(28 29 32 / 0.85); box-shadow: 0 0 0 1px rgb(255 255 255 / 0.12);
+#scancell-legend > * { break-inside: avoid; }
+.dark #scancell-legend { color: #e4e6ea; background: #1c1d20; border-color: rgb(255 255 255 / 0.12); }
+#scancell-tip {
+  position: fixed; z-index: 6; padding: 2px 6px; border-radius: 4px; pointer-events: none; max-width: 240px;
+  font: 12px/1.4 system-ui, sans-serif; color: #fff; background: #24292f;
 }
+#scancell-tip:empty { display: none; }
 #scancell-legend:empty { display: none; }
 #scancell-legend h2 { margin: 0 0 4px; font-size: 12px; font-weight: 600; }
 #scancell-legend p { margin: 0 0 2px; }
-#scancell-legend .bar { height: 10px; min-width: 210px; border-radius: 2px; }
+#scancell-legend .bar { height: 10px; border-radius: 2px; }
 #scancell-legend .ticks { display: flex; justify-content: space-between; }
 #scancell-legend .key { margin-right: 10px; white-space: nowrap; display: inline-block; }
 #scancell-legend .key i { font-style: normal; }
 .mantine-Notifications-root { display: none; }
+.embedded [data-floating-window] { display: none; }
 </style>
 """
 
@@ -66,20 +71,25 @@ _START = """
   // A page without an address of its own (srcdoc) has no query to cut either.
   if (location.protocol !== "about:") history.replaceState(null, "", location.pathname + "?" + kept);
   document.documentElement.classList.toggle("dark", dark);
+  // A page around the scene has controls of its own.
+  document.documentElement.classList.toggle("embedded", location.pathname.includes("/viewers/"));
   const real = window.matchMedia.bind(window);
   window.matchMedia = (query) => real(query.startsWith("(max-width") ? "not all" : query);
 })();
 </script>
 """
 
-_LEGEND = '<div id="scancell-legend" role="note" aria-label="Legend">%s</div>'
+_LEGEND = (
+    '<div id="scancell-legend" role="note" aria-label="Legend" tabindex="0">%s</div>'
+    '<div id="scancell-tip" aria-hidden="true"></div>'
+)
 
 _FOLLOW = r"""
 <script>
 (() => {
   const legend = document.getElementById("scancell-legend");
-  // A page that is named in the address has its legend from the scene that all see.
-  const address = location.pathname.replace(/viewers\/[^/]*\/?$/, "") + "legend";
+  // A page that is named in the address has the legend of its own story.
+  const address = location.pathname.replace(/\/?$/, "/") + "legend";
   let tag = "";
   const follow = async () => {
     if (!document.hidden) {
@@ -107,7 +117,14 @@ def client_page(title: str = "Scene") -> str:
     import viser
 
     client = Path(viser.__file__).parent / "client" / "build" / "index.html"
-    return _dressed(client.read_text(encoding="utf-8"), title, _START, _LEGEND % "" + _FOLLOW)
+    return _dressed(client.read_text(encoding="utf-8"), title, _START, _LEGEND % "" + _FOLLOW + _arranging())
+
+
+@cache
+def _arranging() -> str:
+    """Return the script that keeps labels apart, axes of one size and the legend beside the picture."""
+    text = (Path(__file__).parent / "arrange.js").read_text(encoding="utf-8")
+    return f"<script>\n{text}</script>"
 
 
 @cache
@@ -144,7 +161,7 @@ class _Scripts(HTMLParser):
 
 def offline_page(scene_page: str, title: str, legend: str) -> str:
     """Return viser's self-contained page of a recorded scene with a title and a legend that stands still."""
-    return _dressed(scene_page, title, _START, _LEGEND % legend)
+    return _dressed(scene_page, title, _START, _LEGEND % legend + _arranging())
 
 
 def _dressed(page: str, title: str, head: str, body: str) -> str:

@@ -118,11 +118,11 @@ class Panel:
 
 
 def take(camera: "CameraHandle", view: View) -> None:
-    """Move one viewer's camera to a view, further away where the window is narrow."""
-    narrow = min(max(camera.aspect, 0.3), 1.0)
-    camera.up_direction = view.up
-    camera.position = view.look_at_m + (view.position_m - view.look_at_m) / narrow
-    camera.look_at = view.look_at_m
+    """Move one viewer's camera to a view, as it fills their window."""
+    seen = view.seen_in(camera.aspect)
+    camera.up_direction = seen.up
+    camera.position = seen.position_m
+    camera.look_at = seen.look_at_m
 
 
 def _move(event: "GuiEvent", view: Callable[[str], View]) -> None:  # pyright: ignore

@@ -63,7 +63,11 @@ def session_picture(session: SessionId, scenes: Scenes) -> Response:
 @scenes_router.get("/{session}/legend", response_class=HTMLResponse, summary="The legend of a live scene")
 def scene_legend(session: SessionId, scenes: Scenes, request: Request) -> Response:
     """Return the legend as a piece of HTML; empty while nobody looks at the scene."""
-    legend = scenes.legend(session)
+    return legend_answer(scenes.legend(session), request)
+
+
+def legend_answer(legend: str, request: Request) -> Response:
+    """Return a legend, or that the browser has it already."""
     tag = f'"{crc32(legend.encode()):08x}"'
     headers = {"ETag": tag, "Cache-Control": "no-cache"}
     if request.headers.get("if-none-match") == tag:

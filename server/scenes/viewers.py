@@ -67,20 +67,21 @@ class Viewers:
             handle.on_click(partial(self._clicked, capture))
 
     def _clicked(self, capture: str, event: Any) -> None:
-        viewer = self._name(event.client)
+        viewer = self.name_of(event.client)
         if viewer:
             # The page around the scene hears changes of the storage that both share.
             event.client.local_storage.set_item(PICKED_KEY, f"{viewer} {capture} {secrets.token_hex(4)}")
 
     def _client(self, viewer: str) -> "ClientHandle":
         for client in self._server.get_clients().values():
-            if self._name(client) == viewer:
+            if self.name_of(client) == viewer:
                 return client
         raise NotFoundError(
             "a page that looks at this scene", f"'{viewer}', which does not", "Open the scene first.", "viewer"
         )
 
-    def _name(self, client: "ClientHandle") -> str:
+    def name_of(self, client: "ClientHandle") -> str:
+        """Return the name that a page gave itself, empty where it has none."""
         connection = self._server._websock_server._live_connections.get(client.client_id)  # pyright: ignore
         request = connection.request if connection is not None else None
         return request.headers.get(VIEWER_HEADER, "") if request is not None else ""

@@ -1,6 +1,6 @@
 """Where the camera stands: a few named views of what the scene holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,16 +16,29 @@ _ISOMETRIC = np.array([1.0, -1.2, 0.75])
 _SIDE = np.array([0.0, -1.0, 0.08])
 _TOP = np.array([0.0, -1e-3, 1.0])
 _NEAREST_M = 0.12
+_FILLED = 0.85  # of the window, so that labels at the edge have room
+_ROUNDS = 8
 _BENCH = np.array([1.0, 0.45, 0.5])  # the camera looks along −y: from its side
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera: where it stands and what it looks at, in metres in the base, and which way is up."""
+    """A camera: where it stands and what it looks at, in metres in the base, and which way is up.
+
+    `places_m` (N, 3) is what it is about; where these are given, a window of any shape is filled by them.
+    """
 
     position_m: FloatArray
     look_at_m: FloatArray
     up: FloatArray
+    places_m: FloatArray | None = None
+
+    def seen_in(self, aspect: float) -> "View":
+        """Return the same view for a window of another shape, its width over its height."""
+        if self.places_m is not None:
+            return _fitted(self.places_m, self.position_m - self.look_at_m, self.up, aspect)
+        narrow = min(max(aspect, 0.3), 1.0)
+        return replace(self, position_m=self.look_at_m + (self.position_m - self.look_at_m) / narrow)
 
 
 def first_view(facts: SceneFacts) -> str:
@@ -115,13 +128,32 @@ def _bench_places_mm(optics: OpticsFacts) -> FloatArray:
 
 
 def _around(places_mm: FloatArray, direction: FloatArray, radius_mm: float = 0.0) -> View:
-    """Return the view from a direction that holds all places and a ball about each."""
-    low, high = places_mm.min(axis=0), places_mm.max(axis=0)
-    center = (low + high) / 2 * METRES_PER_MM
-    radius = (float(np.linalg.norm(high - low)) / 2 + radius_mm) * METRES_PER_MM
-    distance = max(radius / np.sin(FIELD_OF_VIEW_RAD / 2) * 0.9, _NEAREST_M)
-    position = center + distance * direction / np.linalg.norm(direction)
-    return View(position, center, np.array([0.0, 0.0, 1.0]))
+    """Return the view from a direction that is filled by all places with a ball about each."""
+    balls = radius_mm * np.concatenate([np.eye(3), -np.eye(3), np.zeros((1, 3))])
+    places_m = (places_mm[:, None, :] + balls).reshape(-1, 3) * METRES_PER_MM
+    return _fitted(places_m, direction, np.array([0.0, 0.0, 1.0]), 1.0)
+
+
+def _fitted(places_m: FloatArray, direction: FloatArray, up: FloatArray, aspect: float) -> View:
+    """Return the nearest camera on a direction that has all places (N, 3) in its window, in the middle of it.
+
+    From each place follows how far away the camera must be for it to be seen; the middle is where the outermost
+    ones are equally far from both edges.
+    """
+    onwards = -direction / np.linalg.norm(direction)
+    right = np.cross(onwards, up)
+    right /= np.linalg.norm(right)
+    across = np.stack([right, np.cross(right, onwards)])
+    half = np.tan(FIELD_OF_VIEW_RAD / 2) * _FILLED * np.array([max(aspect, 0.2), 1.0])
+    look_at = (places_m.min(axis=0) + places_m.max(axis=0)) / 2
+    distance = _NEAREST_M
+    for _ in range(_ROUNDS):
+        offsets = places_m - look_at
+        aside, ahead = offsets @ across.T, offsets @ onwards
+        distance = max(float((np.abs(aside) / half - ahead[:, None]).max()), _NEAREST_M)
+        seen = aside / (distance + ahead)[:, None]
+        look_at = look_at + distance * (seen.min(axis=0) + seen.max(axis=0)) / 2 @ across
+    return View(look_at - distance * onwards, look_at, up, places_m)
 
 
 def _along_laser(facts: SceneFacts, picked: str | None) -> View | None:

@@ -23,7 +23,8 @@ PLACE = """(name) => {
     const place = nodeRefFromName[name].position.clone();
     nodeRefFromName[name].getWorldPosition(place);
     place.project(camera);
-    return [(place.x + 1) / 2 * innerWidth, (1 - place.y) / 2 * innerHeight];
+    const { clientWidth, clientHeight } = document.querySelector("canvas");
+    return [(place.x + 1) / 2 * clientWidth, (1 - place.y) / 2 * clientHeight];
 }"""
 MOVED = """(from) => {
     const now = window.__viserMutable.camera.position.toArray();
@@ -67,7 +68,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
         # A layer that is switched off goes; playing turns to the next capture, alone.
         page.locator(".scene-layers summary").click()
         page.get_by_label("Labels").set_checked(False)
-        scene.wait_for_function("!window.__viserSceneTree.getState()['/labels'].visibility")
+        scene.wait_for_function("window.__viserSceneTree.getState()['/labels'].overrideVisibility === false")
         page.keyboard.press("Escape")
         page.get_by_role("group", name="Scene").get_by_role("button", name="Play").click()
         scene.wait_for_function(GONE, arg="/ghost/flange")

@@ -1,0 +1,141 @@
+// Keeps the scene legible whatever the camera does: labels never stand on each other, axes keep their size on the screen,
+// the legend has a place of its own, and a page around the scene says which layers tell its story.
+// It works on what viser's client shows of itself for tests (its version is pinned; tests/web/test_scene_story.py).
+(() => {
+  const GLYPH_PX = 34, PICKED = 1.3;
+  const FONT_PX = 15; // a label of scale 1 as viser draws it, on a window 600 px high
+  const EVERY_MS = 120;
+  const state = { layers: null, labels: [], hovered: "", camera: "", nodes: null };
+  const box = document.createElement("canvas").getContext("2d");
+
+  /** What stands first where two labels want one place: what is picked, what comes next, then what was rejected last. */
+  const rank = (name, text, scale) => (scale > 1.25 ? 0 : name.startsWith("/ghost") ? 1 : name.startsWith("/turned") ? 2 : text.startsWith("✕") ? 4 : 3);
+
+  const tree = () => window.__viserSceneTree?.getState();
+
+  function shown(name, nodes) {
+    const parts = name.split("/");
+    for (let length = 2; length <= parts.length; length++) {
+      const node = nodes[parts.slice(0, length).join("/")];
+      if (node && !(node.overrideVisibility ?? node.visibility ?? true)) return false;
+    }
+    return true;
+  }
+
+  function showLayers(nodes) {
+    if (!state.layers) return;
+    for (const [name, node] of Object.entries(nodes)) {
+      if (!/^\/[a-z]+$/.test(name)) continue;
+      const wanted = state.layers[name.slice(1)];
+      if (wanted !== undefined && (node.overrideVisibility ?? node.visibility ?? true) !== wanted) node.overrideVisibility = wanted;
+    }
+  }
+
+  /** Where a node is on the screen, and how many pixels a metre has there. */
+  function place(name, mutable, size) {
+    const parent = mutable.nodeRefFromName[name.slice(0, name.lastIndexOf("/"))];
+    const pose = mutable.nodePoseData?.[name];
+    const ref = mutable.nodeRefFromName[name] ?? parent;
+    if (!ref) return null;
+    const at = ref.position.clone();
+    if (pose && parent) at.set(...pose.position).applyMatrix4(parent.matrixWorld);
+    else ref.getWorldPosition(at);
+    const seen = at.clone().applyMatrix4(mutable.camera.matrixWorldInverse);
+    if (seen.z >= 0) return null;
+    at.project(mutable.camera);
+    const perMetre = size.height / (2 * Math.tan((mutable.camera.fov * Math.PI) / 360) * -seen.z);
+    return { x: ((at.x + 1) / 2) * size.width, y: ((1 - at.y) / 2) * size.height, perMetre };
+  }
+
+  function rectOf(at, text, scale, anchor, height) {
+    const font = FONT_PX * scale * Math.max(height / 600, 0.6);
+    box.font = `${font}px system-ui, sans-serif`;
+    const width = box.measureText(text).width + font * 0.9, tall = font * 1.6;
+    const [vertical, horizontal = "center"] = anchor.split("-");
+    const left = at.x - (horizontal === "left" ? 0 : horizontal === "right" ? width : width / 2);
+    const top = at.y - (vertical === "top" ? 0 : vertical === "bottom" ? tall : tall / 2);
+    return { left, top, right: left + width, bottom: top + tall };
+  }
+
+  const apart = (a, b) => a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top;
+
+  function showLabels(nodes, mutable, size) {
+    const wanted = [];
+    for (const [name, node] of Object.entries(nodes)) {
+      if (node.message?.type !== "LabelMessage") continue;
+      const { text, font_screen_scale: scale, anchor } = node.message.props;
+      const at = shown(name, nodes) ? place(name, mutable, size) : null;
+      if (!at || at.x < 0 || at.y < 0 || at.x > size.width || at.y > size.height) {
+        node.effectiveVisibility = false;
+        continue;
+      }
+      wanted.push({ name, node, text, rank: rank(name, text, scale), rect: rectOf(at, text, scale, anchor, size.height) });
+    }
+    wanted.sort((a, b) => a.rank - b.rank || (a.name < b.name ? -1 : 1));
+    const placed = [];
+    for (const label of wanted) {
+      const free = placed.every((other) => apart(label.rect, other.rect));
+      label.node.effectiveVisibility = free;
+      if (free) placed.push(label);
+    }
+    state.labels = placed.map(({ name, text, rect }) => ({ name, text, ...rect }));
+    state.hidden = wanted.filter(({ node }) => !node.effectiveVisibility);
+  }
+
+  /** Axes of captures and of the next pose are as large on the screen from near as from afar. */
+  function sizeGlyphs(nodes, mutable, size) {
+    for (const [name, node] of Object.entries(nodes)) {
+      if (node.message?.type !== "FrameMessage" || !node.message.props.show_axes || !/^\/(frames|ghost|trial)\//.test(name)) continue;
+      const ref = mutable.nodeRefFromName[name];
+      const length_m = (node.message.props.axes_length ?? 0) * (typeof node.message.props.scale === "number" ? node.message.props.scale : 1);
+      const at = ref && length_m > 0 ? place(name, mutable, size) : null;
+      if (!at) continue;
+      const wish = GLYPH_PX * (length_m > 0.05 ? PICKED : length_m < 0.03 ? 0.7 : 1);
+      const factor = wish / (length_m * at.perMetre);
+      if (Math.abs(ref.scale.x / factor - 1) > 0.03) ref.scale.setScalar(factor);
+    }
+  }
+
+  /** The legend stands below the picture: it covers nothing. */
+  function makeRoom() {
+    const legend = document.getElementById("scancell-legend"), root = document.getElementById("root");
+    if (!legend || !root) return;
+    const height = `${window.innerHeight - legend.offsetHeight}px`;
+    if (root.style.height !== height) root.style.height = height;
+  }
+
+  function arrange() {
+    makeRoom();
+    const mutable = window.__viserMutable, nodes = tree();
+    if (!mutable?.camera || !nodes || document.hidden) return;
+    const canvas = mutable.canvas ?? document.querySelector("canvas");
+    if (!canvas) return;
+    showLayers(nodes);
+    const size = { width: canvas.clientWidth, height: canvas.clientHeight };
+    sizeGlyphs(nodes, mutable, size);
+    showLabels(nodes, mutable, size);
+    const now = `${mutable.camera.matrixWorld.elements.map((v) => v.toFixed(5)).join()} ${state.labels.map(({ name }) => name).join()} ${JSON.stringify(state.layers)} ${size.width}x${size.height}`;
+    if (now !== state.camera) mutable.requestRender?.();
+    state.camera = now;
+  }
+
+  /** Where labels had no room, the nearest one is told where the pointer rests. */
+  function hover(event) {
+    const tip = document.getElementById("scancell-tip");
+    if (!tip) return;
+    const near = (state.hidden ?? []).map((label) => ({ label, far: Math.hypot((label.rect.left + label.rect.right) / 2 - event.clientX, label.rect.bottom - event.clientY) })).sort((a, b) => a.far - b.far)[0];
+    tip.textContent = near && near.far < 22 ? near.label.text : "";
+    tip.style.left = `${Math.min(event.clientX + 12, window.innerWidth - 160)}px`;
+    tip.style.top = `${event.clientY + 14}px`;
+  }
+
+  // The page around the scene has the same origin, and calls this.
+  window.scancellScene = {
+    /** @param {Record<string, boolean>} layers */
+    show(layers) { state.layers = layers; arrange(); },
+    labels: () => state.labels,
+    layers: () => state.layers,
+  };
+  window.addEventListener("pointermove", hover);
+  window.setInterval(arrange, EVERY_MS);
+})();

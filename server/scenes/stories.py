@@ -1,0 +1,55 @@
+"""What the scene shows of a step: the layers and the view that tell its story, each page its own."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from server.scenes.facts import SceneFacts
+from server.scenes.layers import LAYERS
+
+Side = Literal["measure", "result"]
+
+
+@dataclass(frozen=True)
+class Story:
+    """The view in which a step is told, the layers that are shown, and those of them that it is about."""
+
+    view: str
+    layers: frozenset[str]
+    subject: frozenset[str]
+
+
+def _story(view: str, subject: str, beside: str = "") -> Story:
+    about = frozenset(subject.split())
+    return Story(view, about | frozenset(beside.split()), about)
+
+
+# By what a step's captures show, while measuring and at the result.
+_STORIES: dict[tuple[str, Side], Story] = {
+    ("board", "measure"): _story("Camera", "camera boards plane"),
+    ("board", "result"): _story("Camera", "camera boards plane"),
+    ("sphere", "measure"): _story(
+        "Captures", "frames light sphere ghost trial", "arm labels points uncertainty base"
+    ),
+    ("sphere", "result"): _story("Sphere", "sphere points uncertainty"),
+    ("sphere-on-table", "measure"): _story("Table", "table circles places", "ghost turned uncertainty"),
+    ("sphere-on-table", "result"): _story("Table", "table circles places", "points turned uncertainty"),
+    ("object", "measure"): _story("Table", "table scans", "turned"),
+    ("object", "result"): _story("Object", "scans"),
+}
+_WHOLE = Story("Captures", frozenset(LAYERS), frozenset(LAYERS))
+
+
+def story(shows: str, side: Side, facts: SceneFacts) -> Story:
+    """Return the story of a step by what its captures show; before there is anything to tell, everything is shown.
+
+    A result whose sphere, table, boards or cloud is not known yet is told like its captures.
+    """
+    known = {
+        "board": facts.optics is not None,
+        "sphere": side == "measure" or facts.sphere_center_in_base_mm is not None,
+        "sphere-on-table": facts.table is not None,
+        "object": facts.merged is not None if side == "result" else facts.table is not None,
+    }
+    if known.get(shows, False):
+        return _STORIES[shows, side]
+    return _STORIES["sphere", "measure"] if facts.captures else _WHOLE
