@@ -1384,6 +1384,7 @@ export interface SessionSummary {
   created: string;
   updated: string;
   cell: Cell;
+  cell_id: string;
   capture_count: number;
   verdicts: Record<string, "pass" | "warn" | "fail">;
 }
@@ -1752,6 +1753,18 @@ export interface StoredVerifyResult {
   degrees_of_freedom: number;
   chance: number | null;
   residuals: VerifyResidual[];
+}
+
+export interface StoryChange {
+  step: string;
+  side?: "measure" | "result";
+}
+
+export interface StoryShown {
+  open: boolean;
+  view: string;
+  layers: Record<string, boolean>;
+  subject: string[];
 }
 
 export interface Table {

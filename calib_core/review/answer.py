@@ -65,8 +65,12 @@ class SessionAnswer(Record):
 
 def cell_id(session: Session) -> str:
     """Return the cell's `id`, or one that is made from the session's name where it has none."""
-    given = getattr(session.cell, "id", None)
-    return given or re.sub(r"[^a-z0-9]+", "-", session.name.lower()).strip("-")[:64] or "cell"
+    return cell_id_of(getattr(session.cell, "id", None), session.name)
+
+
+def cell_id_of(given: str | None, name: str) -> str:
+    """Return the cell's id that was given, or one that is made from a session's name."""
+    return given or re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:64] or "cell"
 
 
 def answer_record(answer: Answer) -> SessionAnswer:

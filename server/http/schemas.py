@@ -87,6 +87,7 @@ class SessionSummary(BaseModel):
     created: str
     updated: str
     cell: Cell
+    cell_id: str
     capture_count: int
     verdicts: dict[StageName, Verdict]
 

@@ -11,6 +11,7 @@ from sqlalchemy.orm import defer
 
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.records import Measured, Session, parse_session
+from calib_core.review.answer import cell_id_of
 from server.http.errors import OutdatedError
 from server.store.blobs import Blobs
 from server.store.database import record_event
@@ -253,6 +254,7 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
             "created": row.created,
             "updated": row.updated,
             "cell": row.record["cell"],
+            "cell_id": cell_id_of(row.record["cell"].get("id"), row.name),
             "capture_count": counts.get(row.id, 0),
             "verdicts": verdicts.get(row.id, {}),
         }

@@ -3,6 +3,7 @@
 import { api, Problem } from "../state/api.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../state/me.js";
+import { sound } from "../shop.js";
 import { maybe, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { StateElement } from "./base.js";
@@ -23,6 +24,7 @@ export class ActionsElement extends StateElement {
   #capture = h("button", { type: "button", class: "capture", needs: "capture", "aria-keyshortcuts": "Space", onclick: () => void this.capture() }, this.#captureWords, h("kbd", { "aria-hidden": "true" }, t("key.space")));
   #solve = h("button", { type: "button", class: "solve", needs: "capture", "aria-keyshortcuts": "S", onclick: () => void this.solve() }, this.#solveWords, h("kbd", { "aria-hidden": "true" }, "S"));
   #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
+  #mend = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => this.state.show("measure") }, t("actions.mend"));
   #onWords = h("span", {});
   #on = h("button", { type: "button", class: "primary", onclick: () => this.state.open(this.#next) }, this.#onWords);
   #remedies = h("span", { class: "remedies row" });
@@ -31,6 +33,7 @@ export class ActionsElement extends StateElement {
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
   #folder = wayIn(t("actions.folder"), () => this.intake?.chooseFolder());
   #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
+  #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch);
   /** @type {string | null} */ #next = null;
   #capturing = false;
   #followed = "";
@@ -41,12 +44,8 @@ export class ActionsElement extends StateElement {
 
   build() {
     this.append(
-      h("div", { class: "row" }, this.#remedies, this.#on, this.#look, this.#capture, this.#solve,
-        h("span", { class: "ways-in" },
-          this.#files,
-          this.#folder,
-          wayIn(t("actions.poses"), () => this.intake?.open()),
-          this.#watch)),
+      h("div", { class: "row" }, this.#remedies, this.#mend, this.#on, this.#look, this.#capture, this.#solve,
+        this.#waysIn),
       this.#progress,
     );
   }
@@ -73,6 +72,9 @@ export class ActionsElement extends StateElement {
     this.#solve.hidden = solved;
     this.#capture.classList.toggle("primary", !ready && (!solved || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);
+    this.#mend.classList.add("primary");
+    this.#mend.hidden = !mends || simulated || view !== "result";
+    this.#waysIn.hidden = view === "result"; // new captures belong to measuring; files may be dropped all the same
     this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working || !may("capture")));
     this.#showJob();
@@ -100,7 +102,7 @@ export class ActionsElement extends StateElement {
 
   #quiet() {
     if (!this.#remedies.firstChild) return;
-    for (const button of [this.#on, this.#look, this.#capture, this.#solve]) button.classList.remove("primary");
+    for (const button of [this.#mend, this.#on, this.#look, this.#capture, this.#solve]) button.classList.remove("primary");
     this.#files.className = "plain wide";
   }
 
@@ -159,6 +161,7 @@ export class ActionsElement extends StateElement {
       const kept = keep(id, [capture]);
       did(t("captures.added", { captures: capture.id }), kept.remove, { redo: kept.restore });
       const { verdict, reason } = capture.measured;
+      sound(verdict);
       say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: reason ?? "" }));
       if (this.state.selected) this.state.select(null);
     });

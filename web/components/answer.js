@@ -7,12 +7,17 @@ import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { glossed } from "./glossary.js";
 import { stepName } from "./rail.js";
-import { causeCards, mendable } from "./remedy.js";
+import { causesOf, mendable } from "./remedy.js";
 
 /** @import {Block, FigureBlock, StageResult} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 
 const IN_SIGHT = 3;
+const BESIDE = 2;
+/** A message in one line; all of it opens. */
+const MOST_WORDS = 12;
+/** Letters of a word, where words are long: a line is full by letters then. */
+const LONGEST_WORD = 6;
 
 /** @param {StageResult} result @param {SessionState} state @param {string} stage */
 export function answer(result, state, stage) {
@@ -20,9 +25,8 @@ export function answer(result, state, stage) {
   return h(
     "section", { class: `panel answer-card answer-${verdict}`, "aria-labelledby": "answer-title" },
     h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), mark(verdict, maybe(`verdict.${verdict}`, verdict))),
-    h("dl", { class: "headline number" }, ...figuresOf(result).map((figure) => h("div", { class: figure.headline ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(figure.label))))),
+    h("dl", { class: "headline number" }, ...shownFigures(result).map((figure) => h("div", { class: figure.headline ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(figure.label))))),
     ...messages(result),
-    causeCards(state, stage, result),
     next(state, stage),
   );
 }
@@ -40,20 +44,53 @@ export function leading(result) {
 /** @param {StageResult} result */
 const figuresOf = (result) => /** @type {FigureBlock[]} */ (leading(result).filter(({ kind }) => kind === "figure"));
 
+/** The headline, and what stands beside it. @param {StageResult} result */
+function shownFigures(result) {
+  const all = figuresOf(result);
+  const first = all.filter(({ headline }) => headline).slice(0, 2);
+  return [...first, ...all.filter((figure) => !first.includes(figure)).slice(0, Math.max(0, BESIDE + 1 - first.length))];
+}
+
+/** What the answer has no room for; it opens the evidence. @param {StageResult} result @returns {FigureBlock[]} */
+export function otherFigures(result) {
+  const shown = shownFigures(result);
+  return figuresOf(result).filter((figure) => !shown.includes(figure));
+}
+
 /** @param {StageResult} result */
-function messages({ stale, warnings = [], notes = [] }) {
-  const said = [...(stale ? [t("result.stale_words")] : []), ...(warnings ?? [])];
-  const rest = said.slice(IN_SIGHT);
+function messages(result) {
+  const { stale, warnings = [], notes = [] } = result;
+  const said = [...(stale ? [t("result.stale_words")] : []), ...grouped(warnings ?? [])];
+  // Where the cause is known it stands alone: what follows from it is told on demand.
+  const [cause] = causesOf(result);
+  const first = cause ? [] : said.slice(0, IN_SIGHT);
+  const rest = said.filter((text) => !first.includes(text));
   return [
-    said.length > 0 && h("ul", { class: "messages" }, ...said.slice(0, IN_SIGHT).map(message)),
-    rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
-    (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), notes ?? []),
+    cause && h("ul", { class: "messages" }, message(cause.sentence, cause.title)),
+    first.length > 0 && h("ul", { class: "messages" }, ...first.map((text) => message(text, brief(text)))),
+    (rest.length > 0 || (notes ?? []).length > 0) && h("div", { class: "row" },
+      rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
+      (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), notes ?? [])),
   ];
 }
 
-/** One line each; a longer one opens. @param {string} text */
-function message(text) {
-  return h("li", {}, h("details", {}, h("summary", { title: text }, text)));
+/** Each message once. @param {readonly string[]} texts */
+const grouped = (texts) => [...new Map(texts.map((text) => [brief(text), text])).values()];
+
+/** What a message says, in one line: its first sentence, up to where a clause ends. @param {string} text */
+export function brief(text) {
+  const [sentence = text] = text.replace(/\s*\([^)]*\)/g, "").split(/(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u);
+  const bare = sentence.replace(/[.。]$/u, "");
+  const count = (/** @type {string} */ words) => Math.max(words.split(" ").length, words.length / LONGEST_WORD);
+  if (count(bare) <= MOST_WORDS) return bare;
+  const ends = [...bare.matchAll(/[:;,](?=\s)/g)].map(({ index }) => bare.slice(0, index)).filter((clause) => count(clause) > 4 && count(clause) <= MOST_WORDS);
+  return ends.at(-1) ?? `${bare.split(" ").slice(0, MOST_WORDS - 3).join(" ")} …`;
+}
+
+/** @param {string} text @param {string} short */
+function message(text, short) {
+  if (short === text.replace(/\.$/, "")) return h("li", {}, short);
+  return h("li", {}, h("details", {}, h("summary", {}, short), h("p", {}, text)));
 }
 
 /** @param {string} title @param {readonly string[]} texts */
@@ -67,5 +104,5 @@ function next(state, stage) {
   const result = state.results[stage];
   // Where the main button mends the cause, more captures would not.
   if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && mendable(result).length)) return null;
-  return h("p", { class: "next", title: now.instruction }, h("strong", {}, t("answer.next")), " ", now.instruction);
+  return h("p", { class: "next", title: now.instruction }, h("strong", {}, t("answer.next")), " ", brief(now.instruction));
 }

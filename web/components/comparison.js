@@ -5,6 +5,7 @@ import { h } from "../dom.js";
 import { fixed, integer, plusMinus, significant, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
+import { intervalPlot } from "./interval-plot.js";
 import { plot } from "./plot.js";
 
 /** @import {Change, Comparison, FrameDifference, RowDifference} from "../state/model.js" */
@@ -21,11 +22,23 @@ const BAND = 2.795;
  */
 export function comparisonSections(comparison, names) {
   return [
+    decision(comparison),
     ...comparison.frames.map((frame) => frameSection(frame, comparison, names)),
     changesSection(comparison),
     figuresSection(comparison, names),
     residualsSection(comparison, names),
   ].filter((section) => section !== null);
+}
+
+/** One sentence that decides. @param {Comparison} comparison */
+function decision({ frames, left, right }) {
+  if (!frames.length) return null;
+  const apart = frames.filter(({ chance, distance }) => distance > 0 && chance < RARE);
+  const worst = Math.max(...(apart.length ? apart : frames).map(({ at_workpiece_mm }) => at_workpiece_mm ?? 0));
+  const failed = [left, right].filter(({ verdict }) => verdict === "fail").length;
+  const words = failed === 2 ? t("comparison.decide_none") : failed === 1 ? t(left.verdict === "fail" ? "comparison.decide_second" : "comparison.decide_first")
+    : apart.length ? t("comparison.decide_apart", { distance: small(worst) }) : t("comparison.decide_either", { distance: small(worst) });
+  return h("p", { class: "decision" }, mark(failed ? "fail" : apart.length ? "warn" : "pass", words));
 }
 
 /** @param {string} title @param {...(Node | string | null | false)} parts */
@@ -59,6 +72,7 @@ function frameSection(frame, { shared }, names) {
     frame.frame !== "camera_from_laser" && h("p", { class: "workpiece" }, t("comparison.at_workpiece", {
       distance: small(frame.at_workpiece_mm), sigma: small(frame.at_workpiece_sigma_mm * K),
     })),
+    !same && intervalPlot(frame),
     h("table", { class: "number compare" },
       head(t("compare.what"), t("comparison.difference", names), t("comparison.combined"), t("comparison.in_sigmas")), h("tbody", {}, ...rows)),
     h("p", { class: "soft small" }, shared ? t("comparison.shared", { shared }) : t("comparison.independent")),

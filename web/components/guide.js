@@ -5,9 +5,11 @@ import { t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { copyButton } from "./copy.js";
 import { DrawingElement } from "./drawing.js";
+import { meterSection } from "./meter.js";
 import { stepName } from "./rail.js";
 
 /** @import {GuideNow} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
 
 export class GuideElement extends StateElement {
   #drawing = make(DrawingElement);
@@ -25,7 +27,7 @@ export class GuideElement extends StateElement {
     const { guide, now, step } = this.state;
     if (!guide) return;
     this.#drawing.name = now?.drawing ?? "cell";
-    this.#words.replaceChildren(...(now ? words(now, stepName(this.state, step)) : this.#elsewhere()));
+    this.#words.replaceChildren(...(now ? words(now, stepName(this.state, step), this.state) : this.#elsewhere()));
   }
 
   /** What to do in a step that can be worked on though another comes first. @param {string | undefined} status */
@@ -49,11 +51,12 @@ export class GuideElement extends StateElement {
   }
 }
 
-/** @param {GuideNow} now @param {string} name of the step */
-function words(now, name) {
+/** @param {GuideNow} now @param {string} name of the step @param {SessionState} state */
+function words(now, name, state) {
   return [
     h("p", { class: "guide-progress" }, name, rest(now)),
     h("h1", {}, now.instruction),
+    now.meter ? meterSection(now.meter, state) : null,
     now.why && h("p", { class: "soft" }, now.why),
     now.exit && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", now.exit),
     suggestion(now),

@@ -2,12 +2,12 @@
 // and left out, by mouse, touch and keys; what is picked lights up in table and scene.
 
 import { h, make, s } from "../dom.js";
-import { fixed, significant } from "../format.js";
+import { fixed, significant, small } from "../format.js";
 import { t } from "../texts.js";
 import { excludeCapture } from "./exclude.js";
 import { thumbnail } from "./thumbnail.js";
 
-/** @import {AxisOf, PlotBlock, SeriesOf} from "../state/model.js" */
+/** @import {AxisOf, PlotBlock, Residual, SeriesOf} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 /** @typedef {{ low: number, high: number, place: (value: number) => number }} Scale */
 /** @typedef {{ series: number, x: number, y: number, value: number, at: string, capture: string | undefined, reason: string | null | undefined, beyond: boolean }} Dot */
@@ -46,13 +46,22 @@ export class PlotElement extends HTMLElement {
     const capture = this.state?.captures.find((one) => one.id === dot.capture);
     this.#tip.replaceChildren(
       ...(capture && (capture.measured.preview ?? []).length ? [thumbnail(capture)] : []),
-      h("p", {}, h("strong", {}, dot.at), h("br"), wordsOf(dot, this.block), dot.reason && h("span", { class: "why" }, dot.reason)));
+      h("p", {}, h("strong", {}, dot.at), h("br"), wordsOf(dot, this.block), dot.reason && h("span", { class: "why" }, dot.reason), this.#without(dot)));
     this.#tip.hidden = false;
     const box = this.getBoundingClientRect();
     const at = mark.getBoundingClientRect();
     const left = Math.min(Math.max(at.left - box.left - 80, 0), Math.max(0, box.width - this.#tip.offsetWidth));
     this.#tip.style.left = `${left}px`;
     this.#tip.style.top = `${at.top - box.top - this.#tip.offsetHeight - 6}px`;
+  }
+
+  /** What excluding a capture would tell, before anything is solved again: how well the others predict it. @param {Dot} dot */
+  #without({ capture }) {
+    if (!this.state || "timeline" in this.state) return null;
+    const rows = /** @type {Residual[]} */ (Object.values(this.state.results).flatMap(({ stale, residuals }) => (stale ? [] : residuals)));
+    const row = rows.find((one) => one.capture === capture && typeof one.leave_one_out_rms_mm === "number");
+    if (!row) return null;
+    return h("span", { class: "why" }, t("plot.without", { left: small(row.leave_one_out_rms_mm), with: small(row.surface_rms_mm) }));
   }
 
   hide() {

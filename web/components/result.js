@@ -1,11 +1,12 @@
 // The result of the step that is open: the answer, then how we know, drawn from its evidence.
 
-import { sections } from "../blocks/index.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";
-import { answer, evidenceOf, leading } from "./answer.js";
+import { figures } from "../blocks/figure.js";
+import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
 import { StateElement } from "./base.js";
 import { historySection, resultLinks } from "./history.js";
+import { causeCards } from "./remedy.js";
 import { truthSection } from "./truth.js";
 
 /** @import {StageResult} from "../state/model.js" */
@@ -48,11 +49,12 @@ export class ResultElement extends StateElement {
       this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
       return;
     }
-    const own = await elementsOf(state, stage);
+    // What draws evidence is loaded with the first result.
+    const [own, { sections }] = await Promise.all([elementsOf(state, stage), import("../blocks/index.js")]);
     /** @type {HTMLElement[]} */
     const drawn = [];
     let start = performance.now();
-    for (const section of this.#sections(stage, result, own)) {
+    for (const section of this.#sections(stage, result, own, sections)) {
       drawn.push(section);
       if (performance.now() - start < SLICE_MS) continue;
       await new Promise((resolve) => setTimeout(resolve));
@@ -71,12 +73,16 @@ export class ResultElement extends StateElement {
     return [...this.querySelectorAll("details")];
   }
 
-  /** @param {string} stage @param {StageResult} result @param {StageElements} own @returns {Generator<HTMLElement>} */
-  *#sections(stage, result, own) {
+  /** @param {string} stage @param {StageResult} result @param {StageElements} own @param {typeof import("../blocks/index.js").sections} sections @returns {Generator<HTMLElement>} */
+  *#sections(stage, result, own, sections) {
     const { state } = this;
     const context = { state, stage };
     yield answer(result, state, stage);
+    const causes = causeCards(state, stage, result);
+    if (causes) yield causes;
     if (state.session?.simulated && !("timeline" in state)) yield truthSection(state.id, stage);
+    const others = otherFigures(result);
+    if (others.length) yield h("section", { class: "panel", "aria-label": t("answer.figures") }, figures(others));
     yield* sections(evidenceOf(result).slice(leading(result).length), context, own.blocks);
     if (!evidenceOf(result).length) yield h("p", { class: "soft" }, t("result.no_evidence"));
     if (!("timeline" in state)) {

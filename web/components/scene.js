@@ -15,11 +15,8 @@ const LARGEST_PX = 4096;
 /** Where the scene's client stores what was clicked in it; its own beginning of the key is not ours. */
 const PICKED_KEY = "scancell-picked";
 
-/** What the camera looks at while measuring and at the result, by what a step's captures show. @type {Record<string, { measure: string, result: string }>} */
-const STORIES = {
-  "board": { measure: "Camera", result: "Camera" }, "sphere": { measure: "Captures", result: "Sphere" },
-  "sphere-on-table": { measure: "Table", result: "Table" }, "object": { measure: "Table", result: "Object" },
-};
+const ASK_AGAIN_MS = 700;
+const MOST_ASKED = 60;
 
 export class SceneElement extends StateElement {
   #frame = h("iframe", { title: t("scene.title") });
@@ -27,17 +24,20 @@ export class SceneElement extends StateElement {
   #layers = h("fieldset", { class: "scene-layer-list" }, h("legend", { class: "visually-hidden" }, t("scene.layers")));
   #play = h("button", { type: "button", class: "scene-play", onclick: () => this.#toggle() });
   #picture = h("button", { type: "button", onclick: () => void this.#download() }, t("scene.picture"));
+  #large = h("button", { type: "button", class: "icon", "aria-label": t("scene.large"), title: t("scene.large"), onclick: () => void this.#enlarge() }, icon("large"));
   #page = h("a", { class: "button", download: "" }, t("scene.page"));
   #viewer = randomName();
   #shown = "";
-  #told = "";
+  #story = "";
+  #telling = 0;
+  #shownLayers = /** @type {Record<string, boolean>} */ ({});
   #timer = 0;
   #place = -1;
   /** @type {(() => void) | null} */ #stopTheme = null;
   /** @type {string | null} */ #lit = null;
 
   get parts() {
-    return /** @type {const} */ (["session", "selection", "place", "step", "view"]);
+    return /** @type {const} */ (["session", "guide", "selection", "place", "step", "view"]);
   }
 
   build() {
@@ -48,7 +48,7 @@ export class SceneElement extends StateElement {
       layers.querySelector("summary")?.focus();
     });
     this.append(
-      h("div", { class: "scene-tools", role: "group", "aria-label": t("scene.tools") }, this.#views, layers, this.#play, this.#picture, this.#page),
+      h("div", { class: "scene-tools", role: "group", "aria-label": t("scene.tools") }, this.#views, layers, this.#play, this.#picture, this.#page, this.#large),
       h("div", { class: "scene-frame" }, h("p", { class: "scene-wait soft" }, t("scene.wait")), this.#frame));
     this.#showPlay();
   }
@@ -66,11 +66,15 @@ export class SceneElement extends StateElement {
     window.clearInterval(this.#timer);
   }
 
-  /** @param {ReadonlySet<import("../state/session.js").Part>} changed */
-  update(changed) {
+  /** @param {ReadonlySet<import("../state/session.js").Part>} _changed */
+  update(_changed) {
     this.#move();
     this.#show();
-    if (changed.has("step") || changed.has("view")) this.#tellStory();
+    const { step, view } = this.state;
+    if (`${step} ${view}` !== this.#story && this.#shown && step) {
+      this.#story = `${step} ${view}`;
+      void this.#tellStory();
+    }
     if (this.#lit === this.state.selected) return;
     this.#lit = this.state.selected;
     // The scene is an extra: where it cannot light the capture up, the list and the plot still do.
@@ -86,14 +90,27 @@ export class SceneElement extends StateElement {
     return api.tellScene(this.#scene, what, body);
   }
 
-  /** Choosing a step or its result sets the camera to what it is about. */
-  #tellStory() {
+  /** Choosing a step or its result sets camera, layers and legend to what it is about; the scene may still be on its way. */
+  async #tellStory() {
     const { state } = this;
-    if (!this.#shown || !state.session) return;
-    const views = STORIES[state.shows(state.stages.find(({ name }) => name === state.stageOf(state.step))?.steps?.[0] ?? state.step)];
-    const view = views?.[state.view];
-    // The scene is an extra, and may not be there yet.
-    if (view && view !== this.#told) void this.#tell(`viewers/${this.#viewer}/view`, { view, if_open: true }).then(() => { this.#told = view; }).catch(() => undefined);
+    if (!this.#shown || !state.step) return;
+    const telling = ++this.#telling;
+    for (let asked = 0; asked < MOST_ASKED && telling === this.#telling && this.isConnected; asked++) {
+      const told = await api.sceneStory(this.#scene, this.#viewer, state.step, state.view).catch(() => null);
+      if (telling !== this.#telling) return;
+      if (told?.open && this.#showLayers(told.layers)) return;
+      await new Promise((resolve) => setTimeout(resolve, ASK_AGAIN_MS));
+    }
+  }
+
+  /** Which layers this page's scene shows; answers whether the scene is there to hear it. @param {Record<string, boolean>} layers */
+  #showLayers(layers) {
+    const scene = /** @type {{ scancellScene?: { show(layers: Record<string, boolean>): void } } | null} */ (this.#frame.contentWindow);
+    if (!scene?.scancellScene) return false;
+    this.#shownLayers = layers;
+    scene.scancellScene.show(layers);
+    for (const box of this.#layers.querySelectorAll("input")) box.checked = layers[box.name] ?? true;
+    return true;
   }
 
   /** A page that reviews the past takes its own scene along. */
@@ -110,6 +127,7 @@ export class SceneElement extends StateElement {
     const address = `${scene}viewers/${this.#viewer}/?theme=${theme()}`;
     if (address === this.#shown) return;
     this.#shown = address;
+    this.#story = "";
     this.#frame.src = address;
     this.#page.href = `${scene}page`;
     void api.sceneControls(scene).then((controls) => this.#offer(controls)).catch(() => undefined);
@@ -119,7 +137,7 @@ export class SceneElement extends StateElement {
   #offer({ views, layers }) {
     this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, view)));
     this.#layers.replaceChildren(h("legend", { class: "visually-hidden" }, t("scene.layers")), ...layers.map(({ name, title, shown }) => {
-      const box = h("input", { type: "checkbox", ".checked": shown, onchange: () => void attempt(() => this.#tell("layers", { name, shown: box.checked })) });
+      const box = h("input", { type: "checkbox", name, ".checked": this.#shownLayers[name] ?? shown, onchange: () => this.#showLayers({ ...this.#shownLayers, [name]: box.checked }) });
       return h("label", {}, box, ` ${title}`);
     }));
   }
@@ -128,6 +146,11 @@ export class SceneElement extends StateElement {
     const view = this.#views.value;
     this.#views.value = "";
     if (view) void attempt(() => this.#tell(`viewers/${this.#viewer}/view`, { view }));
+  }
+
+  async #enlarge() {
+    if (document.fullscreenElement) await document.exitFullscreen();
+    else await this.requestFullscreen?.().catch(() => undefined); // where the browser does not allow it, nothing changes
   }
 
   #toggle() {

@@ -7,7 +7,7 @@ import { when } from "../format.js";
 import { icon, mark } from "../icons.js";
 import { maybe, plural, t } from "../texts.js";
 import { DrawingElement } from "./drawing.js";
-import { attempt, notify } from "./toasts.js";
+import { drift } from "./drift.js";
 
 /** @import {SessionSummary} from "../state/model.js" */
 
@@ -17,6 +17,8 @@ const AT_ONCE = 48;
 export class SessionCardsElement extends HTMLElement {
   /** @type {SessionSummary[]} */ #sessions = [];
   #most = AT_ONCE;
+  /** @type {Set<string>} */ #chosen = new Set();
+  #several = h("div", { class: "several row", role: "group", "aria-label": t("start.several"), hidden: true });
   #search = h("input", { type: "search", id: "search", placeholder: t("start.search"), "aria-label": t("start.search"), oninput: () => this.#again() });
   #filter = h("select", { id: "filter", "aria-label": t("start.filter"), onchange: () => this.#again() }, ...FILTERS.map((one) => h("option", { value: one }, t(`filter.${one}`))));
   #list = h("ul", { class: "session-cards" });
@@ -33,14 +35,21 @@ export class SessionCardsElement extends HTMLElement {
 
   #build() {
     return h("section", { class: "sessions", "aria-labelledby": "sessions-title" },
-      h("div", { class: "row spread" }, h("h2", { id: "sessions-title" }, t("start.sessions")), h("div", { class: "row finding" }, h("a", { href: "/compare" }, t("start.compare")), this.#filter, this.#search)),
-      this.#list, this.#none, this.#more, this.#count);
+      h("div", { class: "row spread" }, h("h2", { id: "sessions-title" }, t("start.sessions")), h("div", { class: "row finding" }, h("a", { href: "#ways-title" }, t("start.begin")), h("a", { href: "/compare" }, t("start.compare")), this.#filter, this.#search)),
+      this.#several, this.#list, this.#none, this.#more, this.#count);
   }
 
+  /** Answers whether there are any. */
   async load() {
     this.#sessions = await api.sessions().finally(() => { this.#loading.hidden = true; });
     this.#section.hidden = this.#sessions.length === 0;
+    this.#chosen = new Set(this.#sessions.map(({ id }) => id).filter((id) => this.#chosen.has(id)));
     this.#show();
+    this.dispatchEvent(new CustomEvent("loaded", { detail: this.#sessions.length }));
+  }
+
+  get #searching() {
+    return this.#search.value.trim() !== "" || this.#filter.value !== "all";
   }
 
   #again() {
@@ -62,50 +71,81 @@ export class SessionCardsElement extends HTMLElement {
       const text = `${session.name} ${session.id} ${cellWords(session.cell)} ${when(session.updated)}`.toLowerCase();
       return words.every((word) => text.includes(word)) && (wanted === "all" || wanted === standing(session));
     });
-    keyed(this.#list, found.slice(0, this.#most), (session) => `${session.id} ${version(session)}`, (session) => this.#card(session), () => undefined);
+    const cells = this.#cells(found);
+    keyed(this.#list, cells.slice(0, this.#most), (cell) => cell.map((session) => `${session.id} ${session.name} ${version(session)}`).join(), (cell) => this.#card(cell), () => undefined);
     this.#none.hidden = found.length > 0;
-    this.#more.hidden = found.length <= this.#most;
+    this.#more.hidden = cells.length <= this.#most;
+    this.#offerSeveral();
     this.#count.textContent = words.length || wanted !== "all" ? plural(found.length, "start.found_one", "start.found_many") : "";
   }
 
-  /** @param {SessionSummary} session */
-  #card(session) {
-    const name = session.name || session.id;
-    const verdicts = Object.entries(session.verdicts ?? {});
+  /** A cell stands as its newest session; those before it stand behind it. @param {SessionSummary[]} found @returns {SessionSummary[][]} */
+  #cells(found) {
+    if (this.#searching) return found.map((session) => [session]);
+    /** @type {Map<string, SessionSummary[]>} */
+    const cells = new Map();
+    for (const session of found) cells.set(session.cell_id, [...(cells.get(session.cell_id) ?? []), session]);
+    return [...cells.values()];
+  }
+
+  /** @param {SessionSummary[]} sessions of one cell, the newest first */
+  #card(sessions) {
+    const [session, ...earlier] = sessions;
+    if (!session) return h("li");
     return h(
       "li", { class: "session-card" },
       picture(session),
-      h("h3", {}, h("a", { href: `/sessions/${encodeURIComponent(session.id)}` }, name)),
+      h("h3", {}, h("a", { href: address(session) }, nameOf(session))),
       h("p", { class: "soft small" }, cellWords(session.cell)),
       h("p", { class: "small" }, plural(session.capture_count, "captures.one", "captures.many"), " · ", h("time", { datetime: session.updated }, when(session.updated))),
-      h("p", { class: "verdicts" }, ...(verdicts.length
-        ? verdicts.map(([stage, verdict]) => mark(verdict, `${maybe(`step.${stage}`, stage)} ${maybe(`verdict.${verdict}`, verdict)}`))
-        : [mark("todo", t("start.unsolved"))])),
-      h("button", { type: "button", class: "plain icon remove", needs: "admin", "aria-label": t("start.remove", { name }), title: t("start.remove", { name }), onclick: () => this.#remove(session) }, icon("trash")),
+      h("p", { class: "verdicts" }, ...verdictsOf(session), drift(sessions)),
+      this.#deeds(session),
+      earlier.length > 0 && h("details", { class: "earlier" }, h("summary", { class: "small" }, plural(earlier.length, "start.earlier_one", "start.earlier_many")),
+        h("ul", {}, ...earlier.map((one) => h("li", {}, h("a", { href: address(one) }, when(one.created)), h("span", { class: "verdicts small" }, ...verdictsOf(one)), this.#deeds(one))))),
     );
   }
 
   /** @param {SessionSummary} session */
-  #remove(session) {
-    const name = session.name || session.id;
-    const dialog = h("dialog", { "aria-labelledby": "remove-title" });
-    const remove = async () => {
-      dialog.close();
-      if (await attempt(() => api.removeSession(session.id))) {
-        notify(t("start.removed", { name }));
-        await attempt(() => this.load());
-      }
-    };
-    dialog.append(h("div", { class: "body" },
-      h("h2", { id: "remove-title" }, t("start.remove", { name })),
-      h("p", {}, t("start.remove_words", { captures: plural(session.capture_count, "captures.one", "captures.many") })),
-      h("div", { class: "row end" },
-        h("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, t("cancel")),
-        h("button", { type: "button", class: "danger", onclick: () => void remove() }, t("start.remove_go")))));
-    dialog.addEventListener("close", () => dialog.remove());
-    document.body.append(dialog);
-    dialog.showModal();
+  #deeds(session) {
+    const name = nameOf(session);
+    const choose = h("input", { type: "checkbox", class: "choose", "aria-label": t("start.choose", { name }), ".checked": this.#chosen.has(session.id), onchange: () => {
+      if (choose.checked) this.#chosen.add(session.id);
+      else this.#chosen.delete(session.id);
+      this.#offerSeveral();
+    } });
+    const button = (/** @type {"trash" | "rename"} */ sign, /** @type {string} */ words, /** @type {"admin" | "capture"} */ needs, /** @type {() => unknown} */ act) =>
+      h("button", { type: "button", class: `plain icon ${sign}`, needs, "aria-label": words, title: words, onclick: () => void act() }, icon(sign));
+    return h("div", { class: "deeds row" }, choose,
+      button("rename", t("start.rename", { name }), "capture", async () => (await deeds()).renameSession(session, () => this.load())),
+      button("trash", t("start.remove", { name }), "admin", async () => (await deeds()).removeSessions([session], () => this.load())));
   }
+
+  /** What can be done with those that are chosen. */
+  #offerSeveral() {
+    const chosen = this.#sessions.filter(({ id }) => this.#chosen.has(id));
+    this.#several.hidden = chosen.length === 0;
+    const [left, right, ...more] = chosen;
+    this.#several.replaceChildren(
+      h("strong", {}, t("captures.selected", { count: chosen.length })),
+      left && right && !more.length ? h("a", { class: "button", href: `/compare?left=${left.id}&right=${right.id}` }, t("result.compare")) : "",
+      h("button", { type: "button", onclick: async () => (await deeds()).saveArchives(chosen) }, t("start.save")),
+      h("button", { type: "button", needs: "admin", class: "danger", onclick: async () => (await deeds()).removeSessions(chosen, () => this.load()) }, t("start.remove_go")));
+  }
+}
+
+const deeds = () => import("./session-deeds.js");
+
+/** @param {SessionSummary} session */
+const nameOf = (session) => session.name || session.id;
+
+/** @param {SessionSummary} session */
+const address = (session) => `/sessions/${encodeURIComponent(session.id)}`;
+
+/** @param {SessionSummary} session */
+function verdictsOf({ verdicts }) {
+  const found = Object.entries(verdicts ?? {});
+  if (!found.length) return [mark("todo", t("start.unsolved"))];
+  return found.map(([stage, verdict]) => mark(verdict, `${maybe(`step.${stage}`, stage)} ${maybe(`verdict.${verdict}`, verdict)}`));
 }
 
 /** The worst of a session's verdicts. @param {SessionSummary} session */

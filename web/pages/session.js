@@ -18,6 +18,7 @@ import { t } from "../texts.js";
 import { cellWords } from "../components/cell-words.js";
 import { forgetDeeds } from "../state/undo.js";
 import { redoLast, undoLast } from "../components/undo.js";
+import { splitter } from "../components/splitter.js";
 import { viewTabs } from "../components/view-tabs.js";
 
 const INTERACTIVE = "a, button, input, select, textarea, summary, dialog, [role=button], [role=tab], [tabindex='0']";
@@ -75,7 +76,9 @@ export class SessionPage extends HTMLElement {
     const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result, actions);
     state.watch(["step", "view"], () => { work.scrollTop = 0; });
     this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit), make(LiveElement, { state }));
-    this.append(this.#loading, this.#problem, h("div", { class: "session" }, make(RailElement, { state }), work, make(SceneElement, { state })));
+    const session = h("div", { class: "session" }, make(RailElement, { state }), work);
+    session.append(splitter(session), make(SceneElement, { state }));
+    this.append(this.#loading, this.#problem, session);
     this.#listenForDrops(sources[0]);
   }
 

@@ -27,6 +27,8 @@ export class StartPage extends HTMLElement {
 
   connectedCallback() {
     if (!this.firstChild) this.append(this.#ways(), this.#progress, this.#cards, this.#folder, this.#archive);
+    // Who comes back sees their cells first; with the keyboard the ways to begin are still the shorter way.
+    this.#cards.addEventListener("loaded", (event) => this.classList.toggle("returning", /** @type {CustomEvent<number>} */ (event).detail > 0));
     this.addEventListener("dragover", (event) => {
       event.preventDefault();
       this.classList.add("dropping");

@@ -312,8 +312,14 @@ export const api = {
   /** @param {string} scene its address @param {string} what @param {Record<string, unknown>} body */
   tellScene: async (scene, what, body) => void (await request(what, json("POST", body), scene)),
 
+  /** Tell one page's scene the story of a step. @param {string} scene its address @param {string} viewer @param {string} step @param {"measure" | "result"} side @returns {Promise<{ open: boolean, view: string, layers: Record<string, boolean> }>} */
+  sceneStory: async (scene, viewer, step, side) => (await request(`viewers/${viewer}/story`, json("POST", { step, side }), scene)).json(),
+
   /** What one page sees of a scene. @param {string} scene its address @param {string} viewer @param {number} width @param {number} height @returns {Promise<Blob>} */
   scenePicture: async (scene, viewer, width, height) => (await request(`viewers/${viewer}/picture?width=${width}&height=${height}`, {}, scene)).blob(),
+
+  /** The numbers that count of a session. @param {string} id @returns {Promise<{ tool0_from_laser: { matrix: number[][] } | null }>} */
+  answer: (id) => get(`${session(id)}/answer`),
 
   /** How far a simulated cell's result lies from the truth. @param {string} id @param {string} stage @returns {Promise<OffTheTruth>} */
   truth: (id, stage) => get(`${session(id)}/truth/${encodeURIComponent(stage)}`),

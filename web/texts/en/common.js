@@ -47,6 +47,7 @@ export const common = {
   "redo.what": "Redo: {what}",
   "redo.done": "Redone: {what}",
   "redo.nothing": "There is nothing to redo.",
+  "menu.shop": "Shop floor: large type, one action, sound",
   "menu.language": "Language",
   "menu.keys": "Keys",
 };

@@ -44,6 +44,7 @@ export const result = {
   "frame.copy_matrix": "Copy the matrix",
   "answer.more": "{count} more",
   "answer.notes": "Notes ({count})",
+  "answer.figures": "More figures",
   "answer.next": "Next:",
   "truth.title": "Compared with the truth",
   "truth.off": "Off by {error} at the workpiece and {angle}°. Stated: ±{stated}. The error is {share} of that.",
@@ -53,6 +54,7 @@ export const result = {
   "settings.go": "Solve again",
   "plot.keys": "Arrow keys move between the points, Enter selects one.",
   "plot.rejected": "rejected: {reason}",
+  "plot.without": "Excluded, the others would predict it to {left}; as it is, it fits to {with}. X excludes it.",
   "plot.out": "rejected",
 
   "camera.view": "View",

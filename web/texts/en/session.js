@@ -19,6 +19,12 @@ export const session = {
 
   "rail.steps": "Steps of the calibration",
 
+  "meter.title": "How well the workpiece is known",
+  "meter.open": "not determined yet",
+  "meter.enough": "enough",
+  "meter.more_one": "about {count} more",
+  "meter.more_many": "about {count} more",
+  "meter.history": "From ±{first} to ±{last} over {count} captures",
   "guide.exit": "Enough:",
   "guide.pose": "Suggested pose",
   "guide.needed": "{count} to go",
@@ -74,6 +80,7 @@ export const session = {
   "actions.capture_verify": "Capture to verify",
   "actions.capture_scan": "Capture a scan",
   "actions.look": "Show result",
+  "actions.mend": "Add captures",
   "actions.solve": "Solve",
   "actions.solve_camera": "Solve the camera",
   "actions.solve_laser-plane": "Solve the laser plane",
@@ -132,6 +139,8 @@ export const session = {
   "column.delete": "Delete",
 
   "scene.title": "3-D scene of the cell",
+  "scene.width": "Width of the scene",
+  "scene.large": "Scene in full screen",
   "scene.wait": "Loading the scene …",
   "scene.tools": "Scene",
   "scene.view": "View",

@@ -1,0 +1,89 @@
+"""Widths, tablets and the shop floor: nothing cut off, targets large enough, the main action in sight."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.server.live_server import simulated_session
+from tests.web.browsing import leave_out_the_scene
+
+pytestmark = pytest.mark.browser
+
+_SMALL_TARGETS = """() => [...document.querySelectorAll("main :is(button, a, select, summary), header button")]
+  .filter((one) => one.checkVisibility() && !one.closest("svg, dd, p, li p"))
+  .map((one) => [one.getBoundingClientRect(), one.innerText || one.getAttribute("aria-label") || one.tagName])
+  .filter(([box]) => box.width > 0 && (box.height < 43.5 || box.width < 43.5))
+  .map(([box, text]) => `${text}: ${box.width.toFixed(0)} x ${box.height.toFixed(0)}`)"""
+_SMALL_TYPE = """() => [...document.querySelectorAll("main *, header *")]
+  .filter((one) => one.checkVisibility() && !one.closest("svg, option, .visually-hidden")
+    && [...one.childNodes].some((part) => part.nodeType === 3 && part.data.trim()))
+  .filter((one) => parseFloat(getComputedStyle(one).fontSize) < 20).map((one) => one.outerHTML.slice(0, 90))"""
+_WIDE = "() => document.documentElement.scrollWidth - innerWidth"
+
+
+@pytest.fixture
+def api(address: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+        yield client
+
+
+@pytest.fixture(params=[(1024, 768), (1280, 800)])
+def tablet(request: pytest.FixtureRequest, browser: Browser, address: str) -> Page:
+    width, height = request.param
+    context = browser.new_context(
+        base_url=address, viewport={"width": width, "height": height}, has_touch=True, is_mobile=True
+    )
+    leave_out_the_scene(context)
+    return context.new_page()
+
+
+def main_action_in_sight(page: Page) -> bool:
+    box = page.locator("sc-actions button.primary:visible").first.bounding_box()
+    size = page.viewport_size
+    return bool(box and size) and box["y"] + box["height"] <= size["height"] and box["x"] >= 0
+
+
+def test_a_tablet_by_touch(tablet: Page, api: httpx.Client) -> None:
+    tablet.goto(f"/sessions/{simulated_session(api, captures=3)}")
+    expect(tablet.locator(".captures tbody tr")).to_have_count(3)
+    for count in (4, 5):
+        assert tablet.evaluate(_WIDE) <= 0
+        assert main_action_in_sight(tablet)
+        assert tablet.evaluate(_SMALL_TARGETS) == []
+        tablet.locator("sc-actions button.primary:visible").first.tap()
+        expect(tablet.locator(".captures tbody tr")).to_have_count(count)
+
+
+def test_the_shop_floor(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    page, watched = open_page(f"/sessions/{simulated_session(api, captures=2)}", width=1024, height=768)
+    expect(page.locator("sc-quality")).to_be_visible()
+    page.get_by_role("button", name="More", exact=True).click()
+    page.get_by_label("Shop floor").check()
+    page.keyboard.press("Escape")
+    page.reload()
+    expect(page.locator("sc-quality")).to_be_visible()
+    assert page.evaluate(_SMALL_TYPE) == []
+    assert page.evaluate(_WIDE) <= 0
+    assert main_action_in_sight(page)
+    action = page.locator("sc-actions button.primary:visible").bounding_box()
+    assert action is not None
+    assert action["height"] >= 100
+    page.locator("sc-actions button.primary:visible").click()
+    expect(page.locator("sc-quality h2")).to_contain_text("p03")
+    assert watched.complaints == []
+
+
+def test_the_border_of_the_scene_is_moved_and_kept(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    page, watched = open_page(f"/sessions/{simulated_session(api, captures=1)}")
+    border = page.get_by_role("separator", name="Width of the scene")
+    border.focus()
+    for key, share in (("End", "70"), ("Home", "20"), ("ArrowLeft", "23")):
+        border.press(key)
+        expect(border).to_have_attribute("aria-valuenow", share)
+    page.reload()
+    expect(border).to_have_attribute("aria-valuenow", "23")
+    assert page.evaluate(_WIDE) <= 0
+    assert watched.complaints == []

@@ -1,0 +1,58 @@
+// What can be done with sessions from the list: rename one; save or delete one or several. Loaded when it is asked for.
+
+import { api } from "../state/api.js";
+import { h } from "../dom.js";
+import { plural, t } from "../texts.js";
+import { attempt, notify } from "./toasts.js";
+
+/** @import {SessionSummary} from "../state/model.js" */
+
+/** @param {SessionSummary} session */
+export const nameOf = (session) => session.name || session.id;
+
+/** @param {string} title @param {(Node | string)[]} body @param {{ words: string, danger?: boolean, act: () => Promise<void> }} go */
+function ask(title, body, { words, danger = false, act }) {
+  const submit = async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    dialog.close();
+    await act();
+  };
+  const dialog = h("dialog", { "aria-labelledby": "deed-title" }, h("form", { onsubmit: (/** @type {Event} */ event) => void submit(event) },
+    h("h2", { id: "deed-title" }, title), ...body,
+    h("div", { class: "row end" },
+      h("button", { type: "button", autofocus: danger, onclick: () => dialog.close() }, t("cancel")),
+      h("button", { type: "submit", class: danger ? "danger" : "primary" }, words))));
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+}
+
+/** @param {readonly SessionSummary[]} sessions @param {() => Promise<void>} after */
+export function removeSessions(sessions, after) {
+  const [first] = sessions;
+  if (!first) return;
+  const captures = plural(sessions.reduce((sum, one) => sum + one.capture_count, 0), "captures.one", "captures.many");
+  ask(sessions.length === 1 ? t("start.remove", { name: nameOf(first) }) : t("start.remove_several", { count: sessions.length }),
+    [h("p", {}, t(sessions.length === 1 ? "start.remove_words" : "start.remove_several_words", { captures }))],
+    { words: t("start.remove_go"), danger: true, act: async () => {
+      const gone = await attempt(async () => { for (const { id } of sessions) await api.removeSession(id); });
+      if (gone) notify(sessions.length === 1 ? t("start.removed", { name: nameOf(first) }) : t("start.removed_several", { count: sessions.length }));
+      await after();
+    } });
+}
+
+/** @param {SessionSummary} session @param {() => Promise<void>} after */
+export function renameSession(session, after) {
+  const name = h("input", { id: "session-name", required: true, maxlength: 200, autocomplete: "off", ".value": session.name });
+  ask(t("start.rename", { name: nameOf(session) }), [h("div", { class: "field" }, h("label", { for: "session-name" }, t("new.name")), name)],
+    { words: t("place.save"), act: async () => { if (await attempt(() => api.changeSession(session.id, { name: name.value.trim() }))) await after(); } });
+  name.select();
+}
+
+/** One archive after the other, as the browser saves downloads. @param {readonly SessionSummary[]} sessions */
+export async function saveArchives(sessions) {
+  for (const { id } of sessions) {
+    h("a", { href: api.archiveAddress(id), download: "" }).click();
+    await new Promise((resolve) => setTimeout(resolve, 400));
+  }
+}

@@ -1,0 +1,36 @@
+// Shop floor: for a tablet at arm's length. Large type, one huge action, and a tone that tells how a capture was.
+
+const KEY = "scancell-shop";
+const ROOT = document.documentElement;
+/** Tones in Hz: rising is good, falling is refused. @type {Readonly<Record<string, readonly number[]>>} */
+const TONES = { pass: [660, 880], warn: [660, 660], fail: [440, 262] };
+const TONE_S = 0.16;
+
+export const atShop = () => ROOT.hasAttribute("data-shop");
+
+/** @param {boolean} on */
+export function setShop(on) {
+  ROOT.toggleAttribute("data-shop", on);
+  if (on) window.localStorage.setItem(KEY, "1");
+  else window.localStorage.removeItem(KEY);
+}
+
+/** Tell a capture's verdict by a sound, in the mode for the shop floor alone. @param {string} verdict */
+export function sound(verdict) {
+  if (!atShop() || typeof AudioContext === "undefined") return;
+  const audio = new AudioContext();
+  const tones = TONES[verdict] ?? [];
+  tones.forEach((frequency, index) => {
+    const [tone, volume] = [audio.createOscillator(), audio.createGain()];
+    const start = audio.currentTime + index * TONE_S;
+    tone.frequency.value = frequency;
+    volume.gain.setValueAtTime(0.2, start);
+    volume.gain.exponentialRampToValueAtTime(0.001, start + TONE_S);
+    tone.connect(volume).connect(audio.destination);
+    tone.start(start);
+    tone.stop(start + TONE_S);
+  });
+  window.setTimeout(() => void audio.close(), 1000 * TONE_S * (tones.length + 1));
+}
+
+if (window.localStorage.getItem(KEY)) setShop(true);
