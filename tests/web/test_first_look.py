@@ -57,7 +57,7 @@ def test_a_real_set_rightly_and_wrongly_read(
     solve(api, session, "tcp")
     assert api.get(f"/sessions/{session}/results/tcp").json()["verdict"] == verdict
     page, watched = open_page(f"/sessions/{session}#tcp.result", width=1280, height=720)
-    page.locator("sc-actions").get_by_role("button", name=action).first.wait_for()
+    page.locator("sc-actions button", has_text=action).first.wait_for()
     look = first_look(page)
     assert look.problems == []
     assert look.main[0].startswith(action)

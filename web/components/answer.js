@@ -66,7 +66,7 @@ function messages(result) {
   const first = cause ? [] : said.slice(0, IN_SIGHT);
   const rest = said.filter((text) => !first.includes(text));
   return [
-    cause && h("ul", { class: "messages" }, message(cause.sentence, cause.title)),
+    cause && h("ul", { class: "messages" }, message(cause.sentence, brief(cause.title))),
     first.length > 0 && h("ul", { class: "messages" }, ...first.map((text) => message(text, brief(text)))),
     (rest.length > 0 || (notes ?? []).length > 0) && h("div", { class: "row" },
       rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
