@@ -84,7 +84,9 @@ def role_that_should_do(method: str, path: str) -> str:
         or (method != "GET" and path.endswith(("/devices/{device}", "/robot-port")))
     ):
         return "admin"
-    looks = method in ("GET", "WS") or path.startswith("/scenes/") or path.endswith("/pose-lines")
+    # What comes with these is looked at and answered; nothing of it is stored.
+    answers = ("/pose-lines", "/controller-files", "/readings", "/read-back", "/exports/{name}")
+    looks = method in ("GET", "WS") or path.startswith("/scenes/") or path.endswith(answers)
     return "read" if looks else "capture"
 
 
