@@ -216,8 +216,7 @@ def chain_data(
     effective = np.zeros(count)
     for k, o in enumerate(observations):
         if o.kind == "profile":
-            zone = min((o.circle_radius_mm or 0.0) / sphere.radius_mm, 1.0)
-            effective[k] = weights[k] * (zone * o.point_sigma_mm) ** 2
+            effective[k] = weights[k] * _scatter_left(o, *merged[k], sphere.radius_mm)
         else:
             anchors[k] = o.center_in_laser_mm
             information[k], gradient[k] = _quadratic(o, sphere.radius_mm, half_width)
@@ -251,6 +250,21 @@ def chain_data(
         arm_scale_sigma=ARM_SCALE_SIGMA if priors else 0.0,
         drift_sigma_mm=DRIFT_SIGMA_MM if priors else 0.0,
     )
+
+
+def _scatter_left(
+    observation: SphereObservation, points: FloatArray, counts: FloatArray, sphere_radius_mm: float
+) -> float:
+    """Return the mean square, mm², of a profile's distances to the sphere that merged points still show.
+
+    The density of points must count for as much as their distances do: those that cancelled where neighbours
+    were merged no longer pull at the scales, and with them counted in full all captures together would.
+    """
+    circle = observation.circle_radius_mm or 0.0
+    distances = np.hypot(*(points[:, [0, 2]] - observation.center_in_laser_mm[[0, 2]]).T) - circle
+    many = len(points)
+    zone = min(circle / sphere_radius_mm, 1.0)
+    return float(zone**2 * (counts @ distances**2) / counts.sum() * many / max(many - 3, 1))
 
 
 def _merged_points(observation: SphereObservation) -> tuple[FloatArray, FloatArray]:

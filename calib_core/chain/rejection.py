@@ -76,6 +76,13 @@ def judge(observations: Sequence[SphereObservation], data: ChainData, start: Sta
     return judge_from(observations, data, state, _core(start), sigmas)
 
 
+def with_more_spread(judged: Judged, spread: FloatArray) -> Judged:
+    """Return the same with a covariance (9, 9) of the tool and the sphere's centre added."""
+    covariance = judged.fit.covariance.copy()
+    covariance[:9, :9] += spread / judged.inflation
+    return replace(judged, fit=replace(judged.fit, covariance=covariance))
+
+
 def judge_from(
     observations: Sequence[SphereObservation],
     data: ChainData,

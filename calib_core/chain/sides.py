@@ -1,19 +1,99 @@
-"""Profiles near a great circle have two sides close together: try the other one before believing the first."""
+"""Which side of the plane of light the sphere is on, where that is not clear at first sight.
 
-from dataclasses import replace
+Of few captures the sphere's centres alone can agree better on wrong sides: the likelihood of all points decides.
+Profiles near a great circle have two sides close together: the other one is tried before the first is believed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import lgamma
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib_core.chain.likelihood import ChainLinearisation, fit, without_scanner_errors
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.variance import ChainFit
+from calib_core.chain.start import Start
+from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, log_probability
+from calib_core.frames import FloatArray, vector_from_rotation
 
 if TYPE_CHECKING:
     from calib_core.chain.rejection import WithoutOne
 
 _NEAR = 0.2  # of the radius: farther from the middle the robust start has decided rightly
 _BETTER = 0.5  # log-likelihood; less is no reason to change
+
+_FEW = 16  # of more captures the medians of their centres' misfits decide rightly
+_MOST_RIVALS = 7
+_PLAUSIBLE_MM = 2.0  # arms that scatter more are told to be looked at first
+_LOST = 6.0  # scatters of a start: beyond them a capture has no vote
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenSides:
+    """The start whose sides all points find likeliest.
+
+    Attributes
+    ----------
+    start : Start
+    log_odds : float or None
+        By how much (natural logarithm) its sides are likelier than others; None: not in doubt.
+    spread : (9, 9)
+        Covariance of the unknowns by what other sides would make them, weighted by how likely those are.
+    """
+
+    start: Start
+    log_odds: float | None
+    spread: FloatArray
+
+
+def likeliest_sides(data: ChainData, starts: Sequence[Start], sigmas: GivenSigmas) -> ChosenSides:
+    """Return the likeliest of several starts with different sides.
+
+    Beforehand any share of a session's captures may be on either side: then n of K on one side have the
+    probability 1 / ((K + 1) binomial(K, n)), so that captures that are all on one side are likelier than any other
+    single choice.
+
+    Parameters
+    ----------
+    data : ChainData
+    starts : sequence of Start
+        The one on which the captures' own centres agree best first.
+    sigmas
+        As given, see `fit_with_sigmas`.
+    """
+    best = starts[0]
+    rivals = [s for s in starts[1:] if s.scatter_mm < _PLAUSIBLE_MM][:_MOST_RIVALS]
+    if data.count > _FEW or not rivals:
+        return ChosenSides(best, None, np.zeros((9, 9)))
+    # A capture that is far off whatever the sides has another fault, and no vote.
+    nearest = np.min([s.misfit_mm for s in (best, *rivals)], axis=0)
+    voting = data.silent(nearest <= max(_LOST * best.scatter_mm, 2 * _PLAUSIBLE_MM))
+    found: dict[bytes, tuple[float, Start, ChainState]] = {}
+    for start in (best, *rivals):
+        state = ChainState.predicted(data, start.rotation, start.translation, start.center)
+        fitted = fit_with_sigmas(voting, state, sigmas, rounds=2)
+        sides = fitted.minimum.at.centers_in_laser[:, 1] > 0
+        likely = log_probability(voting, fitted, sigmas) - _log_binomial(data.count, int(sides.sum()))
+        if sides.tobytes() not in found or likely > found[sides.tobytes()][0]:
+            found[sides.tobytes()] = likely, start, fitted.state
+    ranked = sorted(found.values(), key=lambda one: -one[0])
+    likely, start, state = ranked[0]
+    chances = np.exp([other - likely for other, _, _ in ranked])
+    offsets = np.array([_difference(state, other) for _, _, other in ranked])
+    spread = np.einsum("n,ni,nj->ij", chances / chances.sum(), offsets, offsets)
+    return ChosenSides(start, likely - ranked[1][0] if len(ranked) > 1 else None, spread)
+
+
+def _log_binomial(count: int, some: int) -> float:
+    return lgamma(count + 1) - lgamma(some + 1) - lgamma(count - some + 1)
+
+
+def _difference(first: ChainState, second: ChainState) -> FloatArray:
+    """Return rx ry rz tx ty tz of the tool and the sphere's centre, (9,), from one state to another."""
+    turn = vector_from_rotation(first.tool_rotation.T @ second.tool_rotation)
+    shift = second.tool_translation - first.tool_translation
+    return np.concatenate([turn, shift, second.center - first.center])
 
 
 def with_better_sides(data: ChainData, found: ChainFit, without: "WithoutOne") -> ChainState | None:

@@ -106,7 +106,12 @@ def centers_of(observations: Sequence[SphereObservation], sphere: SphereSize) ->
 
 
 def find_start(centers: Centers) -> Start:
-    """Return the guess on which most captures agree.
+    """Return the guess on which most captures agree, of at least four."""
+    return find_starts(centers)[0]
+
+
+def find_starts(centers: Centers) -> list[Start]:
+    """Return the guess on which most captures agree, then the best one of each other choice of sides.
 
     Parameters
     ----------
@@ -122,10 +127,10 @@ def find_start(centers: Centers) -> Start:
     if len(some) < count:
         guesses = [(s.rotation, s.translation, s.center) for s in starts[:_BEST]]
         starts = sorted(settled(centers, guesses), key=badness)
-    best = starts[0]
-    rivals = [s for s in starts[1:] if _is_rival(s, best)]
-    rival = rivals[0].scatter_mm if rivals else None
-    return Start(best.rotation, best.translation, best.center, best.sides, best.misfit_mm, best.scatter_mm, rival)
+    rivals = [s for s in starts[1:] if _is_rival(s, starts[0])]
+    best = replace(starts[0], rival_scatter_mm=rivals[0].scatter_mm if rivals else None)
+    others = {s.sides.tobytes(): s for s in reversed(starts) if s.sides.tobytes() != best.sides.tobytes()}
+    return [best, *sorted(others.values(), key=badness)]
 
 
 def badness(start: Start) -> float:

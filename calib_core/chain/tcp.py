@@ -16,9 +16,10 @@ from calib_core.chain.held import Held, hold_files
 from calib_core.chain.model import ChainState, Sigmas, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, judge, without_each
+from calib_core.chain.rejection import Judged, judge, with_more_spread, without_each
 from calib_core.chain.scanner import ScannerPriors, corrected
-from calib_core.chain.start import centers_of, find_start
+from calib_core.chain.sides import likeliest_sides
+from calib_core.chain.start import centers_of, find_starts
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orientation_span, two_step
 from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
@@ -109,6 +110,8 @@ class TcpSolution:
         Its groups of pure translations, or the reason why there is no answer.
     rival_scatter_mm, start_scatter_mm
         How well the best other choice of sides would fit, beside the chosen one.
+    sides_log_odds : float or None
+        By how much (natural logarithm) all points find the chosen sides likelier than others; None: not in doubt.
     weights : (K,)
         By how much a capture's pose counts less than that of one that lies well, 1 … 0.
     points_per_independent : float
@@ -142,6 +145,7 @@ class TcpSolution:
     two_step_covariance: FloatArray | None
     two_step_answer: TwoStepAnswer
     rival_scatter_mm: float | None
+    sides_log_odds: float | None
     start_scatter_mm: float
     weights: FloatArray
     points_per_independent: float
@@ -180,14 +184,17 @@ def solve_tcp(
     observations = with_effective_points(observations, sphere)
 
     tell(0.05, "Searching tool, sphere and sides")
-    start = find_start(centers_of(observations, sphere))
+    starts = find_starts(centers_of(observations, sphere))
 
     tell(0.35, "Fitting all captures jointly")
     measured_sigma = pooled_point_sigma(observations, sphere)
     point_sigma = options.point_sigma_mm or measured_sigma
     data = chain_data(observations, sphere, point_sigma, None if _are_swept(observations) else options.priors)
     data = replace(data, pose_scale=visits(data.rotations, data.translations))
-    judged = judge(observations, data, start, (options.position_sigma_mm, options.orientation_sigma_rad, 0.0))
+    given = options.position_sigma_mm, options.orientation_sigma_rad, 0.0
+    chosen = likeliest_sides(data, starts, given)
+    start = chosen.start
+    judged = with_more_spread(judge(observations, data, start, given), chosen.spread)
 
     tell(0.7, "Leaving out each capture in turn")
     held = hold_files(judged, options.apply_scanner)
@@ -223,7 +230,8 @@ def solve_tcp(
         two_step=paper,
         two_step_covariance=paper_covariance,
         two_step_answer=paper_answer,
-        rival_scatter_mm=start.rival_scatter_mm,
+        rival_scatter_mm=starts[0].rival_scatter_mm,
+        sides_log_odds=chosen.log_odds,
         start_scatter_mm=start.scatter_mm,
         weights=data.pose_scale / judged.data.pose_scale,
         points_per_independent=float(np.median([o.points_per_independent for o in observations])),

@@ -23,7 +23,7 @@ from calib_core.frames import FloatArray
 
 # A weak prior, in logarithms: position, orientation, the table's angle, then the shared position and orientation
 # and their reach.  Arms of this class repeat to some hundredths of a millimetre and are true to some tenths.
-_PRIOR = np.log([0.05, 1.5e-4, 1e-4, 0.03, 7e-5, 1.0])
+_PRIOR = np.log([0.1, 1.5e-4, 1e-4, 0.03, 7e-5, 1.0])
 _WIDTHS = np.log([3.0, 3.0, 3.0, 3.0, 3.0, 1.6])
 _LOW = np.log([0.002, 2e-6, 1e-6, 1e-3, 1e-6, 0.3])
 _HIGH = np.log([50.0, 2e-2, 2e-2, 50.0, 2e-2, 3.0])
@@ -91,6 +91,13 @@ def fit_with_sigmas(
         if np.abs(log_sigmas - before)[:5].max() < 0.1:
             break
     return ChainFit(minimum, sigmas, covariance_of(minimum.at.hessian)[: data.width, : data.width])
+
+
+def log_probability(data: ChainData, found: ChainFit, given: GivenSigmas) -> float:
+    """Return how likely a fit's choice of sides is, but for a constant: the density at its most likely sigmas."""
+    free = np.array([value is None for value in given] + [True] * 3)
+    log_sigmas = _logarithms(found.sigmas)
+    return _Density(data, found.minimum, log_sigmas, given, free)(log_sigmas[free])
 
 
 def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigmas) -> ChainFit:

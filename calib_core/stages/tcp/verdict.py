@@ -15,6 +15,7 @@ _MOST_REJECTED = 1 / 3
 _CHI2_6_RARE = 22.5  # 99.9 %
 _LIGHT = 0.5
 _RIVAL_NEAR = 1.5
+_CLEAR_LOG_ODDS = 5.0  # 150 : 1
 _FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may be small by chance alone
 
 
@@ -65,13 +66,19 @@ def _doubts_about_captures(solution: TcpSolution) -> list[str]:
             f"Left out because they contradict the others: {named(solution.captures, solution.used)}; "
             "see their reasons."
         )
-    rival, scatter = solution.rival_scatter_mm, solution.start_scatter_mm
-    if rival is not None and rival < _RIVAL_NEAR * scatter:
+    if _sides_are_open(solution):
         found.append(
-            f"Which side of the plane of light the sphere is on is hardly decided: another choice scatters by "
-            f"{rival:.2f} mm against {scatter:.2f} mm. Add captures with the plane well off the sphere's middle."
+            "Which side of the plane of light the sphere is on is hardly decided. Add captures with the plane well "
+            "off the sphere's middle, or tell each capture's side."
         )
     return found
+
+
+def _sides_are_open(solution: TcpSolution) -> bool:
+    if solution.sides_log_odds is not None:
+        return solution.sides_log_odds < _CLEAR_LOG_ODDS
+    rival = solution.rival_scatter_mm
+    return rival is not None and rival < _RIVAL_NEAR * solution.start_scatter_mm
 
 
 def _doubts_about_motion(solution: TcpSolution) -> list[str]:
