@@ -6,7 +6,7 @@
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.simulation.bound import tcp_bound
+from calib_core.simulation.bound import Beliefs, tcp_bound
 from calib_core.simulation.chain_bound import ChainBound, chain_bound
 from calib_core.simulation.fixed_board_cell import FIXED_BOARD_SCENARIOS, simulate_fixed_board
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
@@ -28,6 +28,7 @@ __all__ = [
     "SWEEP_SCENARIOS",
     "TABLE_SCENARIOS",
     "WHOLE_SCENARIOS",
+    "Beliefs",
     "ChainBound",
     "Shot",
     "SimulatedSession",

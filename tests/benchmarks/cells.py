@@ -8,7 +8,7 @@ from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.simulation import SimulatedSession, simulate, tcp_bound
+from calib_core.simulation import Beliefs, SimulatedSession, simulate, tcp_bound
 
 SPHERE = SphereSize(40.0)
 GIVEN = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)
@@ -41,8 +41,8 @@ class Cell:
         return tool0_from_laser.difference(self.truth)
 
     def bound(self) -> FloatArray:
-        """The Cramér–Rao bound, (6, 6)."""
-        return tcp_bound(self.simulated)
+        """The Cramér–Rao bound, (6, 6), of a solver that knows no more of scanner and arm than ours does."""
+        return tcp_bound(self.simulated, Beliefs())
 
 
 def rms(vectors: FloatArray) -> float:

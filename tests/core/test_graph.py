@@ -57,6 +57,8 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "scanner.kind": ("profile", NONE),
     "scanner.point_sigma_mm": (0.02, SPHERE),
     "scanner.z_axis": ("toward", SPHERE),
+    "scanner.errors": ("apply", SPHERE),
+    "sphere_class": ("turned", SPHERE),
     "scanners": ({"left": {"point_sigma_mm": 0.1}}, SPHERE),
     "robot.position_sigma_mm": (0.1, SPHERE),
     "robot.orientation_sigma_deg": (0.1, SPHERE),

@@ -68,8 +68,8 @@ def _doubts_about_captures(solution: TcpSolution) -> list[str]:
         )
     if _sides_are_open(solution):
         found.append(
-            "Which side of the plane of light the sphere is on is hardly decided. Add captures with the plane well "
-            "off the sphere's middle, or tell each capture's side."
+            "Which side of the plane of light the sphere is on is hardly decided. Add captures with the plane "
+            "well off the sphere's middle, or tell each capture's side."
         )
     return found
 
