@@ -59,7 +59,7 @@ def tcp_bound(simulated: SimulatedSession, beliefs: Beliefs | None = None) -> Fl
     shots = [s for s in world.shots if not s.fault and s.table is None and len(s.true_points_mm)]
     information = np.zeros((9, 9) if beliefs is None else (20, 20))
     for number, shot in enumerate(shots):
-        information += _information(shot, world, beliefs and _moved_by(shots, number, world, beliefs))
+        information += _information(shot, world, beliefs and moved_by(shots, number, world, beliefs))
     information[9:, 9:] += np.eye(len(information) - 9)
     scale = 1 / np.sqrt(np.diag(information))  # radians and millimetres side by side
     scaled = information * scale[:, None] * scale
@@ -72,7 +72,7 @@ def tcp_bound(simulated: SimulatedSession, beliefs: Beliefs | None = None) -> Fl
     return np.array((np.linalg.inv(scaled) * scale[:, None] * scale)[:6, :6], dtype=np.float64)
 
 
-def _moved_by(shots: list[Shot], number: int, world: World, beliefs: Beliefs) -> FloatArray:
+def moved_by(shots: list[Shot], number: int, world: World, beliefs: Beliefs) -> FloatArray:
     """Return how far one standard deviation of each belief moves a capture's points off the sphere, (N, 11)."""
     shot = shots[number]
     points = shot.true_points_mm

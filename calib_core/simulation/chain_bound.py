@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.simulation.bound import Beliefs, moved_by
 from calib_core.simulation.motion import FloatArray
 from calib_core.simulation.profile_cell import Shot, World
 from calib_core.simulation.session import SimulatedSession
@@ -32,12 +33,15 @@ class ChainBound:
     axis_point: FloatArray
 
 
-def chain_bound(simulated: SimulatedSession, *, encoder_scale: bool = False) -> ChainBound:
+def chain_bound(
+    simulated: SimulatedSession, *, encoder_scale: bool = False, beliefs: Beliefs | None = None
+) -> ChainBound:
     """Return the Cramér–Rao bounds of tool0_from_laser and of the turntable's axis from all captures.
 
     Unknown are the six of tool0_from_laser, the still sphere's centre, two tilts and two shifts of the axis, the
     sphere's place on the table for each mounting and, where asked, the encoder's scale.  Robot and encoder errors
-    are part of each capture's noise.  Faults and wobble are not accounted for.
+    are part of each capture's noise; beliefs are unknown as well, see `tcp_bound`.  Faults and wobble are not
+    accounted for.
 
     Raises
     ------
@@ -48,10 +52,12 @@ def chain_bound(simulated: SimulatedSession, *, encoder_scale: bool = False) -> 
     if world is None or table is None:
         raise InputError("a simulated cell with a turntable", "another", "Use a turntable scenario.")
     size = 14 + 3 * len(table.mounts_mm)  # tool 6, sphere 3, axis rx ry tx ty, encoder scale, mounts
-    information = np.zeros((size, size))
-    for shot in world.shots:
-        if not shot.fault and len(shot.true_points_mm):
-            information += _information(shot, world, table, size)
+    shots = [s for s in world.shots if not s.fault and len(s.true_points_mm)]
+    extra = np.zeros(0) if beliefs is None else np.ones(11)
+    information = np.diag(np.concatenate([np.zeros(size), extra]))
+    for number, shot in enumerate(shots):
+        moved = beliefs and moved_by(shots, number, world, beliefs)
+        information += _information(shot, world, table, size, moved)
     if not encoder_scale:
         information[13, 13] = max(information[13, 13], 1.0) * 1e12  # known
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -71,8 +77,8 @@ def chain_bound(simulated: SimulatedSession, *, encoder_scale: bool = False) -> 
     )
 
 
-def _information(shot: Shot, world: World, table: TableTruth, size: int) -> FloatArray:
-    """Return one capture's Fisher information, (size, size)."""
+def _information(shot: Shot, world: World, table: TableTruth, size: int, moved: FloatArray | None) -> FloatArray:
+    """Return one capture's Fisher information, (size + n, size + n), n of `moved` (N, n)."""
     options = world.options
     mounting, arm = world.tool0_from_laser, shot.actual[:3, :3]
     points = shot.true_points_mm
@@ -97,6 +103,8 @@ def _information(shot: Shot, world: World, table: TableTruth, size: int) -> Floa
         by_place, by_angle = _of_table(table, shot.table.mount, shot.table.angle_rad, size)
         jacobian -= normals @ by_place
         noise.append((normals @ by_angle * table.options.angle_sigma_rad)[:, None])
+    if moved is not None:
+        jacobian = np.hstack([jacobian, moved])
     spread = np.hstack(noise)
     inner = np.linalg.inv(sigma**2 * np.eye(spread.shape[1]) + spread.T @ spread)
     projected = spread.T @ jacobian

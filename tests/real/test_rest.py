@@ -15,14 +15,14 @@ SCRIPT = Path(__file__).resolve().parents[2] / "docs" / "examples" / "calibrate_
 
 
 @pytest.mark.parametrize(
-    ("name", "scatter_mm", "translation_mm"),
+    ("name", "translation_mm"),
     [
-        ("tcp-sphere-80mm", 0.60, (-149.6, 709.5, 487.2)),
-        ("tcp-sphere-25mm", 0.84, (79.0, -11.6, 263.4)),
+        ("tcp-sphere-80mm", (-149.6, 709.5, 487.2)),
+        ("tcp-sphere-25mm", (79.0, -11.6, 263.4)),
     ],
 )
 def test_the_documented_script_calibrates_a_real_set(
-    data_folder: Path, tmp_path: Path, name: str, scatter_mm: float, translation_mm: tuple[float, ...]
+    data_folder: Path, tmp_path: Path, name: str, translation_mm: tuple[float, ...]
 ) -> None:
     with serving(Settings(data=tmp_path, port=0, warm_up=False)) as client:
         address = str(client.base_url).removesuffix("/api/v1/")
@@ -38,6 +38,6 @@ def test_the_documented_script_calibrates_a_real_set(
         assert session["verdicts"]["tcp"] in ("pass", "warn")
     scatter = re.search(r"centre scatter ([\d.]+) mm", done.stdout)
     assert scatter, done.stdout
-    assert float(scatter[1]) <= scatter_mm
+    assert float(scatter[1]) < 1.0  # poses read rightly
     rows = [[float(v) for v in line.split()] for line in done.stdout.splitlines()[-4:]]
     assert np.array(rows)[:3, 3] == pytest.approx(translation_mm, abs=2.0)

@@ -13,10 +13,11 @@ from calib_core.robots import to_pose
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 
-# Scatter of the centres, and the independent solvers' tool as x y z W P R (mm, degrees).
+# Distances of left-out captures, and the independent solvers' tool as x y z W P R (mm, degrees).  Plain least
+# squares on the points leaves 0.187 and 0.458 mm; the arm's and the scanner's errors cost the second set some.
 CELLS = {
-    "tcp-sphere-80mm": (0.60, (-149.6, 709.5, 487.2, 179.5, 0.45, -91.8)),
-    "tcp-sphere-25mm": (0.84, (79.0, -11.6, 263.4, -178.1, -0.16, 131.3)),
+    "tcp-sphere-80mm": (0.19, (-149.6, 709.5, 487.2, 179.5, 0.45, -91.8)),
+    "tcp-sphere-25mm": (0.60, (79.0, -11.6, 263.4, -178.1, -0.16, 131.3)),
 }
 CELL = pytest.mark.parametrize("name", CELLS)
 
@@ -32,10 +33,11 @@ def solved(folder: Path, tell_z_axis: bool = True) -> TcpResult:
 
 
 @CELL
-def test_scatter_and_tool_are_those_of_the_reference(data_folder: Path, name: str) -> None:
-    scatter_mm, reference = CELLS[name]
+def test_left_out_captures_and_the_tool_are_near_the_reference(data_folder: Path, name: str) -> None:
+    left_out_mm, reference = CELLS[name]
     result = solved(data_folder / name)
-    assert result.center_scatter_rms_mm <= scatter_mm
+    assert result.leave_one_out_surface_rms_mm is not None
+    assert result.leave_one_out_surface_rms_mm <= left_out_mm
     assert [row.reason for row in result.residuals if not row.used] == []
     tool = RigidTransform(np.array(result.tool0_from_laser), "tool0", "laser")
     numbers = np.array(to_pose("fanuc", RigidTransform(tool.matrix, "base", "tool0")))
@@ -46,7 +48,13 @@ def test_scatter_and_tool_are_those_of_the_reference(data_folder: Path, name: st
 
 
 def test_the_spheres_are_on_the_sides_where_they_fit(data_folder: Path) -> None:
-    sides = {name: {row.side for row in solved(data_folder / name).residuals} for name in CELLS}
+    """A great circle's own side is nobody's to say."""
+    sides = {
+        name: {
+            row.side for row in solved(data_folder / name).residuals if row.zone is not None and row.zone < 0.99
+        }
+        for name in CELLS
+    }
     assert len(sides["tcp-sphere-80mm"]) == 1
     assert len(sides["tcp-sphere-25mm"]) == 1
     assert sides["tcp-sphere-80mm"] != sides["tcp-sphere-25mm"]
@@ -62,7 +70,9 @@ def test_the_sense_of_z_need_not_be_told(data_folder: Path, name: str) -> None:
 @CELL
 def test_the_robots_scatter_is_that_of_such_arms(data_folder: Path, name: str) -> None:
     components = solved(data_folder / name).variance_components
-    assert 0.1 < components.position_sigma_mm < 1.0  # about 0.5 mm by a coarse grid
+    # Each pose's own part and what poses share.
+    together = np.hypot(components.position_sigma_mm, components.alike_position_sigma_mm)
+    assert 0.04 < together < 1.0
     assert components.orientation_sigma_rad < 5e-4
     assert components.estimated == ["point_sigma_mm", "position_sigma_mm", "orientation_sigma_rad"]
 
