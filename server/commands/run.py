@@ -114,7 +114,7 @@ def _with_cause(error: "CalibrationError", session: "Session", read: "ReadFile")
 
     try:
         found = unsolved_causes(session, read)
-    except CalibrationError:
+    except (CalibrationError, ValueError):  # what cannot be solved may not be explained either
         return error
     return error.adding(f"{found[0].sentence} Do so by --apply {found[0].id}.") if found else error
 
