@@ -299,6 +299,7 @@ export interface Cell {
   board?: Board | null;
   known?: Known;
   merge?: MergeSettings;
+  verification?: Verification;
   wanted_mm?: number | null;
   workpiece_in_laser_mm?: number[] | null;
   workpiece_in_turntable_mm?: number[] | null;
@@ -1752,6 +1753,8 @@ export interface StoredVerifyResult {
   chi_squared: number | null;
   degrees_of_freedom: number;
   chance: number | null;
+  checks?: VerifyCheck[];
+  decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
   residuals: VerifyResidual[];
 }
 
@@ -1987,6 +1990,23 @@ export interface VarianceComponents {
   points_per_independent?: number;
 }
 
+export interface Verification {
+  tool_mm?: number | null;
+  form_mm?: number | null;
+  form_95_mm?: number | null;
+  size_mm?: number | null;
+}
+
+export interface VerifyCheck {
+  name: string;
+  title: string;
+  value_mm: number;
+  uncertainty_mm: number;
+  limit_mm?: number | null;
+  decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
+  reason?: string;
+}
+
 export interface VerifyResidual {
   capture: string;
   used: boolean;
@@ -2023,6 +2043,8 @@ export interface VerifyResult {
   chi_squared: number | null;
   degrees_of_freedom: number;
   chance: number | null;
+  checks?: VerifyCheck[];
+  decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
   residuals: VerifyResidual[];
 }
 

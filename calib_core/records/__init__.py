@@ -58,6 +58,7 @@ from calib_core.records.session import (
     Session,
     TimedPose,
     Turntable,
+    Verification,
 )
 
 __all__ = [
@@ -110,6 +111,7 @@ __all__ = [
     "VarianceComponents",
     "Vector3",
     "Verdict",
+    "Verification",
     "input_error",
     "input_error_from_details",
     "parse_capture",

@@ -157,6 +157,20 @@ class MergeSettings(Record):
     memory_mb: Positive = 1000.0
 
 
+class Verification(Record):
+    """Limits of a verification, set before it; those left out are told and not judged.
+
+    `tool_mm` is of the tool's error where the scanner sees the sphere, `form_mm` of the points' distances from their
+    own sphere, `form_95_mm` of the
+    band that holds 95 % of them, `size_mm` of the diameter's error.
+    """
+
+    tool_mm: Positive | None = None
+    form_mm: Positive | None = None
+    form_95_mm: Positive | None = None
+    size_mm: Positive | None = None
+
+
 class Cell(Record):
     """The scanning cell: sphere, robot, scanner, table, board.
 
@@ -182,6 +196,7 @@ class Cell(Record):
     board: Board | None = None
     known: Known = Field(default_factory=Known)
     merge: MergeSettings = Field(default_factory=MergeSettings)
+    verification: Verification = Field(default_factory=Verification)
     wanted_mm: Positive | None = None
     workpiece_in_laser_mm: Vector3 | None = None
     workpiece_in_turntable_mm: Vector3 | None = None

@@ -22,7 +22,8 @@ class Verify(Stage):
         "Capture the sphere, standing still, from poses that were not used for the TCP.",
     )
     takes: ClassVar = {"verify": SPHERE_FIELDS}
-    reads = SPHERE_READS
+    reads = (*SPHERE_READS, "verification")
+    settings_field = "verification"
     after = ("camera", "laser-plane", "tcp", "chain")
     guided = ("verify",)
     optional = True

@@ -5,7 +5,7 @@ from typing import Final
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.evidence.parts import captures_used, left_out, provenance, residual_plot, residual_table
 from calib_core.records import Session
-from calib_core.records.evidence import AnyBlock, Figure
+from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
 from calib_core.stages.verify.record import VerifyResult
 
 _COLUMNS: Final = (
@@ -22,20 +22,56 @@ def evidence(_session: Session, result: VerifyResult) -> list[AnyBlock]:
     """Return the verification told in blocks, the answer first."""
     expected = result.expected_scatter_rms_mm
     return [
+        *_decision(result),
         Figure(
             label="Held-out scatter of the sphere's centre, RMS",
             quantity=quantity(result.held_out_scatter_rms_mm, "mm"),
             limit=None if expected is None else quantity(expected, "mm"),
             limit_label="expected",
-            headline=True,
+            headline=result.decision is None,
         ),
         Figure(label="Verified", text=result.verified),
         captures_used(result),
         *_chance(result),
+        *_checks(result),
         *residual_plot(result.residuals),
         *left_out(result.residuals),
         *residual_table(result.residuals, _COLUMNS),
         *provenance(result),
+    ]
+
+
+def _decision(result: VerifyResult) -> list[AnyBlock]:
+    if result.decision is None:
+        return []
+    return [Figure(label="Decision", text=result.decision.replace("-", " "), headline=True)]
+
+
+def _checks(result: VerifyResult) -> list[AnyBlock]:
+    """Return the figures beside the limits that were set for them before."""
+    rows = [
+        Row(
+            cells=[
+                check.title,
+                quantity(check.value_mm, "mm", check.uncertainty_mm / 2),
+                None if check.limit_mm is None else quantity(check.limit_mm, "mm"),
+                (check.decision or "not judged").replace("-", " "),
+            ]
+        )
+        for check in result.checks
+    ]
+    if not rows:
+        return []
+    columns = [Column(label="Figure", align="left"), Column(label="Measured"), Column(label="Limit")]
+    return [
+        Table(
+            id="checks",
+            title="Figures and limits",
+            caption="2634-style. Pass up to the limit less U, conditional pass up to the limit, conditional "
+            "fail up to the limit plus U (k = 2).",
+            columns=[*columns, Column(label="Decision", align="left")],
+            rows=rows,
+        )
     ]
 
 

@@ -113,6 +113,29 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
     )
 
 
+def linearised(
+    observations: Sequence[SphereObservation], radius_mm: float, center: FloatArray, tool: Tool
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return K captures' figures at a centre in base, and how they follow that centre and the tool.
+
+    Returns
+    -------
+    residuals, covariances : (K, 3), (K, 3, 3)
+        Measured minus predicted, and the captures' and the robot's noise in them.
+    by_center, by_tool : (K, 3, 3), (K, 3, 6)
+    points : (K, 3)
+        The centre in L.
+    """
+    seen = [_Seen(observation, SphereSize(2 * radius_mm), tool) for observation in observations]
+    return (
+        np.array([one.residual(center) for one in seen]),
+        np.array([one.covariance(center) for one in seen]),
+        np.array([one.slope(center) @ one.moved_by_base() for one in seen]),
+        np.array([one.slope(center) @ one.moved_by_tool(center) for one in seen]),
+        np.array([one.center_in_laser_mm(center) for one in seen]),
+    )
+
+
 class _Seen:
     """One capture: what it measured (3,), and how that depends on the sphere's centre, the tool and the pose."""
 
@@ -171,6 +194,10 @@ class _Seen:
         """Return the squared distance of measured from predicted in standard deviations."""
         residual = self.residual(center_in_base)
         return float(residual @ np.linalg.solve(self.covariance(center_in_base), residual))
+
+    def center_in_laser_mm(self, center_in_base: FloatArray) -> FloatArray:
+        """Return where the capture should see the centre in L."""
+        return self._laser_from_base.apply(center_in_base)
 
     def center_covariance(self, center_in_base: FloatArray) -> FloatArray:
         """Return the covariance (3, 3) of the capture's own centre in L; the radius bounds what is open."""

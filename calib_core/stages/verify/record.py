@@ -2,7 +2,9 @@
 
 from typing import Literal
 
-from calib_core.records.base import Matrix4, Rows, Vector3
+from pydantic import Field
+
+from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import CaptureResidual, Result
 
 
@@ -24,6 +26,21 @@ class VerifyResidual(CaptureResidual):
     profiles: int | None = None
 
 
+Decision = Literal["pass", "conditional-pass", "conditional-fail", "fail"]
+
+
+class VerifyCheck(Record):
+    """One figure of a verification, its expanded uncertainty (k = 2), and the limit that was set for it before."""
+
+    name: str
+    title: str
+    value_mm: float
+    uncertainty_mm: float
+    limit_mm: float | None = None
+    decision: Decision | None = None
+    reason: str = ""
+
+
 class VerifyResult(Result):
     """How far the sphere's centre scatters over captures that the answer was not solved from.
 
@@ -31,6 +48,9 @@ class VerifyResult(Result):
     `expected_scatter_rms_mm` follows from their own uncertainty, the robot's and the answer's, and is null where
     the tool was brought without any.  `chi_squared` has `degrees_of_freedom`; `chance` is how often a right answer
     shows as large a one.  `verified` names the stage whose answer it is, or "known".
+
+    `checks` are the figures that limits may be set for (`cell.verification`), 2634-style; `decision` is the worst
+    of theirs, null where no limit was set.
     """
 
     stage: Literal["verify"] = "verify"
@@ -44,4 +64,6 @@ class VerifyResult(Result):
     chi_squared: float | None
     degrees_of_freedom: int
     chance: float | None
+    checks: list[VerifyCheck] = Field(default_factory=list[VerifyCheck])
+    decision: Decision | None = None
     residuals: list[VerifyResidual]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.captures.content import sphere_of
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.records import Verdict
@@ -14,11 +14,13 @@ from calib_core.stages.given import StageInput
 from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
+from calib_core.stages.verify.decision import checked, overall, probing, tool_error
 from calib_core.stages.verify.held_out import HeldOut, Tool, held_out
-from calib_core.stages.verify.record import VerifyResidual, VerifyResult
+from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
 
 _ANSWER_SHARE = 0.6
 _LEAST_CAPTURES = 2
+_LEAST_PROBED = 4
 _DOUBTFUL_CHANCE = 0.01
 _FAILING_FACTOR = 3.0  # of the scatter over the expected one
 
@@ -48,6 +50,11 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
     found = held_out(observed.observations, sphere, tool)
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     verdict, warnings = _judged(found, knows_uncertainty)
+    checks = _checks(given, observed.observations, sphere, tool, found)
+    judged = overall(checks)
+    if judged is not None:
+        _, verdict, reasons = judged
+        warnings = [*reasons, *(said for said in warnings if knows_uncertainty)]
     if doubts and verdict == "pass":
         verdict = "warn"
     surfaces = found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
@@ -67,8 +74,32 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
         chi_squared=found.chi_squared if knows_uncertainty else None,
         degrees_of_freedom=found.degrees_of_freedom,
         chance=found.chance if knows_uncertainty else None,
+        checks=checks,
+        decision=None if judged is None else judged[0],
         residuals=_rows(given, observed.observations, observed.unused, found, sphere.radius_mm),
     )
+
+
+def _checks(
+    given: StageInput, observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool, found: HeldOut
+) -> list[VerifyCheck]:
+    """Return the figures that limits may be set for, each with its limit."""
+    limits = given.session.cell.verification
+    error = tool_error(observations, sphere.radius_mm, found.center_in_base_mm, tool)
+    checks = [checked("tool", "Tool's error at the sphere", error, limits.tool_mm)]
+    points = [
+        (o.base_from_tool0 @ tool.tool0_from_laser).apply(o.points_in_laser_mm)
+        for o in observations
+        if len(o.points_in_laser_mm)
+    ]
+    if len(points) >= _LEAST_PROBED:
+        figures = probing(points, sphere.diameter_mm, sphere.sigma_mm)
+        checks += [
+            checked("form", "Probing form", figures["form"], limits.form_mm),
+            checked("form_95", "Probing form, 95 %", figures["form_95"], limits.form_95_mm),
+            checked("size", "Probing size", figures["size"], limits.size_mm),
+        ]
+    return checks
 
 
 def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:

@@ -1,0 +1,164 @@
+"""The verification's decision: figures held against limits that were set before, with a guard band.
+
+Four answers, as in ILAC-G8 with the guard band w = U (k = 2): pass up to the limit less w, conditional pass up to
+the limit, conditional fail up to the limit plus w, fail beyond.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.chain.observations import SphereObservation
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray, skew
+from calib_core.records import Verdict
+from calib_core.stages.verify.held_out import Tool, linearised
+from calib_core.stages.verify.record import Decision, VerifyCheck
+
+_ORDER: tuple[Decision, ...] = ("pass", "conditional-pass", "conditional-fail", "fail")
+_VERDICTS: dict[Decision, Verdict] = {
+    "pass": "pass",
+    "conditional-pass": "warn",
+    "conditional-fail": "warn",
+    "fail": "fail",
+}
+_QUARTER = 0.25
+_PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
+_BAND = 0.95
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A figure and its expanded uncertainty (k = 2), mm."""
+
+    value_mm: float
+    uncertainty_mm: float
+
+
+def decided(value_mm: float, uncertainty_mm: float, limit_mm: float) -> Decision:
+    """Return the answer of the decision rule."""
+    value = abs(value_mm)
+    if value <= limit_mm - uncertainty_mm:
+        return "pass"
+    if value <= limit_mm:
+        return "conditional-pass"
+    return "conditional-fail" if value <= limit_mm + uncertainty_mm else "fail"
+
+
+def checked(name: str, title: str, estimate: Estimate, limit_mm: float | None) -> VerifyCheck:
+    """Return a figure held against its limit, None where none was set."""
+    decision = None if limit_mm is None else decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm)
+    reason = ""
+    if limit_mm is not None:
+        reason = f"{title}: {estimate.value_mm:.3f} ± {estimate.uncertainty_mm:.3f} mm, limit {limit_mm:g} mm"
+        if estimate.uncertainty_mm > _QUARTER * limit_mm:
+            reason += "; its uncertainty is more than a quarter of the limit: take more captures, turned further"
+        reason += "."
+    return VerifyCheck(
+        name=name,
+        title=title,
+        value_mm=estimate.value_mm,
+        uncertainty_mm=estimate.uncertainty_mm,
+        limit_mm=limit_mm,
+        decision=decision,
+        reason=reason,
+    )
+
+
+def overall(checks: Sequence[VerifyCheck]) -> tuple[Decision, Verdict, list[str]] | None:
+    """Return the worst decision, its verdict and the reasons of what did not pass; None where no limit was set."""
+    judged = [check for check in checks if check.decision is not None]
+    if not judged:
+        return None
+    worst: Decision = _ORDER[max(_ORDER.index(check.decision) for check in judged if check.decision)]
+    return worst, _VERDICTS[worst], [check.reason for check in judged if check.decision != "pass"]
+
+
+def tool_error(
+    observations: Sequence[SphereObservation], radius_mm: float, center: FloatArray, tool: Tool
+) -> Estimate:
+    """Return by how much the tool is off where the scanner saw the sphere, as these captures alone tell it.
+
+    Parameters
+    ----------
+    observations : K captures of a sphere that stands still, none of which helped to find the tool
+    radius_mm : float
+    center : (3,)
+        The sphere in base, about which is linearised.
+    tool : Tool
+        Its covariance is not used: what is verified is no evidence for itself.
+
+    Notes
+    -----
+    The tool's error and the sphere's place are fitted to the captures' figures, each weighed by its own noise and
+    the robot's; where these scatter more than that, the uncertainty grows with them.
+    """
+    residuals, covariances, by_center, by_tool, points = linearised(observations, radius_mm, center, tool)
+    count = len(residuals)
+    design = np.concatenate([by_center, by_tool], axis=2)
+    weighed = np.linalg.inv(covariances)
+    turned = np.swapaxes(design, 1, 2) @ weighed
+    prior = np.diag([0.0] * 3 + [1 / _PRIOR_RAD**2] * 3 + [1 / _PRIOR_MM**2] * 3)
+    information = (turned @ design).sum(axis=0) + prior
+    covariance = covariance_of(information)
+    step = covariance @ (turned @ residuals[..., None]).sum(axis=0)[:, 0]
+    left = residuals - (design @ step)
+    freedom = max(3 * count - 9, 1)
+    growth = max(1.0, float(np.einsum("ki,kij,kj->", left, weighed, left)) / freedom)
+    point = points.mean(axis=0)
+    moved = np.hstack([skew(point), -tool.tool0_from_laser.rotation.T])
+    off = moved @ step[3:]
+    spread = moved @ covariance[3:, 3:] @ moved.T * growth
+    return Estimate(float(np.linalg.norm(off)), 2 * float(np.sqrt(np.linalg.eigvalsh(spread)[-1])))
+
+
+def probing(
+    points_in_base: Sequence[FloatArray], diameter_mm: float, diameter_sigma_mm: float
+) -> dict[str, Estimate]:
+    """Return probing form, its 95 % band and size of all captures' points together, with their uncertainties.
+
+    Parameters
+    ----------
+    points_in_base : a list of (N, 3), one a capture
+    diameter_mm, diameter_sigma_mm : float
+        As calibrated.
+
+    Notes
+    -----
+    2634-style, as VDI/VDE 2634-3 words it: form is r_max − r_min about the sphere of free radius, or the smallest
+    band that holds 95 % of the points; size is the fitted diameter minus the calibrated one.  Captures err as a
+    whole, so the uncertainty comes from leaving out each in turn (jackknife).
+    """
+    whole = _figures(np.concatenate(points_in_base), diameter_mm)
+    count = len(points_in_base)
+    parts = np.array([
+        _figures(np.concatenate([p for j, p in enumerate(points_in_base) if j != k]), diameter_mm)
+        for k in range(count)
+    ])  # fmt: skip
+    sigmas = np.sqrt((count - 1) * parts.var(axis=0))
+    sigmas[2] = np.hypot(sigmas[2], diameter_sigma_mm)
+    names = ("form", "form_95", "size")
+    return {n: Estimate(float(v), 2 * float(s)) for n, v, s in zip(names, whole, sigmas, strict=True)}
+
+
+def _figures(points: FloatArray, diameter_mm: float) -> tuple[float, float, float]:
+    middle = points.mean(axis=0)
+    local = points - middle
+    solution = np.linalg.lstsq(
+        np.column_stack([2 * local, np.ones(len(local))]), (local**2).sum(axis=1), rcond=None
+    )
+    center = np.asarray(solution[0][:3], dtype=float)
+    radius = diameter_mm / 2
+    for _ in range(15):
+        off = local - center
+        length = np.linalg.norm(off, axis=1)
+        slopes = np.column_stack([-off / length[:, None], -np.ones(len(off))])
+        step = np.asarray(np.linalg.lstsq(slopes, radius - length, rcond=None)[0], dtype=float)
+        center, radius = center + step[:3], radius + float(step[3])
+        if np.abs(step).max() < 1e-9:
+            break
+    distances = np.sort(np.linalg.norm(local - center, axis=1))
+    inside = max(int(np.ceil(_BAND * len(distances))), 1)
+    band = (distances[inside - 1 :] - distances[: len(distances) - inside + 1]).min()
+    return float(distances[-1] - distances[0]), float(band), 2 * radius - diameter_mm

@@ -1,0 +1,64 @@
+"""The verification's decision: false pass at 1.5 × the limit, false fail at half of it, by captures of centres."""
+
+import numpy as np
+from harness import Row
+
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.frames import RigidTransform, rotation_from_vector
+from calib_core.stages.verify.decision import Estimate, decided, tool_error
+from calib_core.stages.verify.held_out import Tool, held_out
+
+_POSITION_MM, _TURNING_RAD, _CENTER_MM = 0.05, 2e-4, 0.02
+_SPHERE = SphereSize(40.0, 0.0)
+
+
+def run(full: bool) -> list[Row]:
+    """Return the figures over 500 cells in full, 60 otherwise."""
+    return figures(range(500 if full else 60))
+
+
+def figures(seeds: range) -> list[Row]:
+    decisions: dict[float, list[str]] = {1.5: [], 0.5: []}
+    errors: list[float] = []
+    for share, found in decisions.items():
+        for seed in seeds:
+            limit_mm = 4 * verified(seed, 0.0)[0].uncertainty_mm
+            estimate, off_mm = verified(seed, share * limit_mm)
+            found.append(decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm))
+            errors.append((estimate.value_mm - off_mm) / (estimate.uncertainty_mm / 2))
+    passed = float(np.mean([d == "pass" for d in decisions[1.5]]))
+    failed = float(np.mean([d == "fail" for d in decisions[0.5]]))
+    middle = float(np.sqrt(np.mean(np.square(errors))))
+    count = len(seeds)
+    return [
+        Row(f"{count} tools off by 1.5 × the limit, U = limit/4: pass", "≤ 1 %", f"{passed:.1%}", passed <= 0.01),
+        Row(f"{count} tools off by 0.5 × the limit, U = limit/4: fail", "≤ 5 %", f"{failed:.1%}", failed <= 0.05),
+        Row("error of the tool's stated error, in its own sigmas, RMS", "≤ 1.2", f"{middle:.2f}", middle <= 1.2),
+    ]  # fmt: skip
+
+
+def verified(seed: int, off_mm: float) -> tuple[Estimate, float]:
+    """Return what a verification of a tool that is off says of it, and by how much it truly is."""
+    rng = np.random.default_rng([seed, 26])
+    truth = RigidTransform.of(rng.uniform(-1, 1, 3), np.array([35.0, -120.0, 140.0]), "tool0", "laser")
+    center = np.array([900.0, 150.0, 420.0])
+    observations = [_observed(k, truth, center, rng) for k in range(12)]
+    direction = rng.normal(size=3)
+    shift = off_mm * direction / np.linalg.norm(direction)
+    given = RigidTransform.of(truth.rotation, truth.translation_mm + shift, "tool0", "laser")
+    tool = Tool(given, np.zeros((6, 6)), _POSITION_MM, _TURNING_RAD)
+    found = held_out(observations, _SPHERE, tool)
+    return tool_error(observations, _SPHERE.radius_mm, found.center_in_base_mm, tool), off_mm
+
+
+def _observed(
+    number: int, truth: RigidTransform, center: np.ndarray, rng: np.random.Generator
+) -> SphereObservation:
+    rotation = rotation_from_vector(rng.uniform(-0.6, 0.6, 3))
+    seen = np.array([rng.uniform(-20, 20), rng.uniform(-16, 16), rng.uniform(150, 230)])
+    true = RigidTransform.of(rotation, center - rotation @ truth.apply(seen), "base", "tool0")
+    recorded = true.perturbed(np.concatenate([rng.normal(0, _TURNING_RAD, 3), rng.normal(0, _POSITION_MM, 3)]))
+    measured = seen + rng.normal(0, _CENTER_MM, 3)
+    return SphereObservation(
+        f"v{number}", recorded, "center", np.empty((0, 3)), measured, _CENTER_MM**2 * np.eye(3)
+    )

@@ -1,0 +1,61 @@
+"""The verification's decision: its rule, its figures against the truth, and limits in a session."""
+
+import bench_verify
+import numpy as np
+import pytest
+
+from calib_core.records import Session
+from calib_core.simulation import simulate
+from calib_core.stages.pipeline import run
+from calib_core.stages.verify.decision import decided, probing
+from calib_core.stages.verify.record import VerifyResult
+
+
+@pytest.mark.parametrize(
+    ("value_mm", "decision"),
+    [(0.79, "pass"), (0.81, "conditional-pass"), (-1.01, "conditional-fail"), (1.21, "fail")],
+)
+def test_the_rule_has_a_guard_band_on_both_sides(value_mm: float, decision: str) -> None:
+    assert decided(value_mm, 0.2, 1.0) == decision
+
+
+def test_false_passes_and_false_fails_are_rare() -> None:
+    rows = bench_verify.figures(range(60))
+    assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows if not r.holds] == []
+
+
+def test_probing_form_and_size_are_those_of_the_points() -> None:
+    rng = np.random.default_rng(3)
+    caps = []
+    for _ in range(8):
+        directions = rng.normal(size=(300, 3))
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        caps.append(
+            np.array([900.0, 100.0, 400.0]) + directions * (20.05 + rng.uniform(-0.02, 0.02, 300))[:, None]
+        )
+    found = probing(caps, 40.0, 0.001)
+    assert found["size"].value_mm == pytest.approx(0.1, abs=0.003)
+    assert found["form"].value_mm == pytest.approx(0.04, abs=0.002)
+    assert found["form_95"].value_mm == pytest.approx(0.038, abs=0.001)
+    assert found["size"].uncertainty_mm >= 0.002
+
+
+def verified(off_mm: float) -> VerifyResult:
+    cell = simulate("tcp-centers", 4)
+    record = cell.session.to_json()
+    tool = [list(row) for row in cell.truth["tool0_from_laser"]]
+    tool[0][3] += off_mm
+    record["cell"] |= {"known": {"tool0_from_laser": tool}, "verification": {"tool_mm": 1.0}}
+    for capture in record["captures"]:
+        capture["step"] = "verify"
+    result = run(Session.model_validate(record), cell.files.__getitem__, "verify")["verify"]
+    assert isinstance(result, VerifyResult)
+    return result
+
+
+def test_a_tool_that_the_user_brings_is_decided_on_by_the_limit() -> None:
+    good, bad = verified(0.0), verified(2.0)
+    assert (good.decision, good.verdict) == ("pass", "pass")
+    assert (bad.decision, bad.verdict) == ("fail", "fail")
+    assert "limit 1 mm" in bad.warnings[0]
+    assert bad.checks[0].value_mm == pytest.approx(2.0, abs=1.5 * bad.checks[0].uncertainty_mm)
