@@ -160,9 +160,8 @@ class MergeSettings(Record):
 class Verification(Record):
     """Limits of a verification, set before it; those left out are told and not judged.
 
-    `tool_mm` is of the tool's error where the scanner sees the sphere, `form_mm` of the points' distances from their
-    own sphere, `form_95_mm` of the
-    band that holds 95 % of them, `size_mm` of the diameter's error.
+    `tool_mm` is of the tool's error where the scanner sees the sphere, `form_mm` of the points' distances from
+    their own sphere, `form_95_mm` of the band that holds 95 % of them, `size_mm` of the diameter's error.
     """
 
     tool_mm: Positive | None = None
