@@ -96,7 +96,7 @@ export class ActionsElement extends StateElement {
   /** @param {string} stage @param {readonly RootCause[]} causes */
   #offer(stage, causes) {
     this.#remedies.replaceChildren(...remedies(this.state, stage, causes).map(({ name, words, mend }, index) =>
-      h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", "aria-label": words, onclick: () => void mend() }, index ? name : words)));
+      h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", title: words, onclick: () => void mend() }, name)));
     this.#quiet();
   }
 
