@@ -114,6 +114,8 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /scenes/{session}/page",
         "GET /scenes/{session}/viewers/{viewer}/",
         "GET /scenes/{session}/viewers/{viewer}/picture",
+        "GET /scenes/{session}/viewers/{viewer}/legend",
+        "GET /scenes/{session}/viewers/{viewer}/story",
         "WS /scenes/{session}/viewers/{viewer}",
         "WS /scenes/{session}/viewers/{viewer}/",
         # What is shown, and from where; nothing of it is stored.

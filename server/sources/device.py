@@ -1,7 +1,4 @@
-"""What a live device is: it says what it delivers, is read until it is closed, and never moves anything.
-
-A device that moves a machine is a `Mover`, a class of its own (`server/sources/mover.py`).
-"""
+"""What a live device is: it says what it delivers, is read until it is closed, and never moves anything."""
 
 import time
 from dataclasses import dataclass, field
