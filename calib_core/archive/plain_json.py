@@ -41,7 +41,8 @@ def too_deep(where: str) -> InputError:
 
 def _require_plain_scalar(value: Any, where: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
-        raise InputError("finite numbers", "one beyond 1.8e308", "Correct the number.", where)
+        got = "NaN or infinity, or a number beyond 1.8e308"
+        raise InputError("finite numbers", got, "Correct the number.", where)
     if isinstance(value, int) and abs(value) >= _LARGEST_INTEGER:
         raise InputError("integers of at most 63 bits", f"one of {value.bit_length()} bits", "Correct it.", where)
     if isinstance(value, str):
