@@ -102,6 +102,9 @@ def minimise(
     return Minimum(state, at, most_iterations, False)
 
 
+_WELL_KNOWN = 1e-5  # of a scaled Hessian's Cholesky factor
+
+
 def damped_step(hessian: FloatArray, gradient: FloatArray, damping: float) -> FloatArray:
     """Return the Levenberg–Marquardt step (P,); directions without any information get none."""
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
@@ -118,7 +121,15 @@ def damped_step(hessian: FloatArray, gradient: FloatArray, damping: float) -> Fl
 def covariance_of(hessian: FloatArray) -> FloatArray:
     """Return the inverse of a Hessian (P, P), well scaled; unknown directions come out huge, not as NaN."""
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    scaled = hessian / np.outer(scale, scale)
+    try:  # a tenth of the time, where every direction is known
+        low = np.linalg.cholesky(scaled)
+        if np.diag(low).min() > _WELL_KNOWN:
+            half = np.linalg.inv(low) / scale
+            return half.T @ half
+    except np.linalg.LinAlgError:
+        pass
+    values, vectors = np.linalg.eigh(scaled)
     values = np.maximum(values, 1e-14 * values.max())
     inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
     return (inverse + inverse.T) / 2
