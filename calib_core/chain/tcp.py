@@ -189,7 +189,7 @@ def solve_tcp(
     tell(0.35, "Fitting all captures jointly")
     measured_sigma = pooled_point_sigma(observations, sphere)
     point_sigma = options.point_sigma_mm or measured_sigma
-    data = chain_data(observations, sphere, point_sigma, None if _are_swept(observations) else options.priors)
+    data = chain_data(observations, sphere, point_sigma, options.priors)
     data = replace(data, pose_scale=visits(data.rotations, data.translations))
     given = options.position_sigma_mm, options.orientation_sigma_rad, 0.0
     chosen = likeliest_sides(data, starts, given)
@@ -410,12 +410,3 @@ def _paper_state(answer: TwoStepAnswer, joint: ChainState) -> ChainState | None:
         return None
     return replace(joint, tool_rotation=answer.rotation, tool_translation=answer.translation, center=answer.center)
 
-
-def _are_swept(observations: Sequence[SphereObservation]) -> bool:
-    """Return whether captures are sweeps, of which each profile is an observation.
-
-    A sweep's first and last profiles graze the sphere.  In simulated sweeps of an exact scanner they made the
-    scanner's unknowns find errors that are not there (3 % of z, 0.27 mm by incidence), so the scanner of sweeps is
-    taken as exact, and the result says so.
-    """
-    return len({observation.capture for observation in observations}) < len(observations)

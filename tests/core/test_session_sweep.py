@@ -53,7 +53,7 @@ def test_the_truth_lies_within_the_stated_uncertainty(seed):
     simulated = simulate("tcp-sweep", seed)
     result = solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
     assert error_in_sigmas(result, simulated.truth) < 22.5  # χ² of 6 at 0.1 %
-    assert np.sqrt(np.linalg.norm(np.diag(result.covariance)[3:])) < 0.15
+    assert np.sqrt(np.linalg.norm(np.diag(result.covariance)[3:])) < 0.2
 
 
 def test_profiles_that_share_a_pose_error_do_not_count_as_so_many_poses():

@@ -172,8 +172,6 @@ def tcp_notes(solution: TcpSolution) -> list[str]:
     ]
     if light:
         found.append(f"Counted less because they lie off: {', '.join(light)}.")
-    if len(set(solution.captures)) < len(solution.captures):
-        found.append("Not covered: the scanner's own errors of scale and shape, which are not sought in sweeps.")
     found.append(
         "Not checked: a lag that is always in one direction, and errors of the arm that all captures share. "
         "Approach some poses from another side and let the arm come to rest to show them."
