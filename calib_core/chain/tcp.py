@@ -409,4 +409,3 @@ def _paper_state(answer: TwoStepAnswer, joint: ChainState) -> ChainState | None:
     if answer.rotation is None or answer.translation is None or answer.center is None:
         return None
     return replace(joint, tool_rotation=answer.rotation, tool_translation=answer.translation, center=answer.center)
-

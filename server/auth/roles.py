@@ -115,7 +115,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /scenes/{session}/viewers/{viewer}/",
         "GET /scenes/{session}/viewers/{viewer}/picture",
         "GET /scenes/{session}/viewers/{viewer}/legend",
-        "GET /scenes/{session}/viewers/{viewer}/story",
+        "POST /scenes/{session}/viewers/{viewer}/story",
         "WS /scenes/{session}/viewers/{viewer}",
         "WS /scenes/{session}/viewers/{viewer}/",
         # What is shown, and from where; nothing of it is stored.

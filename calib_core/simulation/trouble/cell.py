@@ -31,6 +31,8 @@ class Plan:
         Capture's number, number of captures → the sphere's shift in base (3,).
     scanner : callable
         Points (N, 2) that a right scanner gives, rng → those that this one gives.
+    laser_from_files : (4, 4)
+        Where the scanner is meant to count in a frame of its own.
     noise : callable
         Number of points, rng → errors along the ray in units of `point_mm`.
     surface : callable
@@ -63,6 +65,7 @@ class Plan:
     pose_error: Callable[[FloatArray, int, np.random.Generator], FloatArray] = lambda p, k, rng: p
     sphere_at: Callable[[int, int], FloatArray] = lambda k, n: np.zeros(3)
     scanner: Callable[[FloatArray, np.random.Generator], FloatArray] = lambda p, rng: p
+    laser_from_files: FloatArray = field(default_factory=lambda: np.eye(4))
     noise: Callable[[int, np.random.Generator], FloatArray] = lambda n, rng: rng.standard_normal(n)
     surface: Callable[[FloatArray, np.random.Generator], FloatArray] = lambda angle, rng: np.zeros_like(angle)
     background: Callable[[FloatArray, FloatArray, float, np.random.Generator], FloatArray] | None = None
@@ -86,13 +89,17 @@ class Trouble:
 
 @dataclass(frozen=True, eq=False)
 class Troubled:
-    """A session with its files and truth: the tool (4, 4), where the sphere was seen, the scanner's errors."""
+    """A session with its files and truth: the tool (4, 4), where the sphere was seen, the scanner's errors.
+
+    `laser_from_files` (4, 4) is the frame in which the files count.
+    """
 
     session: Session
     files: dict[str, bytes]
     tool0_from_laser: FloatArray
     seen_in_laser_mm: FloatArray
     scanner: Callable[[FloatArray], FloatArray]
+    laser_from_files: FloatArray
 
 
 def troubled(trouble: Trouble, seed: int) -> Troubled:
@@ -120,7 +127,7 @@ def troubled(trouble: Trouble, seed: int) -> Troubled:
     ]
     session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
     still = np.random.default_rng(0)
-    return Troubled(session, files, tool, seen, lambda points: plan.scanner(points, still))
+    return Troubled(session, files, tool, seen, lambda points: plan.scanner(points, still), plan.laser_from_files)
 
 
 def _captures(

@@ -93,6 +93,8 @@ def _speckled(n: int, rng: Rng) -> FloatArray:
 
 def _toward(plan: Plan, rng: Rng) -> None:
     plan.scanner = lambda p, rng: np.column_stack([p[:, 0], 400.0 - p[:, 1]])
+    plan.laser_from_files = np.diag([1.0, -1.0, -1.0, 1.0])  # right-handed: y turns as well
+    plan.laser_from_files[2, 3] = 400.0
 
 
 def _set(**values: float) -> Change:

@@ -1,0 +1,48 @@
+"""What goes wrong in real cells: no `pass` is far off.  All classes, 40 seeds: `scancell bench trouble --full`."""
+
+import pytest
+from bench_trouble import outcome
+
+from calib_core.simulation.trouble import all_troubles
+
+TROUBLES = all_troubles()
+SOME = [
+    "arms: clean",
+    "arms: joints 0.01°, links 0.05 mm",
+    "arms: joints, gears and sag",
+    "arms: poses 0.5 % too long",
+    "arms: one pose in ten off by 5 sigmas",
+    "books: two poses swapped",
+    "books: poses shifted by one",
+    "books: missing points written as 0,0",
+    "books: tool changed midway by 0.5 mm",
+    "scanner: x and z 1 % too long",
+    "scanner: shear of 2 %",
+    "scanner: rim of a cheap sensor",
+    "scanner: points alike over 5 mm",
+    "scanner: z counts towards the scanner",
+    "sphere: a second sphere in view",
+    "sphere: stem and table in view",
+    "sphere: moved by 1 mm for good",
+    "sphere: drifts by 0.3 mm",
+]
+# Wrong by so much that a `pass` would be false whatever the seed.
+NEVER = {
+    "arms: poses 0.5 % too long",
+    "books: two poses swapped",
+    "books: poses shifted by one",
+    "books: tool changed midway by 0.5 mm",
+    "scanner: x and z 1 % too long",
+    "scanner: shear of 2 %",
+    "sphere: moved by 1 mm for good",
+}
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_no_pass_is_far_off_and_what_every_cell_has_passes(name: str) -> None:
+    found = outcome(TROUBLES[name], 0)
+    if found.verdict == "pass":
+        assert name not in NEVER
+        assert found.worst < 2  # stated 95 % intervals
+    if TROUBLES[name].clean:
+        assert found.verdict == "pass", found.warnings
