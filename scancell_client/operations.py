@@ -375,6 +375,21 @@ class Operations(Connection):
         """Return how far the result of a simulated cell lies from the truth."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/truth/{quote(stage, safe='')}")
 
+    def guidance_get_budget(self, session_id: str, *, x_mm: float | None = None, y_mm: float | None = None, z_mm: float | None = None, field: bool | None = None) -> Any:
+        """Return the error budget of the answer at a point of the workpiece, in T or without a table in L.
+        Left out, the point is the cell's, or where the sphere stood. `field` adds points all over the
+        table."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/budget", params=_given({"x_mm": x_mm, "y_mm": y_mm, "z_mm": z_mm, "field": field}))
+
+    def guidance_get_planned(self, session_id: str, *, captures: int | None = None) -> Any:
+        """Return the poses that together leave least uncertainty at the workpiece, and what each gains."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/planned", params=_given({"captures": captures}))
+
+    def guidance_post_plan(self, body: Mapping[str, Any]) -> Any:
+        """Return what a cell will reach before anything is bought: sphere, captures, place. Stores
+        nothing."""
+        return self.request("POST", "/api/v1/plan", json=body)
+
     def webhooks_list_all(self) -> Any:
         """List all webhooks."""
         return self.request("GET", "/api/v1/webhooks")

@@ -126,9 +126,9 @@ def test_only_the_viewer_that_looks_from_near_gets_them(dense: np.ndarray) -> No
             connect(address, subprotocols=[Subprotocol(PROTOCOL)], **options) as near,
             connect(address, subprotocols=[Subprotocol(PROTOCOL)], **options) as far,
         ):
-            near.send(camera(8.0))
             far.send(camera(200.0))
-            assert heard(near, "/scans/merged/near", 20)
+            # A newcomer is taken to the first view, whenever that comes; then it goes near.
+            assert any(near.send(camera(8.0)) or heard(near, "/scans/merged/near", 2) for _ in range(10))
             assert not heard(far, "/scans/merged/near", 1.0)
             near.send(camera(200.0))
             assert heard(near, "/scans/merged/near", 20)  # taken away again

@@ -9,8 +9,7 @@ import { columnsFor, status } from "./capture-columns.js";
 import { copy } from "./copy.js";
 import { excludeCapture, excludeCaptures } from "./exclude.js";
 import { keep } from "./keep.js";
-import { isReplaceable, replaceCapture } from "./replace.js";
-import { tableDialog } from "./table-dialog.js";
+import { isReplaceable } from "./replaceable.js";
 import { attempt } from "./toasts.js";
 import { redoLast, undoLast } from "./undo.js";
 
@@ -201,7 +200,7 @@ export class CapturesElement extends StateElement {
     if (column.name === "id") return h("button", { type: "button", class: "plain pick", "aria-pressed": "false", onclick: () => this.state.select(capture.id) }, capture.id);
     if (column.name !== "table") return column.cell(capture, residual);
     const words = String(column.cell(capture, residual));
-    return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: () => tableDialog(this.state.id, capture) }, words);
+    return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: async () => (await import("./table-dialog.js")).tableDialog(this.state.id, capture) }, words);
   }
 
   /** The way to take it again from the same pose. @param {CaptureOut} capture */
@@ -209,7 +208,7 @@ export class CapturesElement extends StateElement {
     const simulated = this.state.session?.simulated === true;
     if (!isReplaceable(capture, simulated, this.state.shows(capture.step).startsWith("sphere"))) return null;
     const words = t(simulated ? "captures.again" : "captures.redo", { capture: capture.id });
-    return h("button", { type: "button", class: "plain icon redo", needs: "capture", "aria-label": words, title: words, onclick: () => replaceCapture(this.state, capture) }, icon("redo"));
+    return h("button", { type: "button", class: "plain icon redo", needs: "capture", "aria-label": words, title: words, onclick: async () => (await import("./replace.js")).replaceCapture(this.state, capture) }, icon("redo"));
   }
 
   #offerSeveral() {

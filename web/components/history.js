@@ -6,7 +6,6 @@ import { h } from "../dom.js";
 import { when } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, plural, t } from "../texts.js";
-import { backupDialog } from "./backup-dialog.js";
 import { attempt } from "./toasts.js";
 
 /** @import {PastResult} from "../state/model.js" */
@@ -49,7 +48,7 @@ export function resultLinks(sessionId, stage) {
     h("a", { class: "button", href: `/sessions/${id}/review` }, t("result.review")),
     h("a", { class: "button", href: `/compare?${new URLSearchParams({ stage, left: sessionId })}` }, t("result.compare")),
     h("a", { class: "button", href: api.archiveAddress(sessionId), download: "" }, t("review.archive")), exportMenu(sessionId),
-    h("button", { type: "button", onclick: () => backupDialog(sessionId) }, t("backup.open")));
+    h("button", { type: "button", onclick: async () => (await import("./backup-dialog.js")).backupDialog(sessionId) }, t("backup.open")));
 }
 
 /** The answer in another program's syntax: one entry for each export that the server has. @param {string} sessionId */

@@ -8,22 +8,8 @@ import { did } from "../state/undo.js";
 import { keep } from "./keep.js";
 import { attempt, notify } from "./toasts.js";
 
-/** @import {CaptureOut, Kind} from "../state/model.js" */
+/** @import {CaptureOut} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
-
-const KINDS = /** @type {readonly Kind[]} */ (["profile", "cloud", "frame"]);
-
-/**
- * Captures of several files and centres without one are sent again as they were sent first. The simulated cell takes those
- * of the sphere again.
- * @param {CaptureOut} capture
- * @param {boolean} simulated
- * @param {boolean} isOfSphere whether it shows the sphere
- */
-export function isReplaceable({ kind, files }, simulated, isOfSphere) {
-  if (simulated) return kind !== "frame" && kind !== "sweep" && isOfSphere;
-  return KINDS.includes(kind) && files?.length === 1;
-}
 
 /**
  * @param {SessionState} state
