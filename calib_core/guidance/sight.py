@@ -160,7 +160,8 @@ def sight_of(cell: Cell, captures: Sequence[Capture] = (), measured: Sequence[Me
 
 def _as_seen(sight: Sight, seen: Sequence[Measured], radius_mm: float) -> Sight:
     """Return the field that captures show to be there: where spheres were seen, and some way around."""
-    centers = np.array([m.center_mm for m in seen], dtype=float)
+    # A profile's centre is (x, z), a cloud's (x, y, z).
+    centers = np.array([(m.center_mm[0], m.center_mm[-1]) for m in seen if m.center_mm], dtype=float)
     z = np.abs(centers[:, -1])
     depth = max(float(np.ptp(z)), _LEAST_DEPTH_MM)
     middle = float(z.min() + z.max()) / 2

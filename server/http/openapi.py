@@ -17,7 +17,14 @@ ERRORS: dict[int | str, dict[str, Any]] = {
     }
 }
 _EXAMPLES = Path(__file__).with_name("api_examples.json")
-_UPLOADS = {"Body_captures_add": "CaptureUpload", "Body_clouds_put_reference": "ReferenceUpload"}
+_UPLOADS = {
+    "Body_captures_add": "CaptureUpload",
+    "Body_clouds_put_reference": "ReferenceUpload",
+    "Body_machines_export_into_backup": "BackupUpload",
+    "Body_machines_read_back_tool": "ToolUpload",
+    "Body_machines_read_controller": "ControllerUpload",
+    "Body_machines_read_scanner_file": "ScannerFileUpload",
+}
 
 
 _SCHEMES: dict[str, Any] = {

@@ -15,7 +15,7 @@ from tests.web.test_accessible import violations
 
 pytestmark = pytest.mark.browser
 
-REASON = "Capturing, changing and solving take a token with the role capture."
+REASON = "Your login can only view. Capturing, changing and solving need the role capture."
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, ax
     log_in(page, tokens["read"])
     start = page.get_by_role("button", name="Start the simulated cell")
     expect(start).to_have_attribute("aria-disabled", "true")
-    expect(start).to_have_accessible_description(f"You are logged in to look. {REASON}")
+    expect(start).to_have_accessible_description(REASON)
     start.click(force=True)
     expect(page.locator(".toast")).to_contain_text(REASON)
     expect(page.get_by_role("button", name="Delete session").first).to_have_attribute("aria-disabled", "true")

@@ -25,6 +25,7 @@ TEXTS = Path(__file__).resolve().parents[2] / "web" / "texts" / "en" / "problems
 NOT_FROM_A_PAGE = {
     "http-400": "the page's requests are whole and of the right form; programs send others",
     "http-405": "the page asks for nothing by a method that its address does not take",
+    "media-type": "the page sends each body as what it is",
     "http-413": "a browser always tells how long a body is, which is refused as too-large before it comes",
 }
 
@@ -157,7 +158,7 @@ def test_a_cell_that_lacks_something(browser: Browser, api: httpx.Client) -> Non
             expect(alarm).to_contain_text(words)
             visitor.picture(f"new-{name}")
 
-        go_and_expect("The robot decides how a pose is read: choose one", "convention")
+        go_and_expect("The robot decides how a pose is read. Choose one", "convention")
         page.get_by_label("Robot", exact=True).select_option("fanuc")
         go_and_expect("A profile needs the sphere's diameter: type it", "diameter")
         page.get_by_label("Sphere diameter in mm").fill("-3")
@@ -253,7 +254,7 @@ def test_a_token_for_nobody(browser: Browser, api: httpx.Client) -> None:
         page = visitor.page
         name, days = page.get_by_label("Name"), page.get_by_label("Valid for (days)")
         page.get_by_role("button", name="Create token").click()
-        assert said(name) == "Say for whom the token is: a name of a person or a program."
+        assert said(name) == "Enter the name of a person or a program."
         visitor.picture("token-name")
         name.fill("robot cell 4")
         days.fill("soon")

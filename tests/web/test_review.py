@@ -189,7 +189,7 @@ def test_what_came_with_an_archive_is_shown_and_given_back(
     content = download.value.path().read_bytes()
     assert len(content) == next(item["bytes"] for item in listed if item["name"] == "report.html")
     with page.context.expect_page() as opened:
-        kept.get_by_role("link", name="Open report.html in a window of its own").click()
+        kept.get_by_role("link", name="Open report.html in a new window").click()
     expect(opened.value.locator("h1").first).to_be_visible()
     # A session that came with nothing shows no empty section.
     page.goto(page.url.replace(imported, session))
