@@ -86,6 +86,12 @@ export interface AxisDifference {
   sigmas: number | null;
 }
 
+export interface BackupUpload {
+  backup: string[];
+  settings?: string;
+  allow?: string;
+}
+
 export interface Band {
   low: number;
   high: number;
@@ -467,6 +473,13 @@ export interface ControllerFileContent {
   frames: FrameOfFile[];
   skipped: SkippedPart[];
   notes: string[];
+}
+
+export interface ControllerUpload {
+  files: string[];
+  brand?: string;
+  as_written?: boolean;
+  told?: string;
 }
 
 export interface DeviceEntry {
@@ -1308,6 +1321,13 @@ export interface Scanner {
   pitch_mm?: number | null;
 }
 
+export interface ScannerFileUpload {
+  file: string;
+  kind?: "profile" | "cloud" | null;
+  format?: string;
+  settings?: string;
+}
+
 export interface ScannerFound {
   names: string[];
   values: number[];
@@ -1890,6 +1910,14 @@ export interface ToolComparison {
   words: string;
   position_mm: number | null;
   rotation_deg: number | null;
+}
+
+export interface ToolUpload {
+  files?: string[];
+  tool?: string;
+  brand?: string;
+  numbers?: string;
+  convention?: string;
 }
 
 export interface Trial {

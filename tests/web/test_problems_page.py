@@ -160,21 +160,21 @@ def test_a_cell_that_lacks_something(browser: Browser, api: httpx.Client) -> Non
 
         go_and_expect("The robot decides how a pose is read. Choose one", "convention")
         page.get_by_label("Robot", exact=True).select_option("fanuc")
-        go_and_expect("A profile needs the sphere's diameter: type it", "diameter")
+        go_and_expect("Profiles need the sphere diameter. Enter it in millimetres.", "diameter")
         page.get_by_label("Sphere diameter in mm").fill("-3")
-        go_and_expect("A length above zero is needed here: type a number", "number")
+        go_and_expect("Enter a length above zero, such as 80.003.", "number")
         page.get_by_label("Sphere diameter in mm").fill("0,08")
-        go_and_expect("0.08 mm looks like metres: type 80.", "metres")
+        go_and_expect("0.08 mm looks like metres. Enter 80.", "metres")
         page.get_by_label("Sphere diameter in mm").fill("80")
         page.get_by_label("Scanner output").select_option("frame")
-        go_and_expect("Raw frames need the board: type its columns, rows and pitch.", "board")
+        go_and_expect("Camera frames need the board. Enter columns, rows and pitch.", "board")
         page.get_by_label("Pattern").select_option("charuco")
         for label, value in (("Columns", "9"), ("Rows", "6"), ("Pitch in mm", "20")):
             page.get_by_label(label).fill(value)
-        go_and_expect("A ChArUco board needs its markers' side, smaller than the pitch, and", "markers")
+        go_and_expect("A ChArUco board needs its marker size, smaller than the pitch, and", "markers")
         # All that was typed is still there, and with what was missing it is a session.
-        page.get_by_label("Side of a marker in mm").fill("15")
-        page.get_by_label("Dictionary of its markers").fill("DICT_5X5_100")
+        page.get_by_label("Marker size in mm").fill("15")
+        page.get_by_label("Marker dictionary").fill("DICT_5X5_100")
         page.get_by_role("button", name="Create session").click()
         expect(page).to_have_url(re.compile("/sessions/"))
         expect(page.locator("header")).to_contain_text("sphere 80 mm")
@@ -186,13 +186,13 @@ def test_a_table_angle_that_is_none(browser: Browser, api: httpx.Client) -> None
     capture = next(c for c in made.session.captures if c.step == "turntable").to_json()
     session = make_session(api, cell=made.session.to_json()["cell"])
     upload(api, session, capture, made.files[capture["files"][0]])
-    with visiting(browser, api, f"/sessions/{session}") as visitor:
+    with visiting(browser, api, f"/sessions/{session}#turntable") as visitor:
         page = visitor.page
         page.get_by_role("button", name=re.compile("Table at")).click()
         angle = page.get_by_label("Table angle in degrees")
         angle.fill("about ninety")
         page.get_by_role("button", name="Save").click()
-        assert said(angle) == "An angle in degrees is needed here, such as 45."
+        assert said(angle) == "Enter an angle in degrees, such as 45."
         visitor.picture("place-angle")
         angle.fill("90")
         page.get_by_role("button", name="Save").click()
@@ -259,5 +259,5 @@ def test_a_token_for_nobody(browser: Browser, api: httpx.Client) -> None:
         name.fill("robot cell 4")
         days.fill("soon")
         page.get_by_role("button", name="Create token").click()
-        assert said(days) == "A number of days above zero is needed here, or nothing."
+        assert said(days) == "Enter a number of days above zero, or nothing."
         expect(name).to_have_value("robot cell 4")
