@@ -33,6 +33,8 @@ class Brand:
         The tools that are the flange, and the frames that are the base, in lower case.
     definitions : str
         The files that define tools and frames, as a person looks for them.
+    points : str
+        The files that hold the positions which a program only names.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Brand:
     flange: frozenset[str] = frozenset({"0"})
     base: frozenset[str] = frozenset({"0"})
     definitions: str = "the controller's backup"
+    points: str = "the file that holds it"
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether a file is surely of this brand, by the text in it (unpacked, with plain line ends)."""

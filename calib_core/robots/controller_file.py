@@ -39,6 +39,8 @@ class Frame:
         stands still), or empty.
     group : int
         The motion group that it belongs to.
+    doubt : str
+        What the file leaves open about it, or empty.
     """
 
     number: Reference
@@ -49,6 +51,7 @@ class Frame:
     file: str = ""
     moving: str = ""
     group: int = 1
+    doubt: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""
@@ -115,10 +118,20 @@ class Found:
     notes: list[str] = field(default_factory=list)
     moves: dict[str, set[tuple[Reference | None, Reference | None]]] = field(default_factory=dict)
     """The (tool, frame) pairs with which moves use a pose, by the pose's name in lower case."""
+    wanted: dict[str, tuple[str, int]] = field(default_factory=dict)
+    """The named positions that moves go to: as written and the first line, by the name in lower case."""
+    unread: set[str] = field(default_factory=set)
+    """Named positions that stand in the file and could not be taken, in lower case: they are in `skipped`."""
 
-    def skip(self, line: int, reason: str) -> None:
-        """Note something that is not taken."""
+    def skip(self, line: int, reason: str, name: str = "") -> None:
+        """Note something that is not taken, and the name of the position where it has one."""
         self.skipped.append(Skipped(line, reason, self.file))
+        if name:
+            self.unread.add(name.lower())
+
+    def want(self, name: str, line: int) -> None:
+        """Note that a move goes to a named position."""
+        self.wanted.setdefault(name.lower(), (name, line))
 
 
 @dataclass(frozen=True)

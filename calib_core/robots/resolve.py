@@ -1,6 +1,6 @@
 """From poses of a tool in a frame to poses of the flange in the base, by tools and frames of the same backup."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from calib_core.errors import InputError
@@ -34,6 +34,7 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
         if taught.numbers is None and taught.joints_deg is not None:
             reason = f"{taught.name}: joints alone, no pose. {_ARM}"
             skipped.append(Skipped(taught.line, reason, taught.file))
+    skipped += _nowhere(brand, found)
     skipped.sort(key=lambda row: (row.file, row.line))
     notes = dict.fromkeys(note for part in found for note in part.notes)
     return ControllerFile(
@@ -48,6 +49,17 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
 
 
 _ARM = "Name the arm (cell.robot.arm), or record the Cartesian pose."
+
+
+def _nowhere(brand: Brand, found: Sequence[Found]) -> Iterator[Skipped]:
+    """Yield the named positions that moves go to and none of the files holds."""
+    known = {name for part in found for name in part.unread}
+    known |= {taught.name.lower() for part in found for taught in part.poses}
+    for part in found:
+        for key, (name, line) in part.wanted.items():
+            if key not in known:
+                reason = f"{name}: a move goes there, but none of the files says where it is. Give {brand.points}."
+                yield Skipped(line, reason, part.file)
 
 
 def _settled(found: Sequence[Found]) -> Iterable[Taught]:
@@ -166,7 +178,7 @@ def _looked_up(
     if entry is not None:
         if entry.moving and not as_written:
             raise InputError("", f"{what} {number} {entry.moving}", "Such poses are not supported yet.")
-        return entry if any(_offset(entry)) else None, ""
+        return entry if any(_offset(entry)) else None, entry.doubt
     if str(number).lower() in plain:
         return None, brand.doubt(what, number)
     if as_written:

@@ -8,7 +8,7 @@ from typing import Literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.text import numbers, source_of, without_comments
 
-Kind = Literal["pose", "joints", "tool", "frame", "use-tool", "use-frame"]
+Kind = Literal["pose", "joints", "tool", "frame", "use-tool", "use-frame", "move"]
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,8 @@ class Rule:
     kind : str
     pattern : str
         A regular expression, matched anywhere in a line without its comment, with the groups `values` (numbers
-        with commas between), `name`, and `tool` or `frame` where they stand in the line itself.
+        with commas between), `name` (of a position, or of the one that a move goes to), and `tool` or `frame`
+        where they stand in the line itself.
     """
 
     kind: Kind
@@ -72,11 +73,13 @@ def find_by_rules(
             tool = _reference(groups.get("tool"))
         elif kind == "use-frame":
             frame = _reference(groups.get("frame"))
+        elif kind == "move":
+            found.want(groups["name"], line)
         else:
             try:
                 taken = _taken(kind or "", groups, convention, line, found)
             except ValueError as error:
-                found.skip(line, f"{groups.get('name') or kind}: {error}")
+                found.skip(line, f"{groups.get('name') or kind}: {error}", groups.get("name") or "")
                 continue
             if taken is not None and kind == "tool":
                 tool = taken

@@ -65,3 +65,113 @@ def test_a_move_from_where_the_arm_is_has_no_pose_of_its_own(brand: str, line: s
     found = read_controller_files({"a.txt": f"{line}\n".encode()}, brand)
     assert found.poses == ()
     assert [row.line for row in found.skipped] == [1]
+
+
+_JOB = """/JOB
+//NAME A
+//POS
+///NPOS 0,0,0,2,0,0
+///TOOL 1
+///POSTYPE BASE
+///RECTAN
+P00004=0.000,0.000,2.500,0.0000,0.0000,0.0000
+P00006=-800.000,900.000,400.000,180.0000,0.0000,120.0000
+//INST
+NOP
+MOVL P006 PL=0
+SUB P006 P004
+END
+//TOOL 1
+///NAME A
+0.000,0.000,0.000,0.0000,0.0000,0.0000
+"""
+_TP = """/PROG A
+/MN
+   1:L P[1] 100mm/sec FINE Offset,PR[1:fixture]    ;
+   2:L PR[10] 100mm/sec FINE    ;
+/POS
+P[1]{
+ GP1:
+ UF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',
+X = 1 mm, Y = 2 mm, Z = 3 mm, W = 10 deg, P = 20 deg, R = 30 deg
+};
+/END
+"""
+_RAPID = """MODULE a
+ PERS wobjdata wT:=[FALSE,TRUE,"",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+ CONST robtarget p1:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+ PROC m()
+  wT.uframe:=peFound;
+  MoveL p1,v5,fine,tool0\\WObj:=wT;
+  MoveL p2,v5,fine,tool0;
+ ENDPROC
+ENDMODULE
+"""
+_URSCRIPT = """def a():
+  global tmp=p[0,0,0.1,0,0,0]
+  $ 2 "tmp≔p[0,0,0,0,0,0]"
+  tmp[0] = read_input_float_register(0)
+  movel(tmp, a=1.2, v=0.25)
+  ready = [0,-0.78,-1.57,-2.35,1.57,0]
+  movej(ready, 1.5, 1)
+  movel(elsewhere, a=1.2, v=0.25)
+end
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "doubted", "told"),
+    [
+        ("A.JBI", _JOB, {"P00006": "line 13"}, {8: "shift"}),
+        ("a.ls", _TP, {"P[1]": "offset to it (line 3)"}, {4: "PR[10]: a move goes there"}),
+        ("a.mod", _RAPID, {"p1": "changes the work object wT (line 5)"}, {7: "p2: a move goes there"}),
+        (
+            "a.script",
+            _URSCRIPT,
+            {"tmp": "changes it (line 4)"},
+            {6: "joints alone", 8: "elsewhere: a move goes there"},
+        ),
+    ],
+)
+def test_what_a_program_does_with_its_positions(
+    name: str, text: str, doubted: dict[str, str], told: dict[int, str]
+) -> None:
+    """Shifts are no places, changed positions are doubtful, and a place that no file holds is told."""
+    found = read_controller_files({name: text.encode()})
+    poses = {pose.name: pose.doubt for pose in found.poses if pose.pose is not None}
+    assert poses.keys() == doubted.keys()
+    assert all(part in poses[key] for key, part in doubted.items()), poses
+    assert {row.line for row in found.skipped} == told.keys(), found.skipped
+    assert all(told[row.line] in row.reason for row in found.skipped)
+
+
+def test_a_program_without_its_list_of_points_says_what_is_missing() -> None:
+    program = b"DEF a()\nPTP XP1 C_PTP\nSLIN point[n]\nLIN lift(XP1, 3)\nSPTP $AXIS_ACT\nCIRC XP2, XP3\nEND\n"
+    points = (
+        b"DEFDAT a\nDECL E6POS XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}\nDECL E6POS XP2\nDECL E6POS XP3={X 1,Y 2\nENDDAT\n"
+    )
+    alone = read_controller_files({"a.src": program}, "kuka")
+    assert [(row.line, row.reason.partition(":")[0]) for row in alone.skipped] == [
+        (2, "XP1"), (3, "SLIN point[n]"), (4, "LIN lift(XP1, 3)"), (6, "XP2"), (6, "XP3"),
+    ]  # fmt: skip
+    together = read_controller_files({"a.src": program, "a.dat": points}, "kuka")
+    assert [pose.name for pose in together.poses] == ["XP1"]
+    assert {row.reason.partition(":")[0] for row in together.skipped} == {
+        "XP3", "SLIN point[n]", "LIN lift(XP1, 3)", "XP2",
+    }  # fmt: skip
+
+
+def test_a_remote_tool_is_no_pose_of_this_robot() -> None:
+    text = """/PROG A
+/POS
+P[1]{
+ GP1:
+ UF : 1, UT : 2, KONFIG : 'N U T, 0, 0, 0',
+ RX = 96.1 mm, RY = 710.3 mm, RZ = -.3 mm,
+ RW = 24.7 deg, RP = 43.6 deg, RR = 155.5 deg
+};
+/END
+"""
+    found = read_controller_files({"a.ls": text.encode()}, "fanuc")
+    assert found.poses == ()
+    assert [(row.line, "remote TCP" in row.reason) for row in found.skipped] == [(3, True)]

@@ -34,6 +34,7 @@ class Abb(Brand):
     flange = frozenset({"tool0"})
     base = frozenset({"wobj0"})
     definitions = "the module with its tooldata and wobjdata, such as USER.SYS"
+    points = "the module that declares it"
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it holds RAPID declarations."""

@@ -65,7 +65,7 @@ class _Module:
             line = self._source.line(found.start(1))
             if found[5] != ":=":
                 if kind in _KINDS:
-                    self._found.skip(line, f"{found[2]} {name}: no value in this file")
+                    self._found.skip(line, f"{found[2]} {name}: no value in this file", name)
                 continue
             end = self._text.find(";", found.end())
             try:
@@ -74,7 +74,7 @@ class _Module:
                 yield found.start(1), kind, name, literal(self._text, found.end(), end)
             except ValueError as error:
                 if kind in _KINDS:
-                    self._found.skip(line, f"{found[2]} {name}: {error}")
+                    self._found.skip(line, f"{found[2]} {name}: {error}", name)
 
     def _take(self, position: int, kind: str, name: str, value: Value | None) -> None:
         if value is None:
@@ -92,7 +92,7 @@ class _Module:
         try:
             self._element(kind, full, value, line)
         except (ValueError, InputError) as error:
-            self._found.skip(line, f"{kind} {full}: {error}")
+            self._found.skip(line, f"{kind} {full}: {error}", full)
 
     def _element(self, kind: str, name: str, value: Value, line: int) -> None:
         file = self._source.name
@@ -174,7 +174,9 @@ class _Module:
         for position, text in points:
             text = text.split("\\")[0].strip()
             if re.fullmatch(r"\w+(?:\{[\d,\s]+\})?", text):
-                self._found.moves.setdefault(text.lower().replace(" ", ""), set()).add((tool, frame))
+                name = text.replace(" ", "")
+                self._found.moves.setdefault(name.lower(), set()).add((tool, frame))
+                self._found.want(name, line)
             elif text.startswith("["):
                 self._inline(kind, text, found.end() + position, tool, frame)
             else:
@@ -197,16 +199,21 @@ class _Module:
         )
 
     def _mark_assigned(self) -> None:
-        """Say where the program changes a position later, so that its value here may not be the one moved to."""
+        """Say where the program changes a position, a tool or a work object: what stands here may not hold."""
         assigned = {
             found[1].lower(): self._source.line(found.start(1)) for found in _ASSIGNED.finditer(self._text)
         }
         for i, taught in enumerate(self._found.poses):
-            position = assigned.get(taught.name.partition("{")[0].lower())
-            if position is not None:
-                line = self._source.line(position)
+            line = assigned.get(taught.name.partition("{")[0].lower())
+            if line is not None:
                 doubt = f"The program reassigns it (line {line}): the value here may be another."
                 self._found.poses[i] = replace(taught, doubt=doubt)
+        for what, entries in (("tool", self._found.tools), ("work object", self._found.frames)):
+            for i, entry in enumerate(entries):
+                line = assigned.get(str(entry.number).partition("{")[0].lower())
+                if line is not None:
+                    doubt = f"The program changes the {what} {entry.number} (line {line})."
+                    entries[i] = replace(entry, doubt=doubt)
 
 
 def _statement_end(text: str, position: int) -> int:

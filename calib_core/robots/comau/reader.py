@@ -10,6 +10,7 @@ _RULES = (
     Rule("pose", rf"""^\s*(?P<name>\w+(?:\[\d+\])?)\s*:=\s*POS\s*\({_VALUES}(?:,\s*'[^']*')?\s*\)"""),
     Rule("pose", rf"""\bMOVE\w*\s+(?:LINEAR|JOINT)?\s*TO\s+POS\s*\({_VALUES}(?:,\s*'[^']*')?\s*\)"""),
     Rule("joints", rf"""\bMOVE\w*\s+(?:LINEAR|JOINT)?\s*TO\s+\{{{_VALUES}\}}"""),
+    Rule("move", r"""\bMOVE\w*\s+(?:LINEAR\s+|JOINT\s+)?TO\s+(?P<name>[A-Za-z_]\w*(?:\[\d+\])?)(?=\s|$|,)"""),
 )
 _HEADS = r"""\$TOOL\s*:=|\$UFRAME\s*:=|\$BASE\s*:=|:=\s*POS\b|\bMOVE\w*\s+(?:LINEAR|JOINT)?\s*TO\s+(?:POS\b|\{)"""
 

@@ -12,6 +12,7 @@ _RULES = (
     Rule("joints", rf"""^\s*(?P<name>J\[\s*\d+\s*\])\s*=\s*J?\s*\({_VALUES}\)\s*$"""),
     Rule("pose", rf"""^\s*(?P<name>P\[\s*\d+\s*\])\s*=\s*P?\s*\({_VALUES}\)\s*$"""),
     Rule("pose", rf"""^\s*Move\b.*?(?<![\w\]])P\s*\({_VALUES}\)"""),
+    Rule("move", r"""^\s*Move\s+[PL]\s*,.*?(?P<name>[PJ]\[\s*\d+\s*\])\s*(?:,|$)"""),
 )
 _HEADS = r"""^\s*(?:Tool\s+\d|Work\s+\d|ChangeTool|ChangeWork|[PJ]\[\s*\d+\s*\]\s*=|Approach\b|Depart\b|Draw\b)"""
 

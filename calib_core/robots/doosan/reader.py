@@ -7,6 +7,7 @@ _VALUES = r"(?P<values>[-+.\d eE,]+)"
 _RULES = (
     Rule("pose", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposx\s*\(\s*{_VALUES}\)"""),
     Rule("joints", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposj\s*\(\s*{_VALUES}\)"""),
+    Rule("move", r"""\bmove[jlc]x?\s*\(\s*(?P<name>[A-Za-z_]\w*)\s*[,)]"""),
 )
 _HEADS = r"""\bpos[xj]\s*\("""
 

@@ -14,6 +14,7 @@ _RULES = (
         rf"""^\s*(?P<name>P\d+|P\(\d+\))\s*=\s*XY\s*\({_VALUES}\)\s*{_ARM}(?:/(?P<frame>\d+)\s*)?{_ARM}$""",
     ),
     Rule("pose", rf"""^\s*(?:Go|Move|Jump3?)\s+XY\s*\({_VALUES}\)"""),
+    Rule("move", r"""^\s*(?:Go|Move|Jump3?|Arc3?)\s+(?P<name>P\d+|P\(\d+\))(?=\s|$|,)"""),
 )
 # TGo and its like move from where the arm is: no poses.
 _HEADS = r"""^\s*(?:TLSet\b|Local\s+\d|P\d+\s*=|P\(\d+\)\s*=|[TB](?:Go|Move)\b)"""

@@ -32,6 +32,7 @@ class Fanuc(Brand):
     rank = 4
     endings = (".ls", ".va", ".lst", ".txt")
     definitions = "sysframe.va"
+    points = "the program with its /POS section, or posreg.va"
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a listing of a TP program or of variables."""

@@ -1,6 +1,7 @@
 """FANUC: positions of .ls programs, and tool frames, user frames and position registers of .va files."""
 
 import re
+from dataclasses import replace
 
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.text import NUMBER, Source, number, source_of
@@ -18,6 +19,8 @@ _SETS = re.compile(
     + r"\)?)\s*;|(UTOOL|UFRAME)\[(\d+)[^\]]*\]\s*=\s*PR\[(\d+)[^\],]*\]\s*;)",
     re.MULTILINE,
 )
+_MOVE = re.compile(r"^\s*\d*\s*:\s*[JLCA]\s+(PR?\[[^\n]*)", re.MULTILINE)
+_OFFSET = re.compile(r"\b(?:[A-Z]+_)?V?(?:OFFSET|VERSATZ)\b", re.IGNORECASE)
 _NAMES = ("X", "Y", "Z", "W", "P", "R")
 _UNITS = {**dict.fromkeys("XYZ", ("mm",)), **dict.fromkeys("WPR", ("deg",))}
 
@@ -36,6 +39,7 @@ def _program(source: Source, found: Found) -> None:
     begin = section.end() if section else 0
     _assigned(source, begin if section else len(source.text), found)
     incremental = _incremental(source.text[:begin])
+    shifted = _moves(source, begin if section else 0, found)
     positions = list(_POSITION.finditer(source.text, begin))
     for i, position in enumerate(positions):
         line = source.line(position.start(1))
@@ -49,9 +53,12 @@ def _program(source: Source, found: Found) -> None:
             taught = _position(name, body, line, source.name, found)
             if int(position[1]) in incremental:
                 raise ValueError("an incremental move (INC) uses it: it is no place")
+            if name in shifted:
+                doubt = f"A move adds an offset to it (line {shifted[name]}): make sure that the robot stood here."
+                taught = replace(taught, doubt=doubt)
             found.poses.append(taught)
         except ValueError as error:
-            found.skip(line, f"{name}: {error}")
+            found.skip(line, f"{name}: {error}", name)
 
 
 def _assigned(source: Source, end: int, found: Found) -> None:
@@ -70,6 +77,18 @@ def _assigned(source: Source, end: int, found: Found) -> None:
             pose = tuple(values[i] for i in range(1, 7))
             frame = Frame(int(step[6]), None, pose, "fanuc", line, source.name)
             (found.tools if step[5].upper() == "UTOOL" else found.frames).append(frame)
+
+
+def _moves(source: Source, end: int, found: Found) -> dict[str, int]:
+    """Note where moves go; return the positions to which a move adds an offset, with its line."""
+    shifted: dict[str, int] = {}
+    for move in _MOVE.finditer(source.text, 0, end):
+        line = source.line(move.start(1))
+        for kind, index in re.findall(r"\b(PR?)\[\s*(\d+)[^\]]*\]", _OFFSET.split(move[1])[0]):
+            found.want(f"{kind}[{index}]", line)
+            if _OFFSET.search(move[1]):
+                shifted.setdefault(f"{kind}[{index}]", line)
+    return shifted
 
 
 def _incremental(program: str) -> set[int]:
@@ -123,6 +142,8 @@ def _fields(text: str) -> dict[str, float]:
             allowed = " or ".join(_UNITS.get(axis, ("mm", "deg")))
             raise ValueError(f"{axis} is in '{unit}' instead of {allowed}" if unit else f"{axis} has no unit")
     left = re.sub(r"[\s,]+", "", _FRAMES.sub("", _FIELD.sub("", text)))
+    if re.match(r"R[XYZWPR]=", left):
+        raise ValueError("a remote TCP (RX, RY …): the tool stands still and the robot holds the workpiece")
     if left:
         raise ValueError(f"'{left[:40]}' cannot be read")
     return fields
@@ -168,7 +189,11 @@ def _entry(what: str, entry: re.Match[str], body: str, source: Source, found: Fo
         frame = Frame(index, comment or None, _pose(fields), "fanuc", line, source.name, group=group)
         (found.tools if what == "$MNUTOOL" else found.frames).append(frame)
     except ValueError as error:
-        found.skip(line, f"{label} {index}{f' of group {group}' if group > 1 else ''}: {error}")
+        found.skip(
+            line,
+            f"{label} {index}{f' of group {group}' if group > 1 else ''}: {error}",
+            f"PR[{index}]" if what == "$POSREG" else "",
+        )
 
 
 def _register(index: int, fields: dict[str, float], line: int, file: str) -> Taught:

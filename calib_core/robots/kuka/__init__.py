@@ -32,6 +32,7 @@ class Kuka(Brand):
     rank = 3
     endings = (".src", ".dat", ".sub")
     definitions = "$config.dat"
+    points = "the program's .dat, or the one that declares it, such as $config.dat"
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it holds KRL."""

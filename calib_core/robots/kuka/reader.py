@@ -22,6 +22,8 @@ _SYSTEM = re.compile(r"^\s*(?:DECL\s+)?(?:FRAME\s+)?\$?(TOOL|BASE)_DATA\[\s*(\d+
 _ACTIVE = re.compile(r"^\s*\$(TOOL|BASE)\s*=\s*(.+?)\s*$", re.IGNORECASE)
 _BASIS = re.compile(r"\bBAS\s*\(\s*#(TOOL|BASE)\s*,\s*(\d+)\s*\)", re.IGNORECASE)
 _MOVE = re.compile(r"^\s*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b\s*(.*)$", re.IGNORECASE)
+_TARGET = re.compile(r"(\w+(?:\[[\d\s,]+\])?)\s*(.?)")
+_CALCULATES = (":", "[", "(", ".")
 _BEGIN = re.compile(r"^\s*(?:GLOBAL\s+)?(?:DEF|DEFFCT)\b", re.IGNORECASE)
 _SYSTEM_LIST = re.compile(r"^\s*DEFDAT\s+\$", re.IGNORECASE)
 _POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
@@ -98,7 +100,7 @@ class _Program:
             elif kind or "X" in fields or "A1" in fields:
                 self._found.poses.append(self._position(name, fields, line))
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}")
+            self._found.skip(line, f"{name}: {error}", name.replace(" ", ""))
 
     def _frame(self, system: re.Match[str], fields: dict[str, str], line: int) -> None:
         what, index = system[1].upper(), int(system[2])
@@ -184,12 +186,14 @@ class _Program:
                 continue
             if target.startswith("{"):
                 self._inline(kind, target, line)
-            elif named := re.match(r"(\w+(?:\[\s*\d+\s*\])?)", target):
-                if re.match(r"\w+(?:\[\s*\d+\s*\])?\s*:", target):
+            elif named := _TARGET.match(target):
+                name = named[1].replace(" ", "")
+                if named[2] in _CALCULATES:
                     self._found.skip(line, f"{kind} {target[:60]}: a calculated position has no value in the file")
-                elif "F" + named[1].upper()[1:] not in self._motion and (self._tool, self._base) != (None, None):
-                    name = named[1].lower().replace(" ", "")
-                    self._found.moves.setdefault(name, set()).add((self._tool, self._base))
+                    continue
+                self._found.want(name, line)
+                if "F" + name.upper()[1:] not in self._motion and (self._tool, self._base) != (None, None):
+                    self._found.moves.setdefault(name.lower(), set()).add((self._tool, self._base))
 
     def _inline(self, kind: str, target: str, line: int) -> None:
         end = closing(target, 0)

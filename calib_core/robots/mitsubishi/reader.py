@@ -9,6 +9,7 @@ _RULES = (
     Rule("use-frame", r"""^\s*(?:\d+\s+)?(?P<frame>Base\b.*)$"""),  # which way round it is, is not settled
     Rule("joints", rf"""^\s*(?:\d+\s+)?(?P<name>J\w*(?:\(\d+\))?)\s*=\s*\({_VALUES}\)"""),
     Rule("pose", rf"""^\s*(?:\d+\s+)?(?P<name>P\w*(?:\(\d+\))?)\s*=\s*\({_VALUES}\)\s*(?:\([^()]*\))?\s*$"""),
+    Rule("move", r"""^\s*(?:\d+\s+)?(?:Mov|Mvs|Mva)\s+(?P<name>[PJ]\w*(?:\(\d+\))?)\s*(?:,|$)"""),
 )
 _HEADS = r"""^\s*(?:\d+\s+)?(?:Tool\b|Base\b|[PJ]\w*(?:\(\d+\))?\s*=)"""
 

@@ -34,6 +34,7 @@ class Ur(Brand):
     endings = (".script", ".urscript", ".urp", ".installation", ".csv", ".txt")
     base = frozenset({"base"})
     definitions = "the script with set_tcp, or default.installation"
+    points = "the program that sets it; a value that is computed stands in no file"
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a script, a program, an installation or a recording."""

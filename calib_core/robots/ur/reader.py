@@ -14,7 +14,11 @@ from calib_core.robots.text import Source, closing, number, numbers, source_of, 
 from calib_core.robots.xml_file import Element, elements, is_gzip, unzipped
 
 _LITERAL = re.compile(r"(?:(\w+)\s*(=|\()\s*)?(?<![\w])p\s*(?=\[)")
-_JOINTS = re.compile(r"(?:^|\n)\s*(?:global\s+)?(\w+_q)\s*=\s*(?=\[)")
+_JOINTS = re.compile(r"^[ \t]*(?:global\s+|local\s+)?(\w+)\s*=\s*(?=\[)", re.MULTILINE)
+_LABEL = re.compile(r"^[ \t]*\$[^\n]*", re.MULTILINE)  # what the pendant shows for the next lines
+_ASSIGNED = re.compile(
+    r"^[ \t]*(?:global\s+|local\s+)?(\w+)[ \t]*(?:\[[^\]\n]*\][ \t]*=|=(?![ \t]*p?[ \t]*\[))(?!=)", re.MULTILINE
+)
 _CALL = re.compile(
     r"\b(set_tcp|move[jlpc]|servoj|servoc|get_inverse_kin)\s*\(\s*(?:get_inverse_kin\s*\(\s*)?(\w+)\s*[,)]"
 )
@@ -37,7 +41,9 @@ def find(data: bytes, name: str) -> Found:
 class _Script:
     def __init__(self, source: Source) -> None:
         self._source = source
-        self._text = without_comments(source.text, "#")
+        text = without_comments(source.text, "#")
+        self._text = _LABEL.sub(lambda label: " " * len(label[0]), text)
+        self._moved = {m[2].lower() for m in _CALL.finditer(self._text) if m[1] != "set_tcp"}
         self._found = Found(source.name)
         self._named: dict[str, tuple[float, ...]] = {}
         self._tool: Reference | None = None
@@ -49,7 +55,16 @@ class _Script:
         steps += [(m.start(1), "joints", m) for m in _JOINTS.finditer(self._text)]
         for _, kind, match in sorted(steps, key=lambda step: step[0]):
             {"literal": self._literal, "call": self._call, "joints": self._joints}[kind](match)
+        self._mark_assigned()
         return self._found
+
+    def _mark_assigned(self) -> None:
+        """Say where the script changes a variable, so that its value here may not be the one moved to."""
+        lines = {m[1]: self._source.line(m.start(1)) for m in _ASSIGNED.finditer(self._text)}
+        for i, taught in enumerate(self._found.poses):
+            if taught.name in lines:
+                doubt = f"The script changes it (line {lines[taught.name]}): the value here may be another."
+                self._found.poses[i] = replace(taught, doubt=doubt)
 
     def _literal(self, match: re.Match[str]) -> None:
         position = match.end()
@@ -62,7 +77,7 @@ class _Script:
                 raise ValueError("its brackets do not match: is the file cut or damaged?")
             pose = _pose(self._text[position + 1 : end - 1])
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}")
+            self._found.skip(line, f"{name}: {error}", name)
             return
         if sign == "(" and before == "set_tcp":
             self._set_tcp(f"set_tcp of line {line}", pose, line)
@@ -87,6 +102,8 @@ class _Script:
         called, name = match[1], match[2]
         line = self._source.line(match.start())
         if called != "set_tcp":
+            if name != "p":
+                self._found.want(name, line)
             if name.lower() in self._named and self._tool is not None:
                 self._found.moves.setdefault(name.lower(), set()).add((self._tool, "base"))
         elif name.lower() in self._named:
@@ -100,6 +117,8 @@ class _Script:
         self._tool = name
 
     def _joints(self, match: re.Match[str]) -> None:
+        if not match[1].endswith("_q") and match[1].lower() not in self._moved:
+            return
         line = self._source.line(match.start(1))
         end = closing(self._text, match.end(), "\n")
         try:
@@ -107,12 +126,13 @@ class _Script:
                 raise ValueError("its brackets do not match: is the file cut or damaged?")
             joints = _degrees(numbers(self._text[match.end() + 1 : end - 1], 6))
         except ValueError as error:
-            self._found.skip(line, f"{match[1]}: {error}")
+            self._found.skip(line, f"{match[1]}: {error}", match[1])
             return
         of = match[1].removesuffix("_q") + "_p"
         for i, taught in enumerate(self._found.poses):
             if taught.name == of:
                 self._found.poses[i] = replace(taught, joints_deg=joints)
+                self._found.unread.add(match[1].lower())
                 return
         self._found.poses.append(Taught(match[1], None, "ur", line, joints, file=self._source.name))
 

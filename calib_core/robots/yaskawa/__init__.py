@@ -34,6 +34,7 @@ class Yaskawa(Brand):
     flange = frozenset({"0"})
     base = frozenset({"base", "robot"})
     definitions = "TOOL.CND, UFRAME.CND"
+    points = "the job with its //POS section"
 
     def doubt(self, what: str, number: "Reference") -> str:
         """Return that tool 0 need not be the flange here."""

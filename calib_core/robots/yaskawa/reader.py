@@ -5,6 +5,7 @@ A job's positions are pulses or poses, by the `///POSTYPE` before them; one job 
 
 import re
 from dataclasses import replace
+from typing import NamedTuple
 
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.text import Source, numbers, source_of
@@ -73,6 +74,46 @@ def _frames(source: Source, found: Found) -> None:
                 found.skip(line, f"user frame {index}: {error}")
 
 
+_STEP = re.compile(r"(?:COMM\s+)?([A-Z]+)\b(.*)")
+_NAMED = re.compile(r"(?<![A-Z0-9])([PC])(\d{3,5})\b")
+_CHANGES = ("ADD", "SUB", "SET", "GETS", "GETPOS", "MULMAT", "INVMAT", "CNVRT", "MFRAME")
+
+
+class _Uses(NamedTuple):
+    """What a job's instructions do with its positions, by `_key` of their names: a line each."""
+
+    moved: dict[str, int]
+    changed: dict[str, int]
+    shifts: dict[str, int]
+
+    def note(self, text: str, line: int) -> None:
+        """Note what one instruction says."""
+        step = _STEP.match(text)
+        if step is None or text.startswith("COMM"):
+            return
+        names = [_key(kind + number) for kind, number in _NAMED.findall(step[2])]
+        if step[1].startswith(("MOV", "SMOV")):
+            for name in names:
+                self.moved.setdefault(name, line)
+        elif step[1] in ("SFTON", "MSHIFT"):
+            self.shifts.update(dict.fromkeys(names, line))
+        elif step[1] in _CHANGES and names:
+            self.changed.setdefault(names[0], line)
+            if step[1] in ("ADD", "SUB"):
+                self.shifts.update(dict.fromkeys(names[1:], line))
+
+    def require_a_place(self, name: str) -> None:
+        """Raise ValueError for a position that the job only uses to shift others."""
+        key = _key(name)
+        if key in self.shifts and key not in self.moved:
+            raise ValueError(f"the job uses it as a shift (line {self.shifts[key]}): it is no place")
+
+
+def _key(name: str) -> str:
+    """Return a position's name with five digits, as lists write it; instructions write three."""
+    return name[0] + name[1:].zfill(5)
+
+
 class _State:
     def __init__(self) -> None:
         self.kind, self.tool, self.user = "", None, None
@@ -83,11 +124,16 @@ class _State:
 def _job(source: Source, found: Found) -> None:
     state = _State()
     external: dict[str, dict[str, float]] = {}
+    heads: dict[str, int] = {}
     rows: list[tuple[int, str, str, str, int | None, int | None]] = []
+    uses = _Uses({}, {}, {})
+    in_program = False
     for line, content in source.lines():
         text = content.strip()
-        if text.startswith("//INST"):
-            break
+        in_program = in_program or text.startswith("//INST")
+        if in_program:
+            uses.note(text, line)
+            continue
         if tagged := re.match(r"///(POSTYPE|TOOL|USER)\s+(\S+)", text):
             value = tagged[2].split(",")[0]
             if tagged[1] == "POSTYPE":
@@ -99,6 +145,7 @@ def _job(source: Source, found: Found) -> None:
         elif row := _ROW.match(text):
             if row[1] in ("BC", "EC", "BP", "EX"):
                 _external(external, row, line, found)
+                heads.setdefault(row[2], line)
             else:
                 rows.append((line, row[1] + row[2], row[3].strip(), state.kind, state.tool, state.user))
         elif re.match(r"[A-Z]+\d+\s*=", text):
@@ -108,12 +155,20 @@ def _job(source: Source, found: Found) -> None:
         try:
             source.require_ended(line)
             taught = _position(name, values, kind, tool, user, line, source.name)
+            uses.require_a_place(name)
         except ValueError as error:
-            found.skip(line, f"{name}: {error}")
+            found.skip(line, f"{name}: {error}", name)
             continue
         axes = {**(taught.external or {}), **external.get(name[1:], {})} or None
-        doubt = "The robot stands on a rail: make sure that its base did not move." if rail else ""
-        found.poses.append(replace(taught, external=axes, doubt=doubt))
+        doubts = ["The robot stands on a rail: make sure that its base did not move."] if rail else []
+        if line_of := uses.changed.get(_key(name)):
+            doubts.append(f"The job changes it (line {line_of}): the value here may be another.")
+        found.poses.append(replace(taught, external=axes, doubt=" ".join(doubts)))
+    for number in external.keys() - {row[1][1:] for row in rows}:
+        found.skip(heads[number], f"position {number}: external axes alone, no pose of the robot")
+    written = {_key(row[1]): row[1] for row in rows}
+    for key, line in uses.moved.items():
+        found.want(written.get(key, key), line)
 
 
 def _external(external: dict[str, dict[str, float]], row: re.Match[str], line: int, found: Found) -> None:
