@@ -385,6 +385,11 @@ class Operations(Connection):
         """Return the poses that together leave least uncertainty at the workpiece, and what each gains."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/planned", params=_given({"captures": captures}))
 
+    def guidance_get_recheck(self, session_id: str) -> Any:
+        """Return the three poses to capture again with step `recheck`, the sphere still in its place. `POST
+        …/solve/recheck` then says whether the calibration still holds."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/recheck")
+
     def guidance_post_plan(self, body: Mapping[str, Any]) -> Any:
         """Return what a cell will reach before anything is bought: sphere, captures, place. Stores
         nothing."""

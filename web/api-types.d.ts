@@ -228,7 +228,7 @@ export interface CameraSegment {
 
 export interface Capture {
   id: string;
-  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
   kind: "frame" | "profile" | "cloud" | "sweep" | "center";
   files?: string[];
   pose?: number[] | null;
@@ -268,7 +268,7 @@ export interface CapturePage {
 
 export interface CaptureSettings {
   automatic?: boolean;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
   mount?: string | null;
 }
 
@@ -667,7 +667,7 @@ export interface GuideLast {
 
 export interface GuideNow {
   step: string;
-  stage?: "camera" | "laser-plane" | "tcp" | "turntable" | "chain" | "verify" | "merge" | null;
+  stage?: "camera" | "laser-plane" | "tcp" | "turntable" | "chain" | "verify" | "recheck" | "merge" | null;
   action: "capture" | "solve" | "review";
   instruction: string;
   why: string;
@@ -946,7 +946,7 @@ export interface MomentOfSession {
   place: number;
   session: Session;
   captures: StoredCapture[];
-  results: Record<string, StoredCameraResult | StoredLaserPlaneResult | StoredTcpResult | StoredTurntableResult | StoredChainResult | StoredVerifyResult | StoredMergeResult>;
+  results: Record<string, StoredCameraResult | StoredLaserPlaneResult | StoredTcpResult | StoredTurntableResult | StoredChainResult | StoredVerifyResult | StoredRecheckResult | StoredMergeResult>;
   numbers: Record<string, number>;
   guide: Guide;
   frames: Record<string, unknown> | null;
@@ -967,7 +967,7 @@ export interface NewProgram {
   host: string;
   port: number;
   token?: string;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
   mount?: string | null;
   poses?: PlannedPose[] | null;
   speed_mm_s?: number;
@@ -1181,6 +1181,55 @@ export interface Quantity {
   decimals?: number;
 }
 
+export interface RecheckPlan {
+  pose_convention: string;
+  poses: RepeatedPose[];
+  still_needed: number;
+}
+
+export interface RecheckResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  repeats?: string | null;
+  round?: number | null;
+  change_mm?: number | null;
+  expected_mm?: number | null;
+  mahalanobis?: number | null;
+  pose_distance_mm?: number | null;
+  pose_turn_deg?: number | null;
+}
+
+export interface RecheckResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
+  warnings?: string[];
+  notes?: string[];
+  causes?: RootCause[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
+  stage?: "recheck";
+  rechecked: string;
+  holds: boolean;
+  changed: "nothing" | "tool" | "sphere" | "tool-or-sphere" | "unclear";
+  change_mm: number;
+  uncertainty_mm: number;
+  rounds?: RecheckRound[];
+  residuals: RecheckResidual[];
+}
+
+export interface RecheckRound {
+  captures: string[];
+  change_mm: number;
+  uncertainty_mm: number;
+  change_in_laser_mm: number[];
+  chance: number;
+  changed: "nothing" | "tool" | "sphere" | "tool-or-sphere" | "unclear";
+  sentence: string;
+}
+
 export interface Recomputed {
   replay: Replay;
   stages: Record<string, Comparison>;
@@ -1220,6 +1269,13 @@ export interface Release {
   created: string;
   verdict: "pass" | "warn" | "fail";
   solved: string | null;
+}
+
+export interface RepeatedPose {
+  capture: string;
+  pose: number[];
+  base_from_tool0: number[][];
+  captured?: string | null;
 }
 
 export interface Replay {
@@ -1520,7 +1576,7 @@ export interface StoredCameraResult {
 
 export interface StoredCapture {
   id: string;
-  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
   kind: "frame" | "profile" | "cloud" | "sweep" | "center";
   files?: string[];
   pose?: number[] | null;
@@ -1667,6 +1723,29 @@ export interface StoredMergeResult {
   low_mm: number[];
   high_mm: number[];
   residuals: MergeResidual[];
+}
+
+export interface StoredRecheckResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
+  warnings?: string[];
+  notes?: string[];
+  causes?: RootCause[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
+  stage?: "recheck";
+  rechecked: string;
+  holds: boolean;
+  changed: "nothing" | "tool" | "sphere" | "tool-or-sphere" | "unclear";
+  change_mm: number;
+  uncertainty_mm: number;
+  rounds?: RecheckRound[];
+  residuals: RecheckResidual[];
 }
 
 export interface StoredSession {
@@ -1883,7 +1962,7 @@ export interface TimelineItem {
   kind: "capture" | "result" | "failed" | "cancelled" | "now";
   at: string;
   capture?: string | null;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan" | null;
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan" | null;
   removed?: boolean;
   stage?: string | null;
   number?: number | null;
@@ -2083,7 +2162,7 @@ export interface ViewChange {
 
 export interface Watch {
   folder: string;
-  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
   taken: number;
   waiting: string[];
   refused: RefusedFile[];
@@ -2092,7 +2171,7 @@ export interface Watch {
 
 export interface WatchedFolder {
   folder: string;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan";
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
 }
 
 export interface Webhook {

@@ -14,7 +14,7 @@ from server.live.standstill import Rest
 from server.sources.device import Sample
 from server.store.audit import Act
 
-_LETTERS = {"turntable": "t", "verify": "v", "camera": "c", "laser-plane": "l", "scan": "s"}
+_LETTERS = {"turntable": "t", "verify": "v", "recheck": "r", "camera": "c", "laser-plane": "l", "scan": "s"}
 
 
 class CaptureSettings(Record):

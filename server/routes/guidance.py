@@ -9,6 +9,7 @@ from calib_core.errors import InputError
 from calib_core.guidance.at_part import BudgetAtPart
 from calib_core.guidance.cell_plan import CellPlan, CellToPlan
 from calib_core.guidance.pose_list import PoseList
+from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.dependencies import SessionId, StoreDep
 from server.http.strict_json import StrictRoute
 from server.store.sessions import load_session
@@ -63,6 +64,19 @@ def get_planned(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
     return planned_poses(stored.session, list(stored.measured.values()), stored.results_with_stale(), captures)
+
+
+@router.get("/sessions/{session_id}/recheck", response_model=RecheckPlan)
+def get_recheck(session_id: SessionId, store: StoreDep) -> RecheckPlan:
+    """Return the three poses to capture again with step `recheck`, the sphere still in its place.
+
+    `POST …/solve/recheck` then says whether the calibration still holds.
+    """
+    from calib_core.stages.recheck.guide import recheck_plan
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    return recheck_plan(stored.session, stored.results)
 
 
 @router.post("/plan", response_model=CellPlan)

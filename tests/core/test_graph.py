@@ -17,7 +17,7 @@ from calib_core.stages.registry import STAGES, stages
 ALL = {stage.name for stage in stages()}
 OPTICS = {"camera", "laser-plane"}
 SPHERE = ALL - OPTICS  # the tool, and all that rests on it
-TABLE = {"turntable", "chain", "verify", "merge"}
+TABLE = {"turntable", "chain", "verify", "recheck", "merge"}
 NONE: set[str] = set()
 POSE = [900.0, 10.0, 700.0, 170.0, 5.0, 30.0]
 
@@ -33,6 +33,7 @@ def session_of(**cell: Any) -> Session:
         {"id": "v1", "step": "verify", "kind": "profile", "files": ["captures/v1.csv"], "pose": POSE},
         {"id": "s1", "step": "scan", "kind": "cloud", "files": ["captures/s1.ply"], "pose": POSE,
          "table_deg": 0.0},
+        {"id": "r1", "step": "recheck", "kind": "profile", "files": ["captures/r1.csv"], "pose": POSE},
     ]  # fmt: skip
     base: dict[str, Any] = {"pose_convention": "kuka", "sphere_diameter_mm": 40.0}
     return parse_session({"format": "scancell-session/1", "cell": base | cell, "captures": captures})
@@ -125,11 +126,12 @@ def test_a_change_of_the_cell_makes_stale_who_reads_it(path: str) -> None:
 
 
 # By field: another value, and the stages that read it in a capture of each step: camera, laser-plane, tcp,
-# turntable, verify, scan.  What a stage reads, those that rest on it depend on too.
+# turntable, verify, scan, recheck.  What a stage reads, those that rest on it depend on too.
 READ_BY = {
     "c1": OPTICS, "l1": OPTICS, "p1": SPHERE, "t1": TABLE, "v1": {"verify"}, "s1": {"merge"},
+    "r1": {"recheck"},
 }  # fmt: skip
-SPHERES, PLACED = ("p1", "t1", "v1"), ("p1", "t1", "v1", "s1")
+SPHERES, PLACED = ("p1", "t1", "v1", "r1"), ("p1", "t1", "v1", "r1", "s1")
 CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "id": ("x9", tuple(READ_BY)),
     "kind": ("cloud", tuple(READ_BY)),

@@ -116,6 +116,7 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
     send("GET", f"{session}/merged/deviation", names=names, params={"against": "sphere"})
     send("GET", f"{session}/budget", names=names)
     send("GET", f"{session}/planned", names=names, params={"captures": 3})
+    send("GET", f"{session}/recheck", names=names)
     field = {"near_mm": 130, "far_mm": 230, "near_width_mm": 60}
     send("POST", f"{api}/plan", {"scanner": field, "sphere_diameter_mm": 40, "wanted_mm": 0.2})
     sides = {"left": there, "right": there}

@@ -41,6 +41,7 @@ export const common = {
   "step.turntable": "Turntable",
   "step.chain": "Whole chain",
   "step.verify": "Verify",
+  "step.recheck": "Recheck",
   "step.scan": "Scan",
   "step.merge": "Merge",
 

@@ -1,0 +1,139 @@
+"""The recheck's step: three poses of the calibration again, the sphere still in its place."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.poses import base_from_tool0_by_capture
+from calib_core.errors import CalibrationError, MotionError
+from calib_core.frames import RigidTransform
+from calib_core.records import Capture, GuideNow, Matrix4, Record, Session
+from calib_core.records.base import Finite
+from calib_core.stages.guide import GuideView
+from calib_core.stages.recheck.solve import ENOUGH, is_repeated
+from calib_core.stages.tcp.guide import review
+
+_EXIT = f"{ENOUGH} poses of the calibration were captured again."
+
+
+class RepeatedPose(Record):
+    """A pose of the calibration to capture again, as the controller wrote it; `captured` names who did."""
+
+    capture: str
+    pose: list[Finite]
+    base_from_tool0: Matrix4
+    captured: str | None = None
+
+
+class RecheckPlan(Record):
+    """The poses whose captures tell whether a calibration still holds; the sphere must not have been moved."""
+
+    pose_convention: str
+    poses: list[RepeatedPose]
+    still_needed: int
+
+
+def recheck_plan(session: Session, results: Mapping[str, Mapping[str, Any]]) -> RecheckPlan:
+    """Return the poses to repeat: three that the answer used, turned furthest apart.
+
+    Raises
+    ------
+    MotionError
+        If nothing was calibrated from captures of this session.
+    """
+    answer = results.get("chain") or results.get("tcp") or {}
+    used = {row["capture"] for row in answer.get("residuals", []) if row.get("used")}
+    candidates = [
+        c for c in session.captures if c.step == "tcp" and c.id in used and not c.excluded and c.pose is not None
+    ]
+    if not candidates:
+        raise MotionError(
+            "a calibration that was solved from captures of this session",
+            "none",
+            "Solve the TCP first; a tool that was brought is verified instead.",
+            "captures",
+        )
+    again = [c for c in session.captures if c.step == "recheck" and not c.excluded and c.pose is not None]
+    poses = base_from_tool0_by_capture(session.cell, [*candidates, *again])
+    chosen = _furthest_apart([poses[c.id] for c in candidates])
+    rows = [
+        RepeatedPose(
+            capture=c.id,
+            pose=list(c.pose or []),
+            base_from_tool0=poses[c.id].to_rows(),
+            captured=next((a.id for a in reversed(again) if is_repeated(poses[a.id], poses[c.id])), None),
+        )
+        for c in (candidates[k] for k in chosen)
+    ]
+    needed = max(min(ENOUGH, len(rows)) - len(again), 0)
+    return RecheckPlan(pose_convention=session.cell.pose_convention, poses=rows, still_needed=needed)
+
+
+def poses_to_repeat(session: Session, used: set[str]) -> list[Capture]:
+    """Return the captures among `used` whose poses are worth repeating."""
+    plan = recheck_plan(session, {"tcp": {"residuals": [{"capture": name, "used": True} for name in used]}})
+    by_id = {capture.id: capture for capture in session.captures}
+    return [by_id[row.capture] for row in plan.poses]
+
+
+def recheck_now(view: GuideView) -> GuideNow | None:
+    """Return the instruction of the recheck, None where nobody began it."""
+    captures = view.captures("recheck")
+    if not captures:
+        return None
+    fresh = view.fresh("recheck")
+    if fresh is not None:
+        now = review(fresh, "Look at the result: whether the calibration still holds.")
+        exit_ = "It holds: go on scanning. It does not: calibrate again."
+        return now.model_copy(update={"step": "recheck", "stage": "recheck", "exit": exit_, "drawing": "tcp-done"})
+    refused = {m.capture for m in view.measured if m.verdict == "fail"}
+    seen = sum(capture.id not in refused for capture in captures)
+    if seen < ENOUGH:
+        return GuideNow(
+            step="recheck",
+            stage="recheck",
+            action="capture",
+            instruction="Drive to another pose of the calibration and capture the sphere again, in its place.",
+            why="The robot repeats a pose well: what is seen differently now has changed since.",
+            exit=_EXIT,
+            drawing="tcp-turn",
+            progress=f"{seen} of {ENOUGH} captures",
+            still_needed=ENOUGH - seen,
+            **_next_pose(view),
+        )
+    return GuideNow(
+        step="recheck",
+        stage="recheck",
+        action="solve",
+        instruction="Recheck the calibration.",
+        why="Each capture is compared with that of the same pose at the calibration.",
+        exit="The calibration holds, or it is said what changed.",
+        drawing="tcp-solve",
+        progress="enough captures",
+    )
+
+
+def _next_pose(view: GuideView) -> dict[str, Any]:
+    try:
+        plan = recheck_plan(view.session, view.results)
+    except CalibrationError:
+        return {}
+    left = next((pose for pose in plan.poses if pose.captured is None), None)
+    if left is None:
+        return {}
+    note = f"the pose of {left.capture}"
+    return {"suggested_pose": left.base_from_tool0, "suggested_pose_numbers": left.pose, "suggested_note": note}
+
+
+def _furthest_apart(poses: list[RigidTransform]) -> list[int]:
+    """Return three of the poses, each the furthest turned from those before it."""
+    if len(poses) <= ENOUGH:
+        return list(range(len(poses)))
+    turns = np.array([[one.difference(other)[:3] for other in poses] for one in poses])
+    apart = np.linalg.norm(turns, axis=2)
+    chosen = [int(np.argmax(apart.sum(axis=1)))]
+    while len(chosen) < ENOUGH:
+        left = np.where(np.isin(np.arange(len(poses)), chosen), -1.0, apart[:, chosen].min(axis=1))
+        chosen.append(int(np.argmax(left)))
+    return sorted(chosen)

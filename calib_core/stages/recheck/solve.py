@@ -1,0 +1,203 @@
+"""The recheck stage: repeated captures found by their poses and compared, round by round."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.captures.content import sphere_of
+from calib_core.chain.observations import SphereObservation
+from calib_core.errors import MotionError
+from calib_core.frames import RigidTransform
+from calib_core.records import Verdict
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.given import StageInput
+from calib_core.stages.recheck.compare import Alike, Change, compared
+from calib_core.stages.recheck.record import Changed, RecheckResidual, RecheckResult, RecheckRound
+from calib_core.stages.stage import SOFTWARE
+from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.tcp.solve import observe_stage
+from calib_core.stages.verify.held_out import Tool
+
+ENOUGH = 3
+_ANSWER_SHARE = 0.6
+_NEAR_MM, _NEAR_RAD = 20.0, float(np.deg2rad(3.0))
+_SENTENCES: dict[Changed, str] = {
+    "nothing": "The calibration still holds: a point is seen {change} mm from where it was seen, "
+    "which noise and the robot's repeatability explain.",
+    "tool": "The scanner sits differently on the flange: a point is seen {change} mm from where it was seen.",
+    "sphere": "The sphere or the robot's base moved by {change} mm; the tool may still hold: put the sphere back, "
+    "or calibrate again.",
+    "tool-or-sphere": "Scanner or sphere moved: a point is seen {change} mm from where it was seen. Poses turned "
+    "further apart tell which.",
+    "unclear": "The captures differ by {change} mm from those of the calibration in a way that neither a moved "
+    "sphere nor a moved scanner explains: see each capture, then calibrate again.",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    then: SphereObservation
+    now: SphereObservation
+    round: int
+
+
+def solve_recheck_stage(given: StageInput) -> RecheckResult:
+    """Return whether the calibration still holds.
+
+    Raises
+    ------
+    InputError
+        If a file or a pose is of no use, or the tool was brought: then nothing was captured to compare with.
+    MeasurementError
+        If most captures do not show the sphere.
+    MotionError
+        If no capture repeats a pose of the calibration.
+    """
+    observed = observe_stage(given)
+    name = given.session.cell.known.tool0_from_laser is None and any(
+        capture.step == "turntable" for capture in given.session.captures
+    )
+    stage = "chain" if name else "tcp"
+    answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
+    assert isinstance(answer, TcpResult | ChainResult)
+    own = {capture.id for capture in given.captures if capture.step == "recheck"}
+    used = {row.capture for row in answer.residuals if row.used}
+    then = [o for o in observed.observations if o.capture not in own and o.capture in used]
+    pairs, alone = _paired([o for o in observed.observations if o.capture in own], then)
+    if not pairs:
+        raise MotionError(
+            "captures with step 'recheck' from poses of the calibration",
+            "none within 20 mm and 3° of one that was used",
+            "Drive to poses of the calibration again and capture the sphere there, still in its place.",
+            "captures",
+        )
+    rounds = sorted({pair.round for pair in pairs})
+    sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
+    tool, alike = _tool(answer)
+    center = np.array(answer.sphere_center_in_base_mm)
+    told: list[RecheckRound] = []
+    rows: list[RecheckResidual] = []
+    for number in rounds:
+        of_round = [pair for pair in pairs if pair.round == number]
+        change = compared(
+            [p.then for p in of_round], [p.now for p in of_round], sphere.radius_mm, center, tool, alike
+        )
+        told.append(_told(of_round, change))
+        rows += _rows(of_round, change)
+    unused = {name: reason for name, reason in {**observed.unused, **alone}.items() if name in own}
+    rows += [RecheckResidual(capture=name, used=False, reason=reason) for name, reason in unused.items()]
+    order = [capture.id for capture in given.captures if capture.step == "recheck"]
+    last = told[-1]
+    verdict, warnings = _judged(last, len({pair.now.capture for pair in pairs if pair.round == rounds[-1]}))
+    return RecheckResult(
+        method="figures of repeated captures, now minus then, by their noise and the robot's repeatability",
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=verdict,
+        warnings=warnings,
+        notes=[last.sentence] if last.changed == "nothing" else [],
+        rechecked=stage,
+        holds=last.changed == "nothing",
+        changed=last.changed,
+        change_mm=last.change_mm,
+        uncertainty_mm=last.uncertainty_mm,
+        rounds=told,
+        residuals=sorted(rows, key=lambda row: order.index(row.capture)),
+    )
+
+
+def _paired(
+    now: Sequence[SphereObservation], then: Sequence[SphereObservation]
+) -> tuple[list[_Pair], dict[str, str]]:
+    """Return each capture with the nearest of the calibration; a pose that comes again begins a round."""
+    pairs: list[_Pair] = []
+    alone: dict[str, str] = {}
+    number, seen = 1, dict[str, str]()
+    for one in now:
+        nearest = min((o for o in then if o.kind == one.kind), key=lambda o: _distance(one, o), default=None)
+        if nearest is None or _distance(one, nearest) > 1:
+            alone[one.capture] = (
+                "no capture of the calibration within 20 mm and 3° of its pose. Drive to a pose of the calibration"
+            )
+            continue
+        if seen.get(nearest.capture, one.capture) != one.capture:
+            number, seen = number + 1, {}
+        seen[nearest.capture] = one.capture
+        pairs.append(_Pair(nearest, one, number))
+    return pairs, {name: why for name, why in alone.items() if all(pair.now.capture != name for pair in pairs)}
+
+
+def is_repeated(one: RigidTransform, other: RigidTransform) -> bool:
+    """Return whether a pose counts as another one repeated."""
+    return _apart(one, other) <= 1
+
+
+def _distance(one: SphereObservation, other: SphereObservation) -> float:
+    return _apart(one.base_from_tool0, other.base_from_tool0)
+
+
+def _apart(one: RigidTransform, other: RigidTransform) -> float:
+    """Return how far two poses lie apart, 1 at the edge of what counts as repeated."""
+    step = one.difference(other)
+    return max(float(np.linalg.norm(step[3:])) / _NEAR_MM, float(np.linalg.norm(step[:3])) / _NEAR_RAD)
+
+
+def _tool(answer: TcpResult | ChainResult) -> tuple[Tool, Alike]:
+    parts = answer.variance_components
+    tool = Tool(
+        RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser"),
+        np.zeros((6, 6)),
+        parts.position_sigma_mm,
+        parts.orientation_sigma_rad,
+    )
+    alike = Alike(
+        parts.alike_position_sigma_mm, parts.alike_orientation_sigma_rad, parts.reach_mm, parts.reach_rad
+    )
+    return tool, alike
+
+
+def _told(pairs: Sequence[_Pair], change: Change) -> RecheckRound:
+    text = f"{change.change_mm:.2f} ± {change.uncertainty_mm:.2f}"
+    return RecheckRound(
+        captures=list(dict.fromkeys(pair.now.capture for pair in pairs)),
+        change_mm=change.change_mm,
+        uncertainty_mm=change.uncertainty_mm,
+        change_in_laser_mm=change.shift_in_laser_mm.tolist(),
+        chance=change.chance,
+        changed=change.changed,
+        sentence=_SENTENCES[change.changed].format(change=text),
+    )
+
+
+def _rows(pairs: Sequence[_Pair], change: Change) -> list[RecheckResidual]:
+    rows: list[RecheckResidual] = []
+    for name in dict.fromkeys(pair.now.capture for pair in pairs):
+        places = [k for k, pair in enumerate(pairs) if pair.now.capture == name]
+        pair = pairs[places[0]]
+        step = pair.now.base_from_tool0.difference(pair.then.base_from_tool0)
+        spread = np.trace(change.covariances[places], axis1=1, axis2=2)
+        rows.append(
+            RecheckResidual(
+                capture=name,
+                used=True,
+                repeats=pair.then.capture,
+                round=pair.round,
+                change_mm=float(np.sqrt(np.mean(np.sum(change.differences[places] ** 2, axis=1)))),
+                expected_mm=float(np.sqrt(spread.mean())),
+                mahalanobis=float(np.sqrt(np.mean(change.mahalanobis[places] ** 2))),
+                pose_distance_mm=float(np.linalg.norm(step[3:])),
+                pose_turn_deg=float(np.rad2deg(np.linalg.norm(step[:3]))),
+            )
+        )
+    return rows
+
+
+def _judged(last: RecheckRound, captures: int) -> tuple[Verdict, list[str]]:
+    if last.changed != "nothing":
+        return "fail", [last.sentence]
+    if captures < ENOUGH:
+        return "warn", [
+            f"{captures} of {ENOUGH} captures: repeat more poses of the calibration, turned differently."
+        ]
+    return "pass", []

@@ -1,0 +1,48 @@
+"""`scancell recheck`: whether the last calibration still holds, by three of its poses captured again."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
+from server.console.output import print_result
+
+if TYPE_CHECKING:
+    from calib_core.stages.recheck.guide import RecheckPlan
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Print the poses to repeat, or what their captures say; return 1 where the calibration no longer holds."""
+    from calib_core.archive.archive import opened
+    from calib_core.archive.folder import load_session
+    from calib_core.archive.stored_results import stored_results
+    from calib_core.stages.given import Kept
+    from calib_core.stages.graph import Graph
+    from calib_core.stages.pipeline import solve_stage
+    from calib_core.stages.recheck.guide import recheck_plan
+
+    with opened(options.session) as folder:
+        session, read = load_session(folder)
+        stored = stored_results(folder)
+        kept = Kept.of_stored(Graph.of_files(session, read), stored, "recheck")
+        if not any(c.step == "recheck" and not c.excluded for c in session.captures):
+            answers = {name: kept.results[name].to_json() for name in ("tcp", "chain") if name in kept.results}
+            if not answers:
+                answers = {"tcp": solve_stage(session, "tcp", read, kept=kept).to_json()}
+            plan = recheck_plan(session, answers)
+            print_result(options, _text(plan), plan.to_json())
+            return OK
+        result = solve_stage(session, "recheck", read, kept=kept)
+    print_result(options, str(result), result.to_json())
+    return NOT_ACCEPTED if result.verdict == "fail" else OK
+
+
+def _text(plan: "RecheckPlan") -> str:
+    lines = [
+        "Leave the sphere in its place, drive to these poses and capture it with step 'recheck':",
+        *(f"  {p.capture:>8}  " + " ".join(f"{value:10.4f}" for value in p.pose) for p in plan.poses),
+        f"  pose of the flange in base ({plan.pose_convention}). Then run this command again.",
+    ]
+    return "\n".join(lines)
+
+
+COMMAND = Command("recheck", "say whether the calibration still holds", "session", session_argument, _run)

@@ -1,0 +1,85 @@
+"""Rechecks: what three repeated captures of a simulated cell say, unchanged and changed."""
+
+from dataclasses import replace
+from typing import Any
+
+import bench_recheck
+import pytest
+
+from calib_core.errors import MotionError
+from calib_core.records import Measured, Session, parse_session
+from calib_core.simulation import SimulatedSession, retake, simulate
+from calib_core.stages.guide import guide
+from calib_core.stages.pipeline import run
+from calib_core.stages.recheck.guide import recheck_plan
+from calib_core.stages.recheck.record import RecheckResult
+
+
+def test_changes_are_found_and_false_alarms_are_rare() -> None:
+    rows = bench_recheck.figures(range(2), 2)
+    assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows[:4] if not r.holds] == []
+
+
+@pytest.fixture(scope="module")
+def solved() -> tuple[SimulatedSession, dict[str, Any]]:
+    simulated = simulate("tcp", 2)
+    return simulated, {"tcp": run(simulated.session, simulated.files.__getitem__, "tcp")["tcp"].to_json()}
+
+
+def again(
+    solved: tuple[SimulatedSession, dict[str, Any]], rounds: list[float]
+) -> tuple[Session, dict[str, bytes]]:
+    """Return the session with rounds of a recheck, the scanner shifted on its flange by so much in each."""
+    simulated, results = solved
+    assert simulated.world is not None
+    data, files = simulated.session.to_json(), dict(simulated.files)
+    for number, shift_mm in enumerate(rounds):
+        tool = simulated.world.tool0_from_laser.copy()
+        tool[0, 3] += shift_mm
+        moved = replace(simulated, world=replace(simulated.world, tool0_from_laser=tool))
+        for pose in recheck_plan(simulated.session, results).poses:
+            record, own = retake(moved, pose.capture, f"r{number}-{pose.capture}", 7 + number)
+            data["captures"].append({**record.to_json(), "step": "recheck"})
+            files |= own
+    return parse_session(data, "session"), files
+
+
+def result_of(solved: tuple[SimulatedSession, dict[str, Any]], rounds: list[float]) -> RecheckResult:
+    session, files = again(solved, rounds)
+    result = run(session, files.__getitem__, "recheck")["recheck"]
+    assert isinstance(result, RecheckResult)
+    return result
+
+
+def test_the_last_round_decides_and_the_rounds_tell_the_course(solved: Any) -> None:
+    result = result_of(solved, [0.0, 1.5])
+    assert [one.changed == "nothing" for one in result.rounds] == [True, False]
+    assert (result.holds, result.verdict) == (False, "fail")
+    assert result.change_mm == pytest.approx(1.5, abs=1.5 * result.uncertainty_mm)
+    assert result.changed in ("tool", "tool-or-sphere")
+    assert [row.repeats for row in result.residuals[:3]] == [row.repeats for row in result.residuals[3:]]
+    assert "no longer holds" in str(result)
+
+
+def test_an_unchanged_cell_still_holds_and_the_guide_leads_there(solved: Any) -> None:
+    result = result_of(solved, [0.0])
+    assert (result.holds, result.verdict) == (True, "pass")
+    session, _ = again(solved, [0.0])
+    begun = session.model_copy(update={"captures": session.captures[:-2]})
+    measured = [Measured(capture=c.id, kind=c.kind, verdict="pass") for c in session.captures]
+    now = guide(begun, measured, solved[1]).current
+    assert (now.step, now.action, now.still_needed) == ("recheck", "capture", 2)
+    assert now.suggested_pose is not None
+    assert guide(session, measured, solved[1]).current.action == "solve"
+    assert guide(session, measured, {**solved[1], "recheck": result.to_json()}).current.action == "review"
+
+
+def test_captures_from_other_poses_are_refused_with_what_to_do(solved: Any) -> None:
+    session, files = again(solved, [0.0])
+    data = session.to_json()
+    for capture in data["captures"][-3:]:
+        capture["pose"][0] += 100.0
+    with pytest.raises(MotionError, match="poses of the calibration"):
+        run(parse_session(data, "session"), files.__getitem__, "recheck")
+    with pytest.raises(MotionError, match="Solve the TCP first"):
+        recheck_plan(session, {})
