@@ -18,6 +18,7 @@ from server.settings import Settings, is_loopback
 from server.store.store_lock import store_lock
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
+_KEEP_ALIVE_S = 30  # longer than clients keep idle connections: else a request meets the hanging up
 
 
 _SWITCH_S = 0.001  # what answers has little to do and waits for what works, five times as long by default
@@ -45,6 +46,7 @@ class WorkbenchServer(uvicorn.Server):
             server_header=False,
             ws_max_size=_MAX_MESSAGE_BYTES,
             ws_per_message_deflate=False,
+            timeout_keep_alive=_KEEP_ALIVE_S,
             timeout_graceful_shutdown=math.ceil(settings.shutdown_grace_s),
             log_config=None,
             limit_concurrency=settings.max_connections,

@@ -1,14 +1,21 @@
 """A line between browser and server that stops carrying what the browser sends, as a bad network does."""
 
+import re
 import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 
+_UPLOAD = re.compile(rb"POST \S+/captures[ /?]")
+
 
 class BrokenLine:
-    """Carries bytes both ways; while `most_up` is set, of a POST at most so many go up, and then nothing ever."""
+    """Carries bytes both ways; while `most_up` is set, of a capture at most so many go up, and then nothing ever.
+
+    Each connection carries one request: on one that is used again, Chromium repeats what was answered with 408 by
+    itself, and the page hears of it only after many tries.
+    """
 
     def __init__(self, port: int) -> None:
         self.most_up: int | None = None
@@ -49,7 +56,8 @@ class BrokenLine:
         left: int | None = None
         with suppress(OSError):
             while content := below.recv(65536):
-                if left is None and self.most_up is not None and content.startswith(b"POST "):
+                content = content.replace(b"\r\nConnection: keep-alive\r\n", b"\r\nConnection: close\r\n")
+                if left is None and self.most_up is not None and _UPLOAD.match(content):
                     left = self.most_up
                 above.sendall(content if left is None else content[:left])
                 left = left if left is None else max(0, left - len(content))

@@ -128,7 +128,9 @@ def test_files_are_dropped_anywhere_on_the_page(open_page: Callable[..., Any], a
     expect(page.locator("sc-guide h1")).not_to_be_empty()
     transfer = page.evaluate_handle("""() => {
         const transfer = new DataTransfer();
-        for (const name of ["p10.csv", "p9.csv", "notes.docx"]) transfer.items.add(new File(["x_mm,z_mm"], name));
+        for (const name of ["p10.csv", "p9.csv", "notes.docx"]) {
+            transfer.items.add(new File(["x_mm,z_mm\\n-1,300\\n0,300\\n1,300\\n"], name));
+        }
         return transfer;
     }""")
     page.locator(".work").dispatch_event("drop", {"dataTransfer": transfer})
