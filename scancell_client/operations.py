@@ -205,6 +205,11 @@ class Operations(Connection):
         """Return a cell's sessions and releases, the newest first."""
         return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/history")
 
+    def cells_get_drift(self, cell_id: str) -> Any:
+        """Return how tool, axis and verification moved over the cell's newest 100 sessions, and what
+        changed."""
+        return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/drift")
+
     def cells_get_released(self, cell_id: str) -> Any:
         """Return the answer that was released last for a cell, as it was then: later changes do not touch
         it."""

@@ -313,6 +313,12 @@ export interface Cell {
   nominal?: Nominal | null;
 }
 
+export interface CellDrift {
+  series: DriftSeries[];
+  flags?: string[];
+  left_out?: Record<string, string>;
+}
+
 export interface CellHistory {
   id: string;
   sessions: CellSession[];
@@ -504,6 +510,24 @@ export interface Devices {
   items: DeviceEntry[];
   capture: CaptureSettings;
   waits_for: string;
+}
+
+export interface DriftPoint {
+  session: string;
+  name: string;
+  date: string;
+  change: number;
+  uncertainty: number;
+  limit: number | null;
+  flagged: boolean;
+  level: number;
+}
+
+export interface DriftSeries {
+  figure: "tool" | "tool-orientation" | "axis" | "axis-direction" | "verification";
+  title: string;
+  unit: "mm" | "deg";
+  points: DriftPoint[];
 }
 
 export interface EncoderScaleError {

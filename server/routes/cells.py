@@ -9,12 +9,21 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import Record, Verdict
 from calib_core.review.answer import SessionAnswer
+from calib_core.review.drift import CellDrift
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.http.known_fields import require_known_fields
 from server.http.strict_json import StrictRoute, plain_json
 from server.routes.answers import allowed_faults
 from server.store.models import Data
-from server.store.releases import add_release, cell_history, list_cells, release_data, released, roll_back
+from server.store.releases import (
+    add_release,
+    cell_history,
+    cell_sessions,
+    list_cells,
+    release_data,
+    released,
+    roll_back,
+)
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 
@@ -99,6 +108,16 @@ def get_history(cell_id: CellId, store: StoreDep) -> Response:
     """Return a cell's sessions and releases, the newest first."""
     with store.read() as db:
         return JSONResponse(cell_history(db, cell_id))
+
+
+@router.get("/cells/{cell_id}/drift", response_model=CellDrift)
+def get_drift(cell_id: CellId, store: StoreDep) -> CellDrift:
+    """Return how tool, axis and verification moved over the cell's newest 100 sessions, and what changed."""
+    from calib_core.review.drift import cell_drift
+
+    with store.read() as db:
+        sessions = cell_sessions(db, cell_id)
+    return cell_drift(sessions)
 
 
 @router.get("/cells/{cell_id}/answer", response_model=SessionAnswer)

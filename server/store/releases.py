@@ -5,8 +5,9 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, NotFoundError
 from calib_core.review.answer import cell_id
+from calib_core.review.drift import SolvedSession
 from server.store.models import Data, ReleaseRow, SessionRow, now
-from server.store.sessions import empty_session
+from server.store.sessions import empty_session, latest_results
 from server.store.webhooks import tell
 
 
@@ -31,6 +32,12 @@ def cell_history(db: Transaction, cell: str) -> Data:
     if not sessions and not releases:
         raise NotFoundError("the id of a cell", repr(cell[:80]), "List the cells.", "cell")
     return {"id": cell, "sessions": sessions, "releases": releases}
+
+
+def cell_sessions(db: Transaction, cell: str, most: int = 100) -> list[SolvedSession]:
+    """Return a cell's newest sessions with their latest results, the oldest first; raises NotFoundError."""
+    newest = cell_history(db, cell)["sessions"][:most]
+    return [SolvedSession(s["id"], s["name"], s["created"], latest_results(db, s["id"])) for s in reversed(newest)]
 
 
 def released(db: Transaction, cell: str) -> ReleaseRow:

@@ -41,6 +41,19 @@ def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: h
     assert client.get(f"/cells/{cell}/answer").json()["stage"] == "tcp"  # it outlives its session
 
 
+def test_a_cell_s_drift_has_its_solved_sessions_and_says_what_changed(client: httpx.Client) -> None:
+    sessions = [simulated_session(client, seed=seed, captures=14) for seed in (7, 8)]
+    for session in sessions:
+        client.patch(f"/sessions/{session}", json={"name": "Cell that drifts"})
+        client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60})
+    found = client.get("/cells/cell-that-drifts/drift").json()
+    tool = next(one for one in found["series"] if one["figure"] == "tool")
+    assert [point["session"] for point in tool["points"]] == sessions
+    assert tool["points"][1]["flagged"]  # another seed is another cell: its scanner sits elsewhere
+    assert "more than uncertainty explains" in found["flags"][0]
+    assert_problem(client.get("/cells/none/drift"), 404, "none")
+
+
 def test_cells_that_are_not_there_say_so(client: httpx.Client) -> None:
     assert_problem(client.get("/cells/none/history"), 404, "none")
     assert_problem(client.post("/cells/none/rollback", json={}), 404, "none")

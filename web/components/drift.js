@@ -1,43 +1,45 @@
-// How a cell's answer moved from session to session: a small line of how far each lies from the newest, at the scanner's origin.
+// How a cell's scanner moved from session to session: a small line of its change at the workpiece, and where it changed.
 
 import { api } from "../state/api.js";
 import { h, s } from "../dom.js";
 import { small } from "../format.js";
 import { t } from "../texts.js";
 
-/** @import {SessionSummary} from "../state/model.js" */
+/** @import {DriftSeries, SessionSummary} from "../state/model.js" */
 
-const MOST = 8;
+const MOST = 30;
 const [WIDTH, HEIGHT, EDGE] = [96, 24, 3];
 
 /** @param {readonly SessionSummary[]} sessions of one cell, the newest first */
 export function drift(sessions) {
   const holder = h("span", { class: "drift" });
-  const solved = sessions.filter(({ verdicts }) => verdicts["tcp"] || verdicts["chain"]).slice(0, MOST).reverse();
-  if (solved.length < 2) return holder;
-  // The list does not wait for it, and does without it where an answer cannot be had.
-  void Promise.all(solved.map(({ id }) => api.answer(id).catch(() => null))).then((answers) => {
-    const places = answers.flatMap((answer) => placeOf(answer) ?? []);
-    const last = places.at(-1);
-    if (!last || places.length < 2) return;
-    const off = places.map((place) => Math.hypot(...place.map((value, axis) => value - (last[axis] ?? 0))));
-    const words = t("start.drift", { count: off.length, most: small(Math.max(...off)) });
-    holder.replaceChildren(line(off, words), h("span", { class: "soft small number" }, small(Math.max(...off))));
+  const [newest, ...earlier] = sessions.filter(({ verdicts }) => verdicts["tcp"] || verdicts["chain"]);
+  if (!newest || !earlier.length) return holder;
+  // The list does not wait for it, and does without it where it cannot be had.
+  void api.drift(newest.cell_id).catch(() => null).then((found) => {
+    const tool = found?.series.find(({ figure }) => figure === "tool");
+    if (!tool || tool.points.length < 2) return;
+    const last = tool.points.at(-1);
+    const words = t("start.drift", { count: tool.points.length, change: small(last?.change ?? 0), limit: small(last?.limit ?? 0) });
+    const changed = found?.flags?.at(-1);
+    holder.replaceChildren(line(tool, changed ?? words), h("span", { class: changed ? "small number changed" : "soft small number" }, `${small(last?.change ?? 0)} ± ${small(last?.uncertainty ?? 0)}`));
   });
   return holder;
 }
 
-/** @param {Awaited<ReturnType<typeof api.answer>> | null} answer @returns {[number[]] | null} */
-function placeOf(answer) {
-  const matrix = answer?.tool0_from_laser?.matrix;
-  return matrix ? [[0, 1, 2].map((row) => Number(matrix[row]?.[3]))] : null;
-}
-
-/** @param {number[]} values @param {string} words */
-function line(values, words) {
-  const most = Math.max(...values, 1e-6);
-  const at = values.map((value, index) => [EDGE + (index / (values.length - 1)) * (WIDTH - 2 * EDGE), HEIGHT - EDGE - (value / most) * (HEIGHT - 2 * EDGE)]);
+/** Changes as a line, control limits behind it, a dot on each that is larger than its uncertainty. @param {DriftSeries} series @param {string} words */
+function line(series, words) {
+  const points = series.points.slice(-MOST);
+  const most = Math.max(...points.map(({ change, limit }) => Math.max(change, limit ?? 0)), 1e-6);
+  /** @param {number} index @param {number} value */
+  const at = (index, value) => [EDGE + (index / (points.length - 1)) * (WIDTH - 2 * EDGE), HEIGHT - EDGE - (value / most) * (HEIGHT - 2 * EDGE)];
+  /** @param {readonly (readonly (number | undefined)[])[]} places */
+  const path = (places) => places.map(([x, y], index) => `${index ? "L" : "M"}${x} ${y}`).join("");
+  const changes = points.map(({ change }, index) => at(index, change));
+  const limits = points.flatMap(({ limit }, index) => (limit == null ? [] : [at(index, limit)]));
+  const marks = points.flatMap(({ flagged }, index) => (flagged ? [s("circle", { class: "changed", cx: changes[index]?.[0], cy: changes[index]?.[1], r: 3 })] : []));
+  const end = changes.at(-1);
   return s("svg", { class: "sparkline", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", "aria-label": words },
-    s("title", {}, words), s("path", { d: at.map(([x, y], index) => `${index ? "L" : "M"}${x} ${y}`).join("") }),
-    s("circle", { cx: at.at(-1)?.[0], cy: at.at(-1)?.[1], r: 2.5 }));
+    s("title", {}, words), s("path", { class: "limit", d: path(limits) }), s("path", { d: path(changes) }),
+    s("circle", { cx: end?.[0], cy: end?.[1], r: 2.5 }), ...marks);
 }

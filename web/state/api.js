@@ -2,7 +2,7 @@
 
 import { t } from "../texts.js";
 
-/** @import {AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
+/** @import {CellDrift, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
 
 const ROOT = "/api/v1";
 const LOGIN = "/login";
@@ -318,8 +318,8 @@ export const api = {
   /** What one page sees of a scene. @param {string} scene its address @param {string} viewer @param {number} width @param {number} height @returns {Promise<Blob>} */
   scenePicture: async (scene, viewer, width, height) => (await request(`viewers/${viewer}/picture?width=${width}&height=${height}`, {}, scene)).blob(),
 
-  /** The numbers that count of a session. @param {string} id @returns {Promise<{ tool0_from_laser: { matrix: number[][] } | null }>} */
-  answer: (id) => get(`${session(id)}/answer`),
+  /** How a cell's answers moved over its sessions. @param {string} cell @returns {Promise<CellDrift>} */
+  drift: (cell) => get(`/cells/${encodeURIComponent(cell)}/drift`),
 
   /** How far a simulated cell's result lies from the truth. @param {string} id @param {string} stage @returns {Promise<OffTheTruth>} */
   truth: (id, stage) => get(`${session(id)}/truth/${encodeURIComponent(stage)}`),

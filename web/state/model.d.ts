@@ -3,7 +3,7 @@
 import type {
   AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord,
   CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
-  CameraResult as CameraRecord, Capture, Cell, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResult as CameraRecord, Capture, Cell, CellDrift, DriftSeries, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile,
@@ -14,7 +14,7 @@ import type {
 export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
 export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, Meter, SessionSummary, TcpResidual, TurntableResidual };
 export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
-export type { FileReading };
+export type { CellDrift, DriftSeries, FileReading };
 export type ControllerFile = ControllerFileContent;
 export type FilePose = PoseOfFile;
 export type { AppliedChanges, Changes, RootCause, RootCauses };

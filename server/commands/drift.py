@@ -1,0 +1,55 @@
+"""`scancell drift`: how a cell's answers moved from session to session."""
+
+import argparse
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from server.console.command import NOT_ACCEPTED, OK, Command
+from server.console.output import print_result
+
+if TYPE_CHECKING:
+    from calib_core.review.drift import CellDrift, SolvedSession
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help="of one cell, the oldest first")
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Print each figure over the sessions; return 1 where one changed by more than its uncertainty."""
+    from calib_core.review.drift import cell_drift
+
+    found = cell_drift([_solved(path) for path in options.sessions])
+    print_result(options, _text(found), found.to_json())
+    return NOT_ACCEPTED if found.flags else OK
+
+
+def _solved(path: Path) -> "SolvedSession":
+    from calib_core.archive.archive import opened
+    from calib_core.archive.folder import load_session
+    from calib_core.archive.stored_results import stored_results
+    from calib_core.review.drift import SolvedSession
+
+    with opened(path) as folder:
+        session, _ = load_session(folder)
+        results = stored_results(folder)
+        times = [(folder / "results" / f"{stage}.json").stat().st_mtime for stage in results]
+    date = datetime.fromtimestamp(max(times), UTC).isoformat() if times else ""
+    return SolvedSession(str(path), session.name or path.name, date, results)
+
+
+def _text(found: "CellDrift") -> str:
+    lines: list[str] = []
+    for series in found.series:
+        lines.append(f"{series.title}, {series.unit} (change from the mean of those before, k = 2)")
+        for point in series.points:
+            limit = "" if point.limit is None else f"  limit {point.limit:.4f}"
+            mark = "  CHANGED" if point.flagged else ""
+            lines.append(f"  {point.name:<24} {point.change:10.4f} ± {point.uncertainty:.4f}{limit}{mark}")
+    lines += found.flags or (["Nothing changed by more than its uncertainty."] if found.series else [])
+    lines += [f"{session}: {why}" for session, why in found.left_out.items()]
+    return "\n".join(lines)
+
+
+COMMAND = Command("drift", "say how a cell's answers moved over its sessions", "session", _arguments, _run)

@@ -1,0 +1,75 @@
+"""Drift over a cell's sessions: control charts, what is flagged, and which sessions do not count."""
+
+from typing import Any
+
+import bench_drift
+import numpy as np
+import pytest
+
+from calib_core.frames import RigidTransform, rotation_from_vector
+from calib_core.review.drift import CellDrift, SolvedSession, cell_drift
+
+SPREAD = np.diag([1e-4, 1e-4, 1e-4, 0.03, 0.02, 0.05]) ** 2
+
+
+def test_steps_are_found_at_once_and_false_alarms_are_rare() -> None:
+    rng = np.random.default_rng(9)
+    turns = [rotation_from_vector(rng.normal(size=3)) for _ in range(6)]
+    kinds = [turn @ np.diag([0.03, 0.05, 0.1]) ** 2 @ turn.T for turn in turns]
+    rows = bench_drift.drawn(60, kinds)
+    assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows if not r.holds] == []
+
+
+def session(
+    number: int, off: tuple[float, ...] = (0.0,) * 6, table_off: float = 0.0, **more: Any
+) -> SolvedSession:
+    rng = np.random.default_rng([number, 5])
+    noise = rng.normal(size=6) * np.sqrt(np.diag(SPREAD))
+    tool = RigidTransform.of(rotation_from_vector([0.3, 0.1, -1.2]), [35.0, -120.0, 140.0], "tool0", "laser")
+    table = RigidTransform.of(rotation_from_vector([0.01, 0.02, 0.5]), [900.0, 100.0, 50.0], "base", "turntable")
+    moved = np.array([0.0, 0.0, 0.0, table_off, 0.0, 0.0]) + rng.normal(size=6) * np.sqrt(np.diag(SPREAD))
+    result = {
+        "verdict": "pass",
+        "tool0_from_laser": tool.perturbed(noise + np.array(off)).to_rows(),
+        "covariance": SPREAD.tolist(),
+        "base_from_turntable": table.perturbed(moved).to_rows(),
+        "turntable_covariance": SPREAD.tolist(),
+        "workpiece": {"point_in_laser_mm": [0.0, 0.0, 190.0], "covariance": np.eye(3).tolist()},
+    }
+    checked = {"checks": [{"name": "tool", "value_mm": 0.1, "uncertainty_mm": 0.05}]}
+    return SolvedSession(f"s{number}", f"week {number}", "", {"chain": {**result, **more}, "verify": checked})
+
+
+def flagged(found: CellDrift) -> dict[str, list[str]]:
+    return {one.figure: [p.session for p in one.points if p.flagged] for one in found.series}
+
+
+def test_a_bumped_scanner_is_flagged_once_and_begins_a_new_level() -> None:
+    bumped = (0.0, 0.0, 0.0, 0.0, 0.5, 0.0)
+    found = cell_drift([session(k, bumped if k >= 8 else (0.0,) * 6) for k in range(12)])
+    assert flagged(found) == {
+        "tool": ["s8"], "tool-orientation": [], "axis": [], "axis-direction": [], "verification": [],
+    }  # fmt: skip
+    tool = found.series[0]
+    assert [p.level for p in tool.points] == [1] * 8 + [2] * 4
+    assert tool.points[8].change == pytest.approx(0.5, abs=0.15)
+    assert len(found.flags) == 1
+    assert "week 8" in found.flags[0]
+
+
+def test_a_moved_table_and_a_turned_scanner_are_told_apart() -> None:
+    turned = (0.0, 0.003, 0.0, 0.0, 0.0, 0.0)
+    found = flagged(cell_drift([session(k, turned if k == 5 else (0.0,) * 6, 0.5 * (k >= 3)) for k in range(6)]))
+    assert found["axis"] == ["s3"]
+    assert found["axis-direction"] == []
+    assert found["tool-orientation"] == ["s5"]
+
+
+def test_sessions_without_a_good_answer_are_left_out_with_the_reason() -> None:
+    empty = SolvedSession("e", "", "", {})
+    found = cell_drift([empty, session(1), session(2, verdict="fail"), session(3, undetermined=[{}])])
+    assert found.left_out == {
+        "e": "not solved", "s2": "its answer failed", "s3": "directions of its answer are not determined",
+    }  # fmt: skip
+    assert [len(one.points) for one in found.series] == [1] * 5
+    assert cell_drift([empty]).series == []
