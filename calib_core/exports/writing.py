@@ -140,6 +140,35 @@ def replaced(text: str, begin: int, end: int, new: str) -> str:
     return text[:begin] + new + text[end:]
 
 
+def patched_line(backup: bytes, answer: Answer, comment: str, entries: Iterable[tuple[str, str, str]]) -> bytes:
+    """Return a program with the numbers of some entries changed; every other line stays byte for byte.
+
+    Parameters
+    ----------
+    backup : bytes
+    answer : Answer
+        For the short note at the line's end (lines are limited there); it takes the place of an earlier one.
+    comment : str
+        What a comment begins with.
+    entries : iterable of tuple
+        (what the entry is called, a pattern of its line up to and with the bracket, its six numbers); what stands
+        behind six numbers in the bracket stays.
+
+    Raises
+    ------
+    InputError
+        If an entry is not there, or more than once.
+    """
+    text, encoding = as_bytes_kept(backup)
+    number = r"[ \t]*[-+.\deE]+[ \t]*"
+    note = f"{comment}{mark(answer)} {answer.date or 'without date'}, {answer.position_sigma_mm:.3f} mm"
+    for what, before, numbers in entries:
+        found = only_match(rf"{before}({number}(?:,{number}){{5}})(?=[,)])([^\r\n]*)", text, what)
+        kept = re.sub(rf"[ \t]*{re.escape(comment)}(?:DO-NOT-USE|SCANCELL) .*", "", found[2]).rstrip()
+        text = replaced(text, found.start(1), found.end(2), f"{numbers}{kept} {note}")
+    return put_back(text, encoding)
+
+
 def remarks(line: str, longest: int = 30) -> list[str]:
     """Return a line in pieces that fit a remark."""
     pieces = [""]

@@ -88,6 +88,11 @@ def _staubli(name: str, n: Numbers) -> str:
     )
 
 
+def _statement(before: str, after: str) -> Callable[[str, Numbers], str]:
+    """Return how a line-by-line dialect writes a position."""
+    return lambda name, n: f"{name}{before}{', '.join(n)}{after}\n"
+
+
 _NS = 'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xmlns="http://www.staubli.com/robotics/VAL3/Data/2"'
 BRANDS: dict[str, tuple[str, str, str, Callable[[str, Numbers], str], Callable[[int], str], float]] = {
     "kuka": ("a.dat", "DEFDAT a\n", "ENDDAT\n", _kuka, lambda i: f"XP{i}", 1.0),
@@ -99,6 +104,12 @@ BRANDS: dict[str, tuple[str, str, str, Callable[[str, Numbers], str], Callable[[
     "kawasaki": ("a.as", ".TRANS\n", ".END\n", _kawasaki, lambda i: f"p{i}", 1.0),
     "staubli": ("a.dtx", f"<Database {_NS}>\n<Datas>\n", "</Datas>\n</Database>\n", _staubli,
                 lambda i: f"p{i}[0]", 1.0),
+    "mitsubishi": ("a.prg", "' a\n", "' b\n", _statement("=(", ")(7,0)"), lambda i: f"P{i}", 1.0),
+    "denso": ("a.pcs", "TakeArm\n", "GiveArm\n", _statement(" = P(", ")"), lambda i: f"P[{i}]", 1.0),
+    "epson": ("a.prg", "Function main\n", "Fend\n", _statement(" = XY(", ") /R"), lambda i: f"P{i}", 1.0),
+    "comau": ("a.pdl", "PROGRAM a NOHOLD\nBEGIN\n", "END a\n", _statement(" := POS(", ", '')"), lambda i: f"p{i}",
+              1.0),
+    "doosan": ("a.drl", "# a\n", "# b\n", _statement(" = posx(", ")"), lambda i: f"p{i}", 1.0),
 }  # fmt: skip
 _GARBAGE = ("", "nan", "1e999", "--5", "0x1F", "1.2.3", "abc", "5mm", "1_000", "٣", "inf", "+", "1e", "$5")
 
@@ -163,7 +174,7 @@ def _spoil_number(file: File, brand: str, chance: random.Random) -> None:
 def _spoil_bracket(file: File, brand: str, chance: random.Random) -> None:
     i = chance.randrange(len(file.entries))
     entry = file.entries[i]
-    places = [p for p, c in enumerate(entry.text) if c in '[]{}<>"' and c not in entry.name]
+    places = [p for p, c in enumerate(entry.text) if c in '[]{}()<>"' and c not in entry.name]
     if not places or brand in ("kawasaki", "yaskawa"):
         return
     p = chance.choice(places)

@@ -231,7 +231,107 @@ STAUBLI = Dialect("a.dtx", lambda body: f"<Database {_NS}>\n<Datas>\n{body}\n</D
     (_point(father="fUnknown[0]"), "fUnknown"),
 ])  # fmt: skip
 
+
+def _numbers_by_hand(write: Callable[[str], str], name: str, ending: str = "") -> list[tuple[str, Expected]]:
+    """Return the ways in which a statement's numbers are written, and those that are none."""
+    return [
+        (write("1,2,3,10,20,30"), {name: P}),
+        (write("1.000, 2.000, 3.000, 10.000, 20.000, 30.000"), {name: P}),
+        (write(" 1 , 2 , 3 , 10 , 20 , 30 "), {name: P}),
+        (write("+1,2.,3.0,1.0E1,2e+1,30"), {name: P}),
+        (write("-1,-2,-3,-10,-20,-30"), {name: (-1, -2, -3, -10, -20, -30)}),
+        (write(".5,-.25,3,10,20,30"), {name: (0.5, -0.25, *P[2:])}),
+        ("   " + write("1,2,3,10,20,30") + "   ", {name: P}),
+        ("\t" + write("1,2,3,10,20,30"), {name: P}),
+        (write("1,2,3,10,20,30").upper(), {name.upper(): P}),
+        (write("1,2,3,10,20,30") + "\n\n" + write("1,2,3,10,20,30"), {name: P}),
+        (write("1,2,3,10,20,30") + f"  {ending} taught", {name: P}),
+        (f"{ending} " + write("9,9,9,0,0,0") + "\n" + write("1,2,3,10,20,30"), {name: P}),
+        (write("1,2,3,10,20,30") + "\n" + write("9,2,3,10,20,30"), "other numbers"),
+        (write("1,2,3,10,20"), "5 numbers"),
+        (write("1,2,3,10,20,"), "numbers|number"),
+        (write("1,,3,10,20,30"), "no number"),
+        (write("1,2,3,10,20,3O"), "cannot be read"),
+        (write("1,2,x+3,10,20,30"), "cannot be read"),
+        (write("1.2.3,2,3,10,20,30"), "no number"),
+        (write("1,2,3,10,20,30")[:-4], "cannot be read"),
+    ]
+
+
+MITSUBISHI = Dialect("a.prg", lambda body: f"1 Ovrd 100\n{body}\nEnd\n", [
+    *_numbers_by_hand(lambda n: f"P1=({n})(7,0)", "P1", "'"),
+    ("P1=(1,2,3,10,20,30)", {"P1": P}),
+    ("Psafe=(1,2,3,10,20,30)(6,0)", {"Psafe": P}),
+    ("P_X(3)=(1,2,3,10,20,30)(6,0)", {"P_X(3)": P}),
+    ("20 P1=(1,2,3,10,20,30)(7,0)", {"P1": P}),
+    ("P1=(1,2,3,10,20,30,45,0)(7,0)", {"P1": P}),
+    ("Base (100,0,0,0,0,0)\nP1=(1,2,3,10,20,30)(7,0)", "Base"),
+    ("P1=P2*P3", "cannot be read"),
+    ("30 Mov P9", "P9: a move goes there"),
+    ("J1=(0,0,90,0,90,0)", "joints alone"),
+])  # fmt: skip
+DENSO = Dialect("a.pcs", lambda body: f"Sub Main\nTakeArm Keep = 0\n{body}\nEnd Sub\n", [
+    *_numbers_by_hand(lambda n: f"P[1] = P({n})", "P[1]", "'"),
+    ("P[12]=P(1,2,3,10,20,30,-1)", {"P[12]": P}),
+    ("P[1] = (1,2,3,10,20,30)", {"P[1]": P}),
+    ("Move P, P(1,2,3,10,20,30), Speed = 20", {"line 3": P}),
+    ("Move L, @0 P(1,2,3,10,20,30)", {"line 3": P}),
+    ("Tool 1, P(0,0,0,0,0,0)\nChangeTool 1\nP[1] = P(1,2,3,10,20,30)", {"P[1]": P}),
+    ("ChangeTool 4\nP[1] = P(1,2,3,10,20,30)", "tool 4"),
+    ("ChangeWork 2\nP[1] = P(1,2,3,10,20,30)", "frame 2"),
+    ("Move L, P[9]", r"P\[9\]: a move goes there"),
+    ("P[1] = CurPos", "cannot be read"),
+])  # fmt: skip
+EPSON = Dialect("a.prg", lambda body: f"Function main\nMotor On\n{body}\nFend\n", [
+    *_numbers_by_hand(lambda n: f"P1 = XY({n})", "P1", "'"),
+    ("P1 = XY(1,2,3,10,20,30) /R /A /NF", {"P1": P}),
+    ("P1 = XY(1,2,3,10,20,30) /L", {"P1": P}),
+    ("P(3) = XY(1,2,3,10,20,30)", {"P(3)": P}),
+    ("Go XY(1,2,3,10,20,30)", {"line 3": P}),
+    ("TLSet 1, XY(0,0,0,0,0,0)\nTool 1\nP1 = XY(1,2,3,10,20,30)", {"P1": P}),
+    ("Tool 3\nP1 = XY(1,2,3,10,20,30)", "tool 3"),
+    ("P1 = XY(1,2,3,10,20,30) /2", "frame 2"),
+    ("Go P9", "P9: a move goes there"),
+    ("P1 = Here +Z(10)", "cannot be read"),
+])  # fmt: skip
+COMAU = Dialect("a.pdl", lambda body: f"PROGRAM a NOHOLD\nBEGIN\n{body}\nEND a\n", [
+    *_numbers_by_hand(lambda n: f"p1 := POS({n}, '')", "p1", "--"),
+    ("p1 := POS(1,2,3,10,20,30, 'S W')", {"p1": P}),
+    ("p1 := POS(1,2,3,10,20,30)", {"p1": P}),
+    ("pnt[4] := POS(1,2,3,10,20,30,'')", {"pnt[4]": P}),
+    ("MOVE LINEAR TO POS(1,2,3,10,20,30,'')", {"line 3": P}),
+    ("$TOOL := POS(0,0,0,0,0,0,'')\np1 := POS(1,2,3,10,20,30,'')", {"p1": P}),
+    ("MOVE JOINT TO {0,0,-90,0,90,0}", "joints alone"),
+    ("MOVE LINEAR TO pnt9", "pnt9: a move goes there"),
+    ("p1 := POS(x, 2, 3, 10, 20, 30, '')", "cannot be read"),
+])  # fmt: skip
+DOOSAN = Dialect("a.drl", lambda body: f"set_velj(60.0)\n{body}\nwait(1)\n", [
+    *_numbers_by_hand(lambda n: f"p1 = posx({n})", "p1", "#"),
+    ("Global_p = posx(1,2,3,10,20,30)", {"Global_p": P}),
+    ("movel(posx(1,2,3,10,20,30), v=250)", {"line 2": P}),
+    ("j1 = posj(0,0,90,0,90,0)", "joints alone"),
+    ("movel(elsewhere, v=250, a=1000)", "elsewhere: a move goes there"),
+    ("p1 = posx(trans(p2, d))", "cannot be read"),
+])  # fmt: skip
+
+
+def _movex(numbers: str, more: str = "S=100.0,H=0,MS,CONF=0000") -> str:
+    return f"MOVEX A=1P,AC=0,SM=0,M1X,L,({numbers}),{more}"
+
+
+NACHI = Dialect("a.src", lambda body: f"REM a\n{body}\nEND\n", [
+    *[(piece, {"line 2": next(iter(expected.values()))} if isinstance(expected, dict) else expected)
+      for piece, expected in _numbers_by_hand(_movex, "", "'") if "\n" not in piece and "CONF=0" in piece.upper()],
+    (_movex("1,2,3,10,20,30").replace(",L,", ",P,"), {"line 2": P}),
+    (_movex("1,2,3,10,20,30").replace(",L,", ", C1 ,").replace("C1", "C"), {"line 2": P}),
+    (_movex("1,2,3,10,20,30", "S=100.0,H=2,MS"), "tool 2"),
+    ("MOVEX A=1,M1J,P,(0,0,90,0,90,0),T=0.2,H=0,MS", "joints alone"),
+    ("' " + _movex("9,9,9,0,0,0") + "\n" + _movex("1,2,3,10,20,30"), {"line 3": P}),
+    (_movex("1,2,3,10,20,30") + "\n" + _movex("4,2,3,10,20,30"), {"line 2": P, "line 3": (4.0, *P[1:])}),
+])  # fmt: skip
+
 ODDITIES = {
     "kuka": KUKA, "abb": ABB, "fanuc": FANUC, "ur": UR, "yaskawa": YASKAWA, "kawasaki": KAWASAKI,
-    "staubli": STAUBLI,
+    "staubli": STAUBLI, "mitsubishi": MITSUBISHI, "denso": DENSO, "epson": EPSON, "comau": COMAU, "doosan": DOOSAN,
+    "nachi": NACHI,
 }  # fmt: skip

@@ -30,6 +30,14 @@ BACKUPS = {
     "ur": ("def p():\n  x=1\n  set_tcp(p[0,0,0.1,0,0,0]) # old\n  movej(q)\nend\n", {}),
     "yaskawa": (TOOL_CND, {"tool": 1}),
     "kawasaki": (AS, {"tool": "t1"}), "staubli": (DTX, {"tool": "tTool[0]"}),
+    "mitsubishi": ("' Tool (1,2,3,4,5,6)\n10 Tool (0,0,100.5,0,0,0) ' old\n20 Mov P1\n"
+                   "P1=(1,2,3,4,5,6)(7,0)\n", {}),
+    "denso": ("' Tool 1, P(9,9,9,0,0,0)\nTakeArm\n  Tool 1, P(0, 0, 120, 0, 0, 0)\nTool 2, P(1,2,3,4,5,6)\n"
+              "Work 1, P(7,7,7,0,0,0)\n", {"tool": 1}),
+    "epson": ("Function main\n  TLSet 1, XY(0, 0, 120, 0, 0, 0)\n  TLSet 2, XY(1,2,3,4,5,6)\n"
+              "  Local 1, XY(7,7,7,0,0,0)\nFend\n", {"tool": 1}),
+    "comau": ("PROGRAM a NOHOLD\nBEGIN\n  -- $TOOL := POS(9, 9, 9, 0, 0, 0, '')\n"
+              "  $TOOL := POS(0, 0, 120, 0, 0, 0, '') -- old\n  $UFRAME := POS(1,2,3,4,5,6,'')\nEND a\n", {}),
 }  # fmt: skip
 SESSION: Session = parse_session(
     {"format": "scancell-session/1", "name": "Zelle „4“", "cell": {"pose_convention": "kuka"}}

@@ -90,7 +90,34 @@ def test_from_a_backup_to_a_patched_backup(open_page: Callable[..., Any], backup
     tool = next(t for t in read_controller_files({"c.dat": target.read_bytes()}, "kuka").tools if t.number == 1)
     truth = np.array(MADE.truth["tool0_from_laser"])
     assert np.linalg.norm(parse_pose("kuka", tool.pose).translation_mm - truth[:3, 3]) < 2
+    read_back_in_the_page(page, target, [f"{value!r}" for value in tool.pose])
     assert watched.complaints == []
+
+
+def read_back_in_the_page(page: Page, file: Path, numbers: list[str]) -> None:
+    """The patched copy is equal to the answer, and wrongly typed numbers are explained."""
+    page.get_by_role("button", name="Compare with controller").click()
+    dialog = page.get_by_role("dialog", name="Compare the tool in the controller")
+    said = dialog.get_by_role("status")
+    compare = dialog.get_by_role("button", name="Compare")
+    dialog.get_by_label("Controller file or backup").set_input_files(file)
+    dialog.get_by_label("Tool in the file").select_option("1")
+    compare.click()
+    expect(said).to_contain_text("Equal to the digits")
+    dialog.get_by_label("Tool in the file").select_option("2")
+    compare.click()
+    expect(said).to_contain_text("mm and")
+    typed = dialog.get_by_label("Or the numbers on the pendant")
+    typed.fill(" ".join([*numbers[:4], numbers[5], numbers[4]]))
+    compare.click()
+    expect(said).to_contain_text("B and C are swapped")
+    typed.fill("")
+    dialog.get_by_label("Controller file or backup").set_input_files([])
+    compare.click()
+    expect(said).to_be_empty()  # nothing was sent
+    assert typed.evaluate("field => field.validationMessage")
+    dialog.get_by_role("button", name="Close").click()
+    expect(dialog).to_have_count(0)
 
 
 def test_a_capture_keeps_file_and_line_and_what_was_said_of_its_file(

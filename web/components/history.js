@@ -48,7 +48,8 @@ export function resultLinks(sessionId, stage) {
     h("a", { class: "button", href: `/sessions/${id}/review` }, t("result.review")),
     h("a", { class: "button", href: `/compare?${new URLSearchParams({ stage, left: sessionId })}` }, t("result.compare")),
     h("a", { class: "button", href: api.archiveAddress(sessionId), download: "" }, t("review.archive")), exportMenu(sessionId),
-    h("button", { type: "button", onclick: async () => (await import("./backup-dialog.js")).backupDialog(sessionId) }, t("backup.open")));
+    h("button", { type: "button", onclick: async () => (await import("./backup-dialog.js")).backupDialog(sessionId) }, t("backup.open")),
+    h("button", { type: "button", onclick: async () => (await import("./read-back-dialog.js")).readBackDialog(sessionId) }, t("read_back.open")));
 }
 
 /** The answer in another program's syntax: one entry for each export that the server has. @param {string} sessionId */

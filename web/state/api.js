@@ -2,7 +2,7 @@
 
 import { t } from "../texts.js";
 
-/** @import {CellDrift, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem} from "./model.js" */
+/** @import {CellDrift, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
 const ROOT = "/api/v1";
 const LOGIN = "/login";
@@ -280,6 +280,13 @@ export const api = {
     const response = await request(`${session(id)}/exports/${encodeURIComponent(format)}`, { method: "POST", body: form });
     const name = decodeURIComponent(/filename\*=UTF-8''(.+)$/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "backup");
     return { name, content: await response.blob() };
+  },
+
+  /** The tool in the controller beside the answer. @param {string} id @param {readonly { path: string, file: File }[]} found none where numbers are sent @param {Record<string, string>} asked @returns {Promise<ToolComparison>} */
+  readBack: async (id, found, asked) => {
+    const form = filesForm(found, "files");
+    for (const [name, value] of Object.entries(asked)) if (value) form.append(name, value);
+    return (await request(`${session(id)}/read-back`, { method: "POST", body: form })).json();
   },
 
   /** Poses that are looked at before they are used, in the scene of who looks; none takes them away. @param {string} id @param {number[][][]} poses */

@@ -6,7 +6,7 @@ import type {
   CameraResult as CameraRecord, Capture, Cell, CellDrift, DriftSeries, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
-  ControllerFileContent, FileReading, PoseOfFile,
+  ControllerFileContent, FileReading, PoseOfFile, ToolComparison,
   AppliedChanges, Changes, RootCause, RootCauses,
   Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
@@ -15,6 +15,7 @@ export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
 export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, Meter, SessionSummary, TcpResidual, TurntableResidual };
 export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
 export type { CellDrift, DriftSeries, FileReading };
+export type { FileReading, ToolComparison };
 export type ControllerFile = ControllerFileContent;
 export type FilePose = PoseOfFile;
 export type { AppliedChanges, Changes, RootCause, RootCauses };

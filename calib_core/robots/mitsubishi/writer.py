@@ -1,8 +1,9 @@
-"""Mitsubishi: the lines of a program that set tool and user frame."""
+"""Mitsubishi: the line of a program that sets the tool; that line of a program."""
 
+from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Settings
-from calib_core.exports.writing import Part, listed, program_export, tool_pose
+from calib_core.exports.writing import Part, listed, patched_line, program_export, tool_pose
 
 
 class PlainSettings(Settings):
@@ -19,6 +20,16 @@ def _table(answer: Answer, settings: PlainSettings) -> list[str]:
     return ["' not written: set the work coordinate on the teaching box by three points of the table"]
 
 
+def patch(backup: bytes, answer: Answer, settings: PlainSettings) -> bytes:
+    """Return a program with the numbers of its Tool line changed."""
+    if settings.part in ("table", "both"):
+        to_do = "Set the work coordinate on the teaching box, by three points of the table."
+        raise ConflictError("part tool", settings.part, to_do, "part")
+    before = r"^[ \t]*(?:\d+[ \t]+)?Tool[ \t]*\("
+    numbers = listed(tool_pose(answer, "mitsubishi"), 6, 8)
+    return patched_line(backup, answer, "' ", [("Tool (…)", before, numbers)])
+
+
 EXPORT = program_export(
-    "mitsubishi", "Mitsubishi: Tool and Base (MELFA BASIC)", ".prg", "' ", PlainSettings, _tool, _table
+    "mitsubishi", "Mitsubishi: Tool (MELFA BASIC)", ".prg", "' ", PlainSettings, _tool, _table, patch=patch
 )

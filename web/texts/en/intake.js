@@ -79,5 +79,17 @@ export const intake = {
   "backup.choose": "Choose a tool",
   "backup.need_tool": "Choose the tool to replace.",
   "backup.save": "Save patched copy",
-  "backup.saved": "{name} saved with tool {tool} replaced. Load it, then compare the tool with scancell read-back.",
+  "backup.saved": "{name} saved with tool {tool} replaced. Load it, then compare with the controller.",
+
+  "read_back.open": "Compare with controller",
+  "read_back.title": "Compare the tool in the controller",
+  "read_back.how": "Give the controller's file, saved after the tool was entered, or type the numbers as the pendant shows them.",
+  "read_back.files": "Controller file or backup",
+  "read_back.tool": "Tool in the file",
+  "read_back.numbers": "Or the numbers on the pendant",
+  "read_back.convention": "What the numbers mean",
+  "read_back.session": "as the session's poses",
+  "read_back.need": "Choose a file or type the numbers.",
+  "read_back.compare": "Compare",
+  "read_back.apart": "{position} mm and {rotation}° from the answer, as the numbers stand.",
 };

@@ -1,0 +1,75 @@
+// The tool as it stands in the controller, of a file or as typed, compared with the answer: equal, or what differs.
+
+import { api, Problem } from "../state/api.js";
+import { h } from "../dom.js";
+import { fixed } from "../format.js";
+import { mark } from "../icons.js";
+import { chosen } from "../state/files.js";
+import { conventions } from "../state/registries.js";
+import { t } from "../texts.js";
+import { conventionWords } from "./pose-columns.js";
+import { attempt } from "./toasts.js";
+
+/** @import {ToolComparison} from "../state/model.js" */
+
+/** @param {string} sessionId */
+export function readBackDialog(sessionId) {
+  const outcome = h("div", { role: "status", class: "read-back" });
+  const files = h("input", { id: "read-back-files", type: "file", multiple: true });
+  const tool = h("select", { id: "read-back-tool" });
+  const numbers = h("input", { id: "read-back-numbers", type: "text", autocomplete: "off", placeholder: "0 0 184 0 45 0", spellcheck: false });
+  const convention = h("select", { id: "read-back-convention" }, h("option", { value: "" }, t("read_back.session")));
+  const which = h("div", { class: "field", hidden: true }, h("label", { for: "read-back-tool" }, t("read_back.tool")), tool);
+  const dialog = h("dialog", { "aria-labelledby": "read-back-title" });
+
+  const listTools = async () => {
+    outcome.replaceChildren();
+    which.hidden = true;
+    const found = chosen(files);
+    if (!found.length) return;
+    numbers.value = "";
+    await attempt(async () => {
+      const { tools } = await api.readControllerFiles(found);
+      tool.replaceChildren(...tools.map(({ number, name }) => h("option", { value: String(number ?? name) }, [number, name].filter((part) => part !== null && part !== "").join(" "))));
+      which.hidden = tools.length < 2;
+    });
+  };
+  const compare = async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    const found = numbers.value.trim() ? [] : chosen(files);
+    /** @type {Record<string, string>} */
+    const asked = found.length ? { tool: tool.value } : { numbers: numbers.value, convention: convention.value };
+    numbers.setCustomValidity(found.length || numbers.value.trim() ? "" : t("read_back.need"));
+    if (!numbers.reportValidity()) return;
+    try {
+      outcome.replaceChildren(...shown(await api.readBack(sessionId, found, asked)));
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+      outcome.replaceChildren(h("p", { class: "form-problem" }, error.message));
+    }
+  };
+  files.addEventListener("change", () => void listTools());
+  numbers.addEventListener("input", () => numbers.setCustomValidity(""));
+  dialog.append(h(
+    "form", { class: "body", novalidate: true, onsubmit: compare },
+    h("h2", { id: "read-back-title" }, t("read_back.title")),
+    h("p", { class: "soft" }, t("read_back.how")),
+    h("div", { class: "field" }, h("label", { for: "read-back-files" }, t("read_back.files")), files),
+    which,
+    h("div", { class: "field" }, h("label", { for: "read-back-numbers" }, t("read_back.numbers")), numbers),
+    h("div", { class: "field" }, h("label", { for: "read-back-convention" }, t("read_back.convention")), convention),
+    outcome,
+    h("div", { class: "row end" },
+      h("button", { type: "button", onclick: () => dialog.close() }, t("close")),
+      h("button", { type: "submit", class: "primary" }, t("read_back.compare")))));
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+  void attempt(async () => convention.append(...(await conventions()).map((one) => h("option", { value: one.name }, conventionWords(one)))));
+}
+
+/** @param {ToolComparison} found */
+function shown({ equal, words, position_mm: position, rotation_deg: rotation }) {
+  const apart = position === null || rotation === null ? "" : t("read_back.apart", { position: fixed(position, 3), rotation: fixed(rotation, 4) });
+  return [h("p", {}, mark(equal ? "pass" : "fail", words)), h("p", { class: "soft" }, apart)];
+}
