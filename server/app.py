@@ -29,6 +29,7 @@ from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
+from server.live.in_scene import follow_robot
 from server.live.manager import LiveCells
 from server.live.robot_port import RobotPorts
 from server.metrics import Metrics
@@ -46,6 +47,7 @@ from server.routes import (
     guidance,
     health,
     history,
+    live_preview,
     machines,
     merged,
     pages,
@@ -115,7 +117,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         intake = app.state.intake = Intake(store, measuring, group_commit)
         app.state.logins = Logins(settings.data, store)
         watcher = app.state.watcher = session_watcher(settings, store, intake)
-        live = app.state.live = LiveCells(settings.data, store, intake)
+        live = app.state.live = LiveCells(settings.data, store, intake, partial(follow_robot, scenes))
         ports = app.state.robot_ports = RobotPorts(store, live, app.state.logins, app.state.refusals)
         try:
             await run_in_threadpool(_start, store, jobs)
@@ -167,6 +169,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         batches,
         folders,
         devices,
+        live_preview,
         robot,
         robot_programs,
         solves,

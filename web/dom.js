@@ -73,6 +73,11 @@ export function make(type, properties = {}) {
   return Object.assign(new type(), properties);
 }
 
+/** The styles of a part that is loaded when it is asked for. @param {string} name */
+export function style(name) {
+  document.head.append(h("link", { rel: "stylesheet", href: `/web/styles/${name}.css` }));
+}
+
 /**
  * Keep the children of `parent` in step with `items`: an item with a known key keeps its element, and the focus in it.
  * @template T

@@ -15,9 +15,9 @@ export function setShop(on) {
   else window.localStorage.removeItem(KEY);
 }
 
-/** Tell a capture's verdict by a sound, in the mode for the shop floor alone. @param {string} verdict */
-export function sound(verdict) {
-  if (!atShop() || typeof AudioContext === "undefined") return;
+/** Tell a capture's verdict by a sound: in the mode for the shop floor, or where it was asked for. @param {string} verdict @param {boolean} [asked] */
+export function sound(verdict, asked = atShop()) {
+  if (!asked || typeof AudioContext === "undefined") return;
   const audio = new AudioContext();
   const tones = TONES[verdict] ?? [];
   tones.forEach((frequency, index) => {

@@ -1,6 +1,6 @@
 // Every text of the page comes from one catalogue, in the language that the browser asks for.
 
-/** @typedef {keyof typeof import("./texts/en.js").texts} Text */
+/** @typedef {keyof typeof import("./texts/en.js").texts | keyof typeof import("./texts/live/en.js").texts} Text */
 
 export const LANGUAGES = /** @type {const} */ (["en", "de", "zh"]);
 const KEY = "scancell-language";
@@ -9,8 +9,13 @@ const KEY = "scancell-language";
 export const language = [window.localStorage.getItem(KEY), ...navigator.languages].map((one) => (one ?? "").slice(0, 2).toLowerCase())
   .flatMap((wanted) => LANGUAGES.filter((one) => one === wanted))[0] ?? "en";
 
-/** @type {Readonly<Record<Text, string>>} */
-export const catalogue = (await import(`./texts/${language}.js`)).texts;
+/** @type {Record<Text, string>} */
+const catalogue = { ...(await import(`./texts/${language}.js`)).texts };
+
+/** Texts of a part of the page that is loaded when it is asked for: a folder beside `en/`. @param {string} part */
+export async function learnTexts(part) {
+  Object.assign(catalogue, (await import(`./texts/${part}/${language}.js`)).texts);
+}
 
 document.documentElement.lang = language === "zh" ? "zh-Hans" : language;
 

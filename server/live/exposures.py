@@ -8,18 +8,24 @@ import numpy as np
 
 from calib_core.captures.advice import USEFUL_ZONE, advise
 from calib_core.errors import CalibrationError
+from calib_core.formats.points import usual_kind
 from calib_core.frames import FloatArray
+from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
+from server.live.pictures import Picture, picture_of, pixels_of_arc, profile_in
 from server.sources.device import Frame
 
-Profiler = Callable[[Frame], FloatArray]
-"""Returns the points (N, 2), x and z in L, mm, of an exposure; raises CalibrationError."""
+Optics = Callable[[], ProfileCalibration]
+"""Returns what turns a camera's stripe into points; raises CalibrationError where that is not known yet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """One exposure, its profile (N, 2), and the arc in it or why there is none; `weak` is what to do better."""
+    """One exposure, its profile (N, 2), and the arc in it or why there is none; `weak` is what to do better.
+
+    `picture` is the image that a camera sent, `arc_px` (N, 2) where the arc's circle lies in it.
+    """
 
     frame: Frame
     points: FloatArray
@@ -27,23 +33,32 @@ class Exposure:
     problem: str = ""
     weak: str = ""
     zone: float | None = None
+    picture: Picture | None = None
+    arc_px: FloatArray | None = None
 
 
-def exposure_of(frame: Frame, cell: Cell, profiler: Profiler) -> Exposure:
+def exposure_of(frame: Frame, cell: Cell, optics: Optics) -> Exposure:
     """Return an exposure as it is looked at."""
     from calib_core.sphere.arc import fit_arc
 
     points: FloatArray = np.empty((0, 2))
+    picture, calibration = None, None
     try:
-        points = profiler(frame)
+        if usual_kind(frame.name) == "frame":
+            picture = picture_of(frame)
+            calibration = optics()
+            points = profile_in(picture, calibration)
+        else:
+            points = profile_of(frame)
         arc = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
     except CalibrationError as error:
-        return Exposure(frame, points, None, f"Need {error.need}, got {error.got}. {error.to_do}")
+        problem = f"Need {error.need}, got {error.got}. {error.to_do}"
+        return Exposure(frame, points, None, problem, picture=picture)
+    arc_px = None if calibration is None else pixels_of_arc(arc.center_mm, arc.radius_mm, calibration)
     diameter_mm = cell.sphere_diameter_mm
-    if not diameter_mm:
-        return Exposure(frame, points, arc)
-    weak = advise(arc, points, diameter_mm)
-    return Exposure(frame, points, arc, "", " ".join(weak) if weak else "", 2 * arc.radius_mm / diameter_mm)
+    advice = advise(arc, points, diameter_mm) if diameter_mm else None
+    zone = 2 * arc.radius_mm / diameter_mm if diameter_mm else None
+    return Exposure(frame, points, arc, "", " ".join(advice or ()), zone, picture, arc_px)
 
 
 def in_short(exposure: Exposure) -> tuple[str, str]:

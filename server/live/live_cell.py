@@ -2,8 +2,10 @@
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +15,10 @@ from calib_core.clock_offset import ClockOffset, clock_offset
 from calib_core.errors import CalibrationError, ConflictError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Cell, Measured
-from server.live.exposures import Exposure, Profiler, exposure_of, in_short
+from server.live.exposures import Exposure, Optics, exposure_of, in_short
 from server.live.link import Link
-from server.live.shots import CaptureSettings, Shot, Taken, capture_of_rest
+from server.live.recording import Recording, on_one_clock, sweep_fields
+from server.live.shots import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.standstill import Rest, Rules, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
 from server.store.audit import acting
@@ -38,7 +41,7 @@ class LiveCell:
     Parameters
     ----------
     load : callable
-        Returns the session's cell, its captures' ids, and what turns exposures into profiles; raises
+        Returns the session's cell, its captures' ids, and what turns a camera's stripe into points; raises
         CalibrationError.
     take : callable
         Stores a capture.
@@ -47,7 +50,7 @@ class LiveCell:
 
     def __init__(
         self,
-        load: Callable[[], tuple[Cell, set[str], Profiler]],
+        load: Callable[[], tuple[Cell, set[str], Optics]],
         take: Take,
         settings: CaptureSettings,
         rules: Rules | None = None,
@@ -67,6 +70,8 @@ class LiveCell:
         self.last: Taken | None = None
         self.waits_for = ""
         self.clocks: ClockOffset | None = None
+        self.clocks_by_device = (False, False)
+        self.recording: Recording | None = None
         self.version = 0
         self._thread = threading.Thread(target=self._run, name="live cell", daemon=True)
         self._thread.start()
@@ -96,7 +101,10 @@ class LiveCell:
     def arrived(self, name: str, reading: Reading) -> None:
         """Take a reading; called by links' threads.  Of frames the newest is kept: previews may be dropped."""
         with self._arrived:
+            recording = self.recording
             if isinstance(reading, Frame):
+                if recording is not None:
+                    recording.expose(reading)
                 self._frame = reading
                 self._arrived.notify_all()
                 return
@@ -104,6 +112,8 @@ class LiveCell:
             delivers = link.source.delivers if link is not None else ()
             if reading.base_from_tool0 is not None and "robot" in delivers:
                 self._robot.append(reading)
+                if recording is not None:
+                    recording.move(reading)
             if reading.table_deg is not None and "table" in delivers:
                 self._table.append(reading)
 
@@ -113,6 +123,8 @@ class LiveCell:
         if link is None:
             return
         with self._arrived:
+            if self.recording is not None and {"robot", "scanner"} & set(link.source.delivers):
+                self.recording.fail(f"{name} was lost meanwhile")
             if "robot" in link.source.delivers:
                 self._robot.clear()
             if "table" in link.source.delivers:
@@ -121,6 +133,7 @@ class LiveCell:
                 self._exposures.clear()
                 self._seen.clear()
                 self._frame = None
+            self.version += 1
 
     def ask(self, shot: Shot) -> None:
         """Have a capture taken; `shot.answer` tells how it went.
@@ -177,7 +190,35 @@ class LiveCell:
             to_do = "Set the devices' clocks to within a second."
             raise MeasurementError("exposures within the robot's track", f"none ({clocks})", to_do)
         found = clock_offset(times, positions, [moments[k] for k in kept], [arcs[k] for k in kept])
+        self.clocks, self.clocks_by_device = found, (seen[-1][1], by_device)
         return found, clocks
+
+    def sweep(self, shot: Shot, seconds: float, folder: Path) -> Taken:
+        """Record exposures and poses for a while, on the move or not, and store them as one capture.
+
+        Raises
+        ------
+        ConflictError
+            If something is recorded already, a device was lost, or the offset between the clocks is not known well
+            enough for the speed.
+        MeasurementError
+            If exposures or poses are missing.
+        """
+        with self._arrived:
+            if self.recording is not None:
+                raise ConflictError("one recording at a time", "one that runs", "Wait for its end.")
+            recording = self.recording = Recording(folder)
+            for sample in list(self._robot)[-50:]:  # exposures may tell times of just before
+                recording.move(sample)
+        time.sleep(seconds)
+        with self._arrived:
+            self.recording = None
+        recorded = recording.end()
+        cell, taken, _ = self._load()
+        kept, frames_s, track_s = on_one_clock(recorded, self.clocks, self.clocks_by_device)
+        fields = sweep_fields(kept, frames_s, track_s, self.clocks, cell.pose_convention)
+        capture, files = capture_of_sweep(kept, fields, self.settings, taken, shot)
+        return self._keep(capture, files, shot)
 
     def _run(self) -> None:
         while True:
@@ -201,8 +242,8 @@ class LiveCell:
     def _look(self, frame: Frame | None) -> None:
         if frame is None:
             return
-        cell, taken, profiler = self._load()
-        exposure = exposure_of(frame, cell, profiler)
+        cell, taken, optics = self._load()
+        exposure = exposure_of(frame, cell, optics)
         with self._arrived:
             self._exposures.append(exposure)
             if exposure.arc is not None:
@@ -271,12 +312,16 @@ class LiveCell:
     def _store(self, cell: Cell, rest: Rest, taken: set[str], shot: Shot | None) -> Taken:
         devices = ", ".join(f"{link.name} ({link.source.name})" for link in self.links.values())
         capture, files = capture_of_rest(cell, rest, self.settings, taken, shot, devices)
+        told = self._keep(capture, files, shot)
+        self._taken_at = rest.robot, rest.table_deg
+        return told
+
+    def _keep(self, capture: Capture, files: Mapping[str, bytes], shot: Shot | None) -> Taken:
         before = acting.set(shot.act if shot else None)
         try:
             measured = self._take(capture, files)
         finally:
             acting.reset(before)
-        self._taken_at = rest.robot, rest.table_deg
         text = " ".join(filter(None, (measured.reason, measured.to_do)))
         self.last = Taken(capture.id, measured.verdict, measured.zone, text)
         self.version += 1

@@ -3,26 +3,26 @@
 import asyncio
 import json
 import logging
+import tempfile
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from pydantic import SecretStr, ValidationError
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
-from calib_core.records import Capture, Cell, Measured, input_error
+from calib_core.records import Capture, Measured, input_error
 from calib_core.review.answer import cell_id
 from server.captures.intake import Intake
-from server.live.exposures import Profiler, profile_of
 from server.live.link import Link, LinkState
 from server.live.live_cell import LiveCell
+from server.live.session_now import SessionNow
 from server.live.shots import CaptureSettings
-from server.sources.device import Frame
 from server.sources.registry import SOURCES
 from server.sources.source import Source
-from server.store.captures import capture_ids
 from server.store.database import Store, record_event
 from server.store.devices import DeviceSecrets, connected_devices, device_row, devices_of
 from server.store.models import Data, DeviceRow
@@ -30,7 +30,7 @@ from server.store.sessions import empty_session, locked_session, session_row
 
 log = logging.getLogger("scancell")
 
-_LOOK_EVERY_S = 0.2
+_LOOK_EVERY_S = 0.1
 
 
 class LiveCells:
@@ -42,10 +42,18 @@ class LiveCells:
         The data folder: what captures are taken for and devices' secrets are kept there.
     store : Store
     intake : Intake
+    follow : callable, optional
+        Is told ten times a second of each live cell: the scene shows where its robot stands.
     """
 
-    def __init__(self, data: Path, store: Store, intake: Intake) -> None:
-        self._store, self._intake = store, intake
+    def __init__(
+        self,
+        data: Path,
+        store: Store,
+        intake: Intake,
+        follow: Callable[[str, LiveCell | None], object] | None = None,
+    ) -> None:
+        self._store, self._intake, self._follow = store, intake, follow
         self._secrets = DeviceSecrets(data)
         self._memory = data / "live.json"
         self._cells: dict[str, LiveCell] = {}
@@ -156,6 +164,12 @@ class LiveCells:
             if live is not None:
                 live.settings = settings
 
+    @contextmanager
+    def recording_folder(self) -> Generator[Path]:
+        """Give a folder for a recording's files, which is removed afterwards."""
+        with tempfile.TemporaryDirectory(prefix="recording-", dir=self._memory.parent) as folder:
+            yield Path(folder)
+
     def _kept(self) -> dict[str, Data]:
         return json.loads(self._memory.read_text(encoding="utf-8")) if self._memory.exists() else {}
 
@@ -178,18 +192,19 @@ class LiveCells:
         if not live.links:
             del self._cells[session_id]
             live.stop()
+            self._show(session_id, None)
 
     def _new(self, session_id: str) -> LiveCell:
-        def load() -> tuple[Cell, set[str], Profiler]:
-            with self._store.read() as db:
-                cell = empty_session(session_row(db, session_id).record, session_id).cell
-                return cell, capture_ids(db, session_id), _profiler(self._store, session_id)
+        known = SessionNow(self._store, session_id)
 
         def take(capture: Capture, contents: Mapping[str, bytes]) -> Measured:
-            answer = asyncio.run(self._intake.take(session_id, capture, contents))
+            try:
+                answer = asyncio.run(self._intake.take(session_id, capture, contents))
+            finally:
+                known.forget()
             return Measured.model_validate(json.loads(bytes(answer.body))["measured"])
 
-        return LiveCell(load, take, self.capture_settings(session_id))
+        return LiveCell(known, take, self.capture_settings(session_id))
 
     def _cell(self, db: Any, session_id: str) -> str:
         return cell_id(empty_session(session_row(db, session_id).record, session_id))
@@ -198,6 +213,7 @@ class LiveCells:
         """Tell a session of each device that was lost or is back."""
         while not self._stopped.wait(_LOOK_EVERY_S):
             for session_id, live in list(self._cells.items()):
+                self._show(session_id, live)
                 for name, link in list(live.links.items()):
                     state = link.state()
                     key = session_id, name
@@ -211,30 +227,19 @@ class LiveCells:
                     except Exception:
                         log.exception("telling of device %s", name)
 
+    def _show(self, session_id: str, live: LiveCell | None) -> None:
+        if self._follow is None:
+            return
+        try:
+            self._follow(session_id, live)
+        except Exception:  # the scene is an extra
+            log.exception("showing the robot of session %s", session_id)
+
     def _tell(self, session_id: str, name: str, state: LinkState) -> None:
         with self._store.write() as db:
             session = locked_session(db, session_id)
             told = {"device": name, "action": state.status, "problem": state.problem, "at": time.time()}
             record_event(db, session, "device", told)
-
-
-def _profiler(store: Store, session_id: str) -> Profiler:
-    """Return what makes profiles of a session's exposures: profiles' files are read, images need its optics."""
-
-    def profile(frame: Frame) -> Any:
-        from calib_core.formats.points import usual_kind
-
-        if usual_kind(frame.name) != "frame":
-            return profile_of(frame)
-        from calib_core.captures.stripe_frames import read_profile_frame
-        from server.store.calibrations import calibrated_session
-
-        with store.read() as db:
-            session = calibrated_session(db, store.blobs, session_id).session
-        capture = Capture(id="live", step="tcp", kind="frame", files=[frame.name])
-        return read_profile_frame(session, capture, lambda _: frame.content)
-
-    return profile
 
 
 def _parsed(source: Source, settings: Data) -> Any:

@@ -4,10 +4,13 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from server.live.exposures import Exposure
 from server.live.link import LinkState
 from server.live.live_cell import LiveCell
+from server.live.pictures import Picture
 from server.sources.device import Sample, host_now_s
 from server.sources.source import Source
 from server.store.models import DeviceRow
@@ -39,16 +42,23 @@ def device_data(
     }
 
 
-def live_data(live: LiveCell | None) -> dict[str, Any]:
-    """Return what a live cell shows at this moment."""
+Newest = tuple[Sample | None, float | None, Exposure | None]
+
+
+def live_data(live: LiveCell | None, newest: Newest | None = None) -> dict[str, Any]:
+    """Return what a live cell shows at this moment, or with readings that are `newest` already."""
     if live is None:
-        return {"devices": [], "automatic": False, "waits_for": "", "robot": None, "table_deg": None}
-    robot, table_deg, exposure = live.newest()
+        nothing = dict.fromkeys(("robot", "table_deg", "exposure", "last"))
+        return {"version": 0, "step": "", "devices": [], "automatic": False, "waits_for": "", **nothing}
+    robot, table_deg, exposure = newest or live.newest()
     last = live.last
     return {
+        "version": live.version,
+        "step": live.settings.step,
         "devices": [
             {
                 "name": link.name,
+                "delivers": list(link.source.delivers),
                 "status": state.status,
                 "problem": state.problem,
                 "rate_hz": round(state.rate_hz, 1),
@@ -81,20 +91,42 @@ def _robot(sample: Sample) -> dict[str, Any]:
 
 
 def _exposure(exposure: Exposure) -> dict[str, Any]:
-    points = exposure.points[np.isfinite(exposure.points).all(axis=1)]
-    chosen = np.linspace(0, max(len(points) - 1, 0), min(len(points), _MOST_POINTS)).astype(int)
+    finite = np.flatnonzero(np.isfinite(exposure.points).all(axis=1))
+    chosen = finite[_thinned(len(finite), _MOST_POINTS)]
+    points = exposure.points[chosen]
     arc = exposure.arc
     return {
         "name": exposure.frame.name,
         "age_s": round(host_now_s() - exposure.frame.host_time_s, 3),
-        "points": np.round(points[chosen], 3).tolist(),
+        "points": np.round(points, 3).tolist(),
+        "on_arc": [] if arc is None else arc.inliers[chosen].tolist(),
         "circle": None if arc is None else [*np.round(arc.center_mm, 4).tolist(), round(arc.radius_mm, 4)],
         "rms_mm": None if arc is None else round(arc.rms_mm, 5),
         "extent_deg": None if arc is None else round(float(np.rad2deg(arc.extent_rad)), 1),
         "zone": None if exposure.zone is None else round(exposure.zone, 4),
         "problem": exposure.problem,
         "weak": exposure.weak,
+        "picture": None if exposure.picture is None else _picture(exposure.picture, exposure.arc_px),
     }
+
+
+def _picture(picture: Picture, arc_px: FloatArray | None) -> dict[str, Any]:
+    stripe = picture.stripe
+    pixels = np.empty((0, 2)) if stripe is None else stripe.pixels[_thinned(len(stripe.pixels), _MOST_POINTS)]
+    return {
+        "size": list(picture.size),
+        "stripe": np.round(pixels, 1).tolist(),
+        "arc": [] if arc_px is None else np.round(arc_px, 1).tolist(),
+        "stripe_width_px": None if stripe is None else round(stripe.width_px, 2),
+        "brightness": round(picture.brightness, 3),
+        "saturated": round(picture.saturated, 3),
+        "exposure_advice": picture.exposure_advice,
+        "focus_advice": picture.focus_advice,
+    }
+
+
+def _thinned(count: int, most: int) -> NDArray[np.intp]:
+    return np.linspace(0, max(count - 1, 0), min(count, most)).astype(np.intp)
 
 
 def _problem(source: Source | None, row: DeviceRow, state: LinkState | None) -> str:

@@ -10,6 +10,7 @@ from pydantic import Field
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell, Record, StepName, parse_capture
 from calib_core.robots import to_pose
+from server.live.recording import Recorded
 from server.live.standstill import Rest
 from server.sources.device import Sample
 from server.store.audit import Act
@@ -108,6 +109,20 @@ def capture_of_rest(
         told |= shot.extra
     record = {name: value for name, value in told.items() if value is not None}
     return parse_capture(record, capture_id), {file: frame.content}
+
+
+def capture_of_sweep(
+    recorded: Recorded, fields: dict[str, Any], settings: CaptureSettings, taken: set[str], shot: Shot
+) -> tuple[Capture, dict[str, bytes]]:
+    """Return the capture of a recording and its files; raises InputError if a field of the shot is of no use."""
+    step = settings.step
+    capture_id = shot.name or next_id(step, taken)
+    names = [f"captures/{capture_id}/{path.name}" for path in recorded.files]
+    record = {"id": capture_id, "step": step, "kind": "sweep", "files": names, **fields, **shot.extra}
+    if settings.mount and step in ("turntable", "verify"):
+        record["mount"] = settings.mount
+    contents = {name: path.read_bytes() for name, path in zip(names, recorded.files, strict=True)}
+    return parse_capture(record, capture_id), contents
 
 
 def _robot_fields(cell: Cell, sample: Sample | None) -> dict[str, Any]:

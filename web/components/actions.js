@@ -19,6 +19,7 @@ import { attempt, notify, say } from "./toasts.js";
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
   /** @type {FolderWatchElement | null} */ watch = null;
+  devices = () => {};
   #captureWords = h("span", {}, t("actions.capture"));
   #solveWords = h("span", {}, t("actions.solve"));
   #capture = h("button", { type: "button", class: "capture", needs: "capture", "aria-keyshortcuts": "Space", onclick: () => void this.capture() }, this.#captureWords, h("kbd", { "aria-hidden": "true" }, t("key.space")));
@@ -33,7 +34,7 @@ export class ActionsElement extends StateElement {
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
   #folder = wayIn(t("actions.folder"), () => this.intake?.chooseFolder());
   #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
-  #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch);
+  #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices()));
   /** @type {string | null} */ #next = null;
   #capturing = false;
   #followed = "";

@@ -21,6 +21,7 @@ import { redoLast, undoLast } from "../components/undo.js";
 import { splitter } from "../components/splitter.js";
 import { viewTabs } from "../components/view-tabs.js";
 
+const LIVE = "scancell-live-";
 const INTERACTIVE = "a, button, input, select, textarea, summary, dialog, [role=button], [role=tab], [tabindex='0']";
 
 export class SessionPage extends HTMLElement {
@@ -33,6 +34,7 @@ export class SessionPage extends HTMLElement {
   #problem = h("section", { class: "lost", hidden: true });
   #loading = h("p", { class: "lost soft", role: "status" }, t("session.loading"));
   /** @type {ActionsElement | null} */ #actions = null;
+  #devices = h("div", { class: "devices-place" });
 
   connectedCallback() {
     const state = new SessionState(this.sessionId);
@@ -41,13 +43,17 @@ export class SessionPage extends HTMLElement {
     Object.assign(state, placeIn(window.location.hash));
     const intake = make(IntakeElement, { state });
     const watch = make(FolderWatchElement, { state });
-    this.#actions = make(ActionsElement, { state, intake, watch });
+    this.#actions = make(ActionsElement, { state, intake, watch, devices: () => void this.#follow(state) });
     this.#build(state, [intake, watch], this.#actions);
     document.addEventListener("keydown", this.#key);
     window.addEventListener("hashchange", this.#hash);
     state.watch(["session", "problem"], () => this.#update(state));
     state.watch(["view", "step"], () => this.#address(state));
     void attempt(() => state.start()).then(() => {
+      if (window.localStorage.getItem(`${LIVE}${state.id}`)) void this.#follow(state);
+      state.addEventListener("change", (event) => {
+        if (/** @type {CustomEvent<Set<string>>} */ (event).detail.has("devices")) void this.#follow(state);
+      });
       performance.mark("scancell:ready");
       if (toured && state.session) void import("../components/tour.js").then(({ SESSION_STOPS, tour }) => tour(SESSION_STOPS));
     });
@@ -67,7 +73,7 @@ export class SessionPage extends HTMLElement {
    */
   #build(state, sources, actions) {
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
-      make(GuideElement, { state }), make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
+      make(GuideElement, { state }), this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
     const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" }, make(ResultElement, { state }));
     state.watch(["view"], () => {
       measure.hidden = state.view !== "measure";
@@ -80,6 +86,13 @@ export class SessionPage extends HTMLElement {
     session.append(splitter(session), make(SceneElement, { state }));
     this.append(this.#loading, this.#problem, session);
     this.#listenForDrops(sources[0]);
+  }
+
+  /** The live cell's panel is loaded when it is asked for, or a device speaks. @param {SessionState} state */
+  async #follow(state) {
+    const { livePanel } = await import("../live/panel.js");
+    if (!this.#devices.firstChild) this.#devices.append(livePanel(state));
+    window.localStorage.setItem(`${LIVE}${state.id}`, "1");
   }
 
   /** @param {IntakeElement} intake */

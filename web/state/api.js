@@ -4,7 +4,7 @@ import { t } from "../texts.js";
 
 /** @import {CellDrift, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, ProblemBody, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
-const ROOT = "/api/v1";
+export const ROOT = "/api/v1";
 const LOGIN = "/login";
 const PATIENCE_MS = [400, 1200, 3000];
 /** Who is asked to wait for longer than this is told so. */
@@ -58,7 +58,7 @@ export function toLogin() {
  * @param {string} [root] what the path is under
  * @returns {Promise<Response>}
  */
-async function request(path, init = {}, root = ROOT) {
+export async function request(path, init = {}, root = ROOT) {
   const headers = new Headers(init.headers);
   if (init.method === "POST") headers.set("Idempotency-Key", idempotencyKey());
   for (const wait of [...PATIENCE_MS, 0]) {
@@ -116,7 +116,7 @@ function sendFile(path, file, type, progress) {
  * @param {unknown} [body]
  * @returns {RequestInit}
  */
-function json(method, body) {
+export function json(method, body) {
   if (body === undefined) return { method };
   return { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
 }
@@ -156,7 +156,7 @@ async function all(path) {
 }
 
 /** @param {string} id */
-const session = (id) => `/sessions/${encodeURIComponent(id)}`;
+export const session = (id) => `/sessions/${encodeURIComponent(id)}`;
 
 /**
  * @param {string} id

@@ -6,9 +6,9 @@ import { stages } from "./registries.js";
 
 /** @import {CaptureOut, Guide, GuideNow, Job, Results, SessionOut, StageInfo} from "./model.js" */
 /** @import {Liveness} from "./events.js" */
-/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place"} Part */
+/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place" | "devices"} Part */
 
-const EVENTS = ["capture", "result", "job", "session"];
+const EVENTS = ["capture", "result", "job", "session", "device"];
 const WHOLE = /** @type {const} */ (["session", "captures", "guide", "results"]);
 const GATHER_MS = 40;
 // After a load so many times its duration passes before events cause the next: a page never burdens a busy service.
@@ -216,6 +216,7 @@ export class SessionState extends EventTarget {
       this.tell("job");
       return;
     }
+    if (name === "device") return this.tell("devices");
     if (name === "capture") {
       if (data.action === "removed") this.#drop(data.capture);
       else if (data.count) this.#later("captures");

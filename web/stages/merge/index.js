@@ -1,7 +1,7 @@
 // What the merge draws itself: the files to download, the settings to merge with again, and looking into the cloud.
 
 import { api } from "../../state/api.js";
-import { h, make } from "../../dom.js";
+import { h, make, style } from "../../dom.js";
 import { registry } from "../../state/registries.js";
 import { t } from "../../texts.js";
 import { attempt } from "../../components/toasts.js";
@@ -9,6 +9,8 @@ import { MergedElement } from "./merged.js";
 
 /** @import {Context} from "../../blocks/index.js" */
 /** @import {MergeResult} from "../../state/model.js" */
+
+style("merged");
 
 export const elements = {
   /** @param {Context} context */

@@ -93,6 +93,7 @@ export const session = {
   "actions.folder": "Add folder",
   "actions.poses": "Paste poses",
   "actions.watch": "Watch a folder",
+  "actions.devices": "Devices",
   "actions.solving": "Solving",
   "actions.solving_merge": "Merging the scans",
   "actions.cancel": "Cancel",

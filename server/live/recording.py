@@ -1,0 +1,211 @@
+"""Exposures that go to disk as fast as they come, and the robot's poses meanwhile: a capture on the move."""
+
+import queue
+import threading
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib_core.clock_offset import ClockOffset
+from calib_core.errors import ConflictError, MeasurementError
+from calib_core.robots import to_pose
+from server.sources.device import Frame, Sample
+
+MOST_SHIFT_MM = 0.05
+"""What the clocks' offset leaves open at a speed, at two standard deviations, must stay below this."""
+_STANDS_MM_S = 0.5
+_MOST_GAP_S = 0.1
+_MOST_WAITING = 512 * 1024 * 1024
+_MOST_FRAMES = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What was recorded: the files in their order, their times, and the robot's samples from before to after.
+
+    `by_device` says whether the times are the devices' own.
+    """
+
+    files: tuple[Path, ...]
+    frames: tuple[Frame, ...]
+    track: tuple[Sample, ...]
+    by_device: tuple[bool, bool]
+
+
+class Recording:
+    """Writes every exposure that it is given into a folder, by a thread of its own.
+
+    Whoever gives it exposures never waits; where the disk stays behind by 512 MiB, the recording fails:
+    no exposure is dropped silently.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+        self._waiting: queue.SimpleQueue[Frame | None] = queue.SimpleQueue()
+        self._bytes = 0
+        self._files: list[Path] = []
+        self._frames: list[Frame] = []
+        self._track: list[Sample] = []
+        self._lock = threading.Lock()
+        self.problem = ""
+        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
+        self._thread.start()
+
+    @property
+    def written(self) -> int:
+        """How many exposures are on disk."""
+        return len(self._files)
+
+    def expose(self, frame: Frame) -> None:
+        """Take an exposure; called by its device's thread."""
+        with self._lock:
+            self._bytes += len(frame.content)
+            if self._bytes > _MOST_WAITING:
+                self.fail("the disk is slower than the camera")
+            if len(self._frames) >= _MOST_FRAMES:
+                self.fail(f"more than {_MOST_FRAMES} exposures")
+            if self.problem:
+                return
+            self._frames.append(Frame(frame.host_time_s, frame.name, b"", frame.device_time_s))
+        self._waiting.put(frame)
+
+    def move(self, sample: Sample) -> None:
+        """Take a sample of the robot."""
+        self._track.append(sample)
+
+    def fail(self, problem: str) -> None:
+        """Say why it is of no use: a device was lost meanwhile, say."""
+        self.problem = self.problem or problem
+
+    def end(self) -> Recorded:
+        """Wait until all is on disk and return it.
+
+        Raises
+        ------
+        ConflictError
+            If something of it is missing.
+        """
+        self._waiting.put(None)
+        self._thread.join()
+        if self.problem:
+            raise ConflictError("a recording without a gap", self.problem, "Record again.")
+        frames = tuple(self._frames)
+        track = tuple(s for s in self._track if s.base_from_tool0 is not None)
+        by_device = (
+            all(f.device_time_s is not None for f in frames),
+            all(s.device_time_s is not None for s in track),
+        )
+        return Recorded(tuple(self._files), frames, track, by_device)
+
+    def _run(self) -> None:
+        while (frame := self._waiting.get()) is not None:
+            path = self._folder / f"{len(self._files) + 1:06d}{Path(frame.name).suffix.lower()}"
+            try:
+                path.write_bytes(frame.content)
+            except OSError as error:
+                self.fail(f"the disk: {error}")
+                continue
+            with self._lock:
+                self._bytes -= len(frame.content)
+            self._files.append(path)
+
+
+def on_one_clock(
+    recorded: Recorded, clocks: ClockOffset | None, clocks_by_device: tuple[bool, bool]
+) -> tuple[Recorded, list[float], list[float]]:
+    """Return what was recorded while both told, and the times of exposures and poses by the robot's clock.
+
+    Raises
+    ------
+    MeasurementError
+        If exposures or poses are missing.
+    ConflictError
+        If the robot moved faster than the offset between the clocks is known for.
+    """
+    track_s = _times(recorded.track, recorded.by_device[1])
+    same_clocks = clocks_by_device == recorded.by_device
+    offset_s = clocks.offset_s if clocks is not None and same_clocks else 0.0
+    frames_s = [time_s - offset_s for time_s in _times(recorded.frames, recorded.by_device[0])]
+    both = [k for k, time_s in enumerate(frames_s) if track_s and track_s[0] <= time_s <= track_s[-1]]
+    if len(both) < 2:
+        got = f"{len(frames_s)} exposures, {len(track_s)} poses, {len(both)} exposures between poses"
+        to_do = "Connect scanner and robot, set their clocks, and record for longer."
+        raise MeasurementError("exposures between poses", got, to_do)
+    around = [
+        k for k, time_s in enumerate(track_s) if frames_s[both[0]] - 0.2 <= time_s <= frames_s[both[-1]] + 0.2
+    ]
+    kept = Recorded(
+        tuple(recorded.files[k] for k in both),
+        tuple(recorded.frames[k] for k in both),
+        tuple(recorded.track[k] for k in around),
+        recorded.by_device,
+    )
+    kept_s = [track_s[k] for k in around]
+    gap_s = max((later - earlier for earlier, later in pairwise(kept_s)), default=0.0)
+    if gap_s > _MOST_GAP_S:
+        raise MeasurementError(
+            "poses without a gap", f"{gap_s:.2f} s without one", "Let the robot send more often."
+        )
+    speed_mm_s = speed_of(kept)
+    if speed_mm_s > _STANDS_MM_S:
+        _require_offset(speed_mm_s, clocks, same_clocks)
+    return kept, [frames_s[k] for k in both], kept_s
+
+
+def sweep_fields(
+    recorded: Recorded, frames_s: list[float], track_s: list[float], clocks: ClockOffset | None, convention: str
+) -> dict[str, Any]:
+    """Return the fields of a sweep's record: when each exposure was made by the robot's clock, and its track."""
+    track = [
+        {"t_s": round(time_s - track_s[0], 6), "pose": [round(v, 9) for v in to_pose(convention, pose)]}
+        for time_s, sample in zip(track_s, recorded.track, strict=True)
+        if (pose := sample.base_from_tool0) is not None
+    ]
+    speed_mm_s = speed_of(recorded)
+    known = "" if clocks is None else f", offset {1000 * clocks.offset_s:.2f} ± {1000 * clocks.sigma_s:.2f} ms"
+    return {
+        "timestamps_s": [round(time_s - track_s[0], 6) for time_s in frames_s],
+        "pose_track": track,
+        "source": f"{len(frames_s)} exposures at up to {speed_mm_s:.1f} mm/s{known}",
+    }
+
+
+def speed_of(recorded: Recorded) -> float:
+    """Return the flange's largest speed, mm/s, over steps of at least 50 ms."""
+    times_s = np.array(_times(recorded.track, recorded.by_device[1]))
+    if not len(times_s):
+        return 0.0
+    places = np.array([s.base_from_tool0.translation_mm for s in recorded.track if s.base_from_tool0 is not None])
+    later = np.searchsorted(times_s, times_s + 0.05)
+    ok = later < len(times_s)
+    if not ok.any():
+        return 0.0
+    way = np.linalg.norm(places[later[ok]] - places[ok], axis=1)
+    return float(np.max(way / (times_s[later[ok]] - times_s[ok])))
+
+
+def _times(readings: tuple[Frame, ...] | tuple[Sample, ...], by_device: bool) -> list[float]:
+    return [(one.device_time_s if by_device else None) or one.host_time_s for one in readings]
+
+
+def _require_offset(speed_mm_s: float, clocks: ClockOffset | None, same_clocks: bool) -> None:
+    if clocks is None or not same_clocks:
+        raise ConflictError(
+            f"the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s",
+            "none that was measured",
+            "Measure the clocks' offset first, or capture at standstill.",
+            "clock-offset",
+        )
+    shift_mm = 2 * clocks.shift_mm(speed_mm_s)
+    if shift_mm > MOST_SHIFT_MM:
+        slow = MOST_SHIFT_MM / (2 * clocks.sigma_s)
+        raise ConflictError(
+            f"poses within {MOST_SHIFT_MM} mm of their exposures",
+            f"{shift_mm:.2f} mm that the offset leaves open at {speed_mm_s:.0f} mm/s",
+            f"Move at {slow:.0f} mm/s or slower, or measure the offset again over a longer move.",
+            "clock-offset",
+        )

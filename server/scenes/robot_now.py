@@ -1,0 +1,44 @@
+"""Where the robot stands at this moment, as its source tells it, and the light as the scanner sees it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform
+from server.scenes import nodes
+from server.scenes.colors import LASER
+from server.scenes.facts import SceneFacts
+from server.scenes.fan import fan_of_profile
+from server.scenes.look import Look
+from server.scenes.nodes import Node
+
+_FLANGE_MM, _LASER_MM = 60.0, 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class RobotNow:
+    """The flange in the base, and the profile (N, 2), x and z in L, mm, that the scanner sees from there."""
+
+    base_from_tool0: RigidTransform
+    profile_mm: FloatArray
+
+
+def robot_now(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw flange, scanner and light as they are now; without a live robot nothing."""
+    now = look.robot
+    if now is None:
+        return
+    flange = now.base_from_tool0
+    yield nodes.axes("/live/flange", flange, _FLANGE_MM, LASER)
+    above = flange.translation_mm + np.array([0.0, 0.0, 30.0])
+    yield nodes.label("/live/name", above, "robot now", 1.2)
+    if facts.tool0_from_laser is None:
+        return
+    laser = flange @ facts.tool0_from_laser
+    yield nodes.axes("/live/laser", laser, _LASER_MM, LASER)
+    profile = now.profile_mm[np.isfinite(now.profile_mm).all(axis=1)]
+    if len(profile) >= 2:
+        points = np.stack([profile[:, 0], np.zeros(len(profile)), profile[:, 1]], axis=1)
+        corners, faces = fan_of_profile(points)
+        yield nodes.surface("/live/light", laser, corners, faces, LASER, 0.35)

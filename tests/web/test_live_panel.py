@@ -1,0 +1,149 @@
+"""The simulated cell calibrated in the page through live sources, and what the page says of devices that go."""
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+from scipy.stats import chi2
+
+from calib_core.arms.kinematics import arm_of, flange_of_joints
+from calib_core.frames import RigidTransform
+from calib_core.robots import parse_pose
+from server.simulated_cell.devices import SimulatedDevices
+from tests.server.live_rig import until
+from tests.server.live_server import make_session, wait_for
+
+pytestmark = pytest.mark.browser
+SEED = 3
+
+
+@pytest.fixture
+def cell() -> Iterator[SimulatedDevices]:
+    made = SimulatedDevices("turntable", SEED, rate_hz=40.0, travel_s=0.25)
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def api(address: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+        yield client
+
+
+def connected(api: httpx.Client, cell: SimulatedDevices, name: str) -> str:
+    session = make_session(api, name=name, cell=cell.simulated.session.to_json()["cell"])
+    for device, body in cell.sources().items():
+        answer = api.put(f"/sessions/{session}/devices/{device}", json=dict(body))
+        assert answer.status_code == 200, answer.text
+    return session
+
+
+def captures(api: httpx.Client, session: str) -> list[Any]:
+    return api.get(f"/sessions/{session}/captures").json()["items"]
+
+
+def good(cell: SimulatedDevices) -> list[int]:
+    """Where the stripe lies well on the sphere: other captures are refused."""
+    radius = cell.cell.world.sphere_radius_mm
+    offsets = [abs(shot.sphere_center_in_laser_mm[1]) / radius for shot in cell.cell.shots]
+    return [k for k, offset in enumerate(offsets) if 0.36 < offset < 0.78]
+
+
+def open_panel(page: Page) -> None:
+    page.get_by_role("button", name="Devices").click()
+    expect(page.locator(".live-devices li[data-status=live]")).to_have_count(3)
+
+
+def unlikely(found: Any, truth: Any, covariance: Any, frames: tuple[str, str]) -> float:
+    """Return in which share of right answers the truth would be as far."""
+    off = RigidTransform(np.array(found), *frames).difference(RigidTransform(np.array(truth), *frames))
+    return float(chi2.sf(off @ np.linalg.solve(np.array(covariance), off), 6))
+
+
+def test_tool_and_table_are_calibrated_in_the_page(
+    open_page: Callable[..., Any], api: httpx.Client, cell: SimulatedDevices
+) -> None:
+    session = connected(api, cell, "live calibration")
+    page, watched = open_page(f"/sessions/{session}", width=1500, height=1000)
+    open_panel(page)
+    page.wait_for_function("() => Number(document.querySelector('sc-live-panel').dataset.rate) >= 2")
+    expect(page.locator(".live-panel canvas")).to_be_visible()
+    numbers = good(cell)
+    tcp = [k for k in numbers if cell.cell.shots[k].table is None]
+    table = [k for k in numbers if cell.cell.shots[k].table is not None][::2]
+    steps, mount_field = page.locator("#live-step"), page.locator("#live-mount")
+    automatic = page.get_by_label("Capture automatically at standstill")
+    expected = []
+    for number in (*tcp, *table):
+        shot = cell.cell.shots[number]
+        mount = shot.table.reported_mount if shot.table else None
+        steps.select_option("turntable" if shot.table else "tcp")
+        if mount:
+            mount_field.fill(mount)
+            mount_field.blur()
+        cell.go(number)
+        until(lambda: not cell.is_moving)
+        automatic.check()
+        expected.append(shot)
+        until(lambda: len(captures(api, session)) >= len(expected), page.locator("sc-live-sign").inner_text)
+        expect(page.locator("sc-live-sign")).to_have_attribute("data-state", re.compile("good|wait"))
+        automatic.uncheck()
+    found = captures(api, session)
+    assert len(found) == len(expected)
+    for capture, shot in zip(found, expected, strict=True):
+        told = RigidTransform(shot.reported, "base", "tool0")
+        assert np.abs(told.difference(parse_pose("abb", capture["pose"]))).max() < 1e-5
+        by_joints = flange_of_joints(arm_of("ur20"), capture["joints_deg"])
+        assert np.abs(told.difference(by_joints)).max() < 1e-5
+        assert capture["moving"] is False
+        assert "stood still" in capture["source"]
+        seen = np.array(capture["measured"]["center_mm"])
+        assert np.abs(seen - shot.sphere_center_in_laser_mm[[0, 2]]).max() < 0.1
+        if shot.table:
+            assert capture["table_deg"] == pytest.approx(shot.table.reported_angle, abs=6e-4)
+            assert capture["mount"] == shot.table.reported_mount
+    assert wait_for(api, api.post(f"/sessions/{session}/solve/all").json()["id"], 120)["status"] == "done"
+    results, truth = api.get(f"/sessions/{session}/results").json(), cell.simulated.truth
+    tool = results["tcp"]
+    frames = ("tool0", "laser")
+    assert unlikely(tool["tool0_from_laser"], truth["tool0_from_laser"], tool["covariance"], frames) > 0.001
+    direction = np.array(results["turntable"]["axis_direction_in_base"])
+    assert np.arccos(min(direction @ np.array(truth["axis_direction_in_base"]), 1.0)) < 2e-3
+    expect(page.locator("sc-rail")).to_contain_text("done")
+    assert watched.complaints == []
+
+
+def test_a_device_that_goes_is_told_and_comes_back(
+    open_page: Callable[..., Any], api: httpx.Client, cell: SimulatedDevices
+) -> None:
+    session = connected(api, cell, "live losses")
+    page, watched = open_page(f"/sessions/{session}", width=1500, height=1000)
+    open_panel(page)
+    cell.robot.is_out.set()
+    cell.robot.cut()
+    sign = page.locator("sc-live-sign")
+    expect(sign).to_contain_text("robot lost")
+    expect(sign).to_have_attribute("data-state", "bad")
+    expect(page.locator(".live-devices li[data-status=lost]")).to_contain_text("robot")
+    cell.robot.is_out.clear()
+    expect(page.locator(".live-devices li[data-status=live]")).to_have_count(3)
+    expect(sign).to_have_attribute("data-state", re.compile("ready|move"))
+    cell.go(good(cell)[0])
+    until(lambda: not cell.is_moving)
+    page.get_by_role("button", name="Capture now").click()
+    expect(page.locator(".captures tbody tr")).to_have_count(1)
+    expect(sign).to_contain_text("p01: ")
+    page.get_by_role("button", name="Remove table").click()
+    expect(page.locator(".live-devices li")).to_have_count(2)
+    page.get_by_role("button", name="Add device").click()
+    page.get_by_label("Source").select_option("modbus")
+    page.locator("#device-host").fill("127.0.0.1")
+    page.locator("#device-port").fill(str(cell.modbus.port if cell.modbus else 0))
+    page.locator("#device-address").fill("100")
+    page.locator("sc-devices form").get_by_role("button", name="Connect").click()
+    expect(page.locator(".live-devices li[data-status=live]")).to_have_count(3)
+    assert watched.complaints == []

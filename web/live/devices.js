@@ -1,0 +1,103 @@
+// The devices of the cell with their state, and the form that adds one.
+
+import { live } from "../state/live.js";
+import { registry } from "../state/registries.js";
+import { schemaForm } from "../components/schema-form.js";
+import { attempt } from "../components/toasts.js";
+import { h, keyed } from "../dom.js";
+import { icon, mark } from "../icons.js";
+import { maybe, t } from "../texts.js";
+
+/** @import {DeviceEntry} from "../api-types.js" */
+/** @import {LiveDevice} from "../state/live.js" */
+
+const SIGNS = /** @type {Readonly<Record<string, string>>} */ ({ live: "pass", connecting: "working", silent: "warn", nonsense: "warn", lost: "fail", off: "todo" });
+
+export class DevicesElement extends HTMLElement {
+  sessionId = "";
+  /** @type {DeviceEntry[]} */ #items = [];
+  #list = h("ul", { class: "live-devices" });
+  #none = h("p", { class: "soft" }, t("devices.none"));
+  #form = h("div", { hidden: true });
+
+  connectedCallback() {
+    if (!this.firstChild) this.append(this.#none, this.#list, this.#form);
+    void this.load();
+  }
+
+  get items() {
+    return this.#items;
+  }
+
+  async load() {
+    await attempt(async () => { this.#items = (await live.devices(this.sessionId)).items; });
+    this.show([]);
+  }
+
+  /** What is kept with the cell, and how it stands now. @param {LiveDevice[]} now */
+  show(now) {
+    if (now.some(({ name }) => !this.#items.some((one) => one.name === name))) void this.load();
+    this.#none.hidden = this.#items.length > 0;
+    keyed(this.#list, this.#items, ({ name }) => name, () => h("li", {}), (row, item) => {
+      const { status, problem, rate_hz } = now.find(({ name }) => name === item.name) ?? item;
+      const told = `${status} ${problem} ${rate_hz} ${item.connected_for}`;
+      if (row instanceof HTMLElement && row.dataset["told"] !== told) {
+        row.dataset["told"] = told;
+        row.dataset["status"] = status;
+        row.replaceChildren(...this.#row(item, status, problem, rate_hz));
+      }
+    });
+  }
+
+  /** @param {DeviceEntry} item @param {string} status @param {string} problem @param {number} rate */
+  #row(item, status, problem, rate) {
+    const connected = item.connected_for === this.sessionId;
+    const word = maybe(`device.${status}`, status);
+    return [
+      h("div", { class: "row spread" },
+        h("p", {}, h("strong", {}, item.name), " ", mark(SIGNS[status] ?? "todo", word), h("span", { class: "soft small" }, ` ${item.title}${status === "live" ? ` · ${t("devices.rate", { rate: Math.round(rate) })}` : ""}`)),
+        h("span", { class: "row" },
+          h("button", { type: "button", class: "small", needs: "admin", onclick: () => void this.#put(item, !connected) }, t(connected ? "devices.disconnect" : "devices.connect")),
+          h("button", { type: "button", class: "plain icon", needs: "admin", "aria-label": t("devices.remove", { name: item.name }), onclick: () => void this.#remove(item) }, icon("trash")))),
+      problem ? h("p", { class: status === "lost" ? "reason reason-fail" : "reason" }, problem) : "",
+    ];
+  }
+
+  /** @param {DeviceEntry} item @param {boolean} connected */
+  async #put({ name, source, settings }, connected) {
+    await attempt(async () => { this.#items = (await live.put(this.sessionId, name, { source, settings, connected })).items; });
+    this.show([]);
+  }
+
+  /** @param {DeviceEntry} item */
+  async #remove({ name }) {
+    await attempt(() => live.remove(this.sessionId, name));
+    await this.load();
+  }
+
+  /** Offer the live sources that this server has. */
+  async add() {
+    const sources = (await registry("sources")).filter(({ delivers }) => delivers?.length);
+    const name = h("input", { id: "device-name", value: "", autocomplete: "off" });
+    const place = h("div", {});
+    const pick = () => {
+      const source = sources.find((one) => one.name === select.value);
+      name.value = source?.delivers[0] ?? "";
+      place.replaceChildren(schemaForm(source?.settings ?? {}, {}, { prefix: "device", go: t("devices.connect"), submit: async (values) => {
+        const settings = Object.fromEntries(Object.entries(values).filter(([, value]) => value !== null));
+        const went = await attempt(async () => { this.#items = (await live.put(this.sessionId, name.value.trim(), { source: select.value, settings, connected: true })).items; });
+        this.#form.hidden = went;
+        this.show([]);
+      } }));
+    };
+    const select = h("select", { id: "device-source", onchange: pick }, ...sources.map((one) => h("option", { value: one.name }, one.title)));
+    this.#form.replaceChildren(
+      h("div", { class: "field" }, h("label", { for: "device-source" }, t("devices.source")), select),
+      h("div", { class: "field" }, h("label", { for: "device-name" }, t("devices.name")), name), place);
+    pick();
+    this.#form.hidden = false;
+    select.focus();
+  }
+}
+
+customElements.define("sc-devices", DevicesElement);

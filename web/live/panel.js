@@ -1,0 +1,174 @@
+// The live cell: its devices, what the scanner sees now, one large sign, and captures taken at standstill.
+
+import { live, followPreviews } from "../state/live.js";
+import { StateElement } from "../components/base.js";
+import { zoneBar } from "../components/profile-plot.js";
+import { stepName } from "../components/rail.js";
+import { attempt } from "../components/toasts.js";
+import { h, make, style } from "../dom.js";
+import { fixed, integer, small } from "../format.js";
+import { learnTexts, t } from "../texts.js";
+
+/** @import {Preview} from "../state/live.js" */
+/** @import {SessionState} from "../state/session.js" */
+
+await learnTexts("live");
+const { DevicesElement } = await import("./devices.js");
+const { SignElement } = await import("./sign.js");
+const { drawPreview } = await import("./view.js");
+
+const RATE_OVER_MS = 1000;
+const MOUNTED = ["turntable", "verify"];
+style("live");
+
+class LivePanelElement extends StateElement {
+  #devices = make(DevicesElement);
+  #sign = make(SignElement);
+  #canvas = h("canvas", { role: "img", "aria-label": t("preview.image"), hidden: true });
+  #nothing = h("p", { class: "soft" }, t("preview.nothing"));
+  #rate = h("p", { class: "soft small live-rate" });
+  #advice = h("div", {});
+  #figures = h("dl", { class: "figures" });
+  #automatic = h("input", { type: "checkbox", id: "live-automatic", needs: "capture", onchange: () => void this.#set() });
+  #sounds = h("input", { type: "checkbox", id: "live-sound", onchange: () => { this.#sign.sounds = this.#sounds.checked; } });
+  #step = h("select", { id: "live-step", onchange: () => void this.#set() });
+  #mount = h("input", { id: "live-mount", autocomplete: "off", onchange: () => void this.#set() });
+  #angle = h("input", { id: "live-angle", inputmode: "decimal", autocomplete: "off" });
+  #now = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => void this.#capture() }, t("capture.now"));
+  #mountField = h("div", { class: "field" }, h("label", { for: "live-mount" }, t("capture.mount")), this.#mount);
+  #angleField = h("div", { class: "field" }, h("label", { for: "live-angle" }, t("capture.angle")), this.#angle);
+  /** @type {number[]} */ #drawnMs = [];
+  #told = "";
+  /** @type {(() => void) | null} */ #stopPreviews = null;
+
+  get parts() {
+    return /** @type {const} */ (["devices", "session"]);
+  }
+
+  build() {
+    this.#devices.sessionId = this.state.id;
+    const large = h("button", { type: "button", onclick: () => void this.#sign.requestFullscreen?.().catch(() => undefined) }, t("sign.large"));
+    this.append(h("section", { class: "panel live-panel", "aria-labelledby": "live-title" },
+      h("div", { class: "row spread" }, h("h2", { id: "live-title" }, t("devices.title")),
+        h("span", { class: "row" },
+          h("button", { type: "button", needs: "admin", onclick: () => void this.#devices.add() }, t("devices.add")), large,
+          h("button", { type: "button", class: "plain", onclick: () => this.#close() }, t("devices.hide")))),
+      h("p", { class: "soft small" }, t("devices.how")),
+      this.#devices, this.#sign,
+      h("figure", { "aria-label": t("preview.title") }, this.#canvas, this.#nothing, this.#rate),
+      this.#advice, this.#figures,
+      h("div", { class: "row live-capture" },
+        h("div", { class: "row" }, this.#automatic, h("label", { for: "live-automatic" }, t("capture.automatic"))),
+        h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("capture.sound")))),
+      h("div", { class: "row live-capture" },
+        h("div", { class: "field" }, h("label", { for: "live-step" }, t("capture.step")), this.#step), this.#mountField, this.#angleField, this.#now)));
+  }
+
+  connectedCallback() {
+    super.connectedCallback();
+    void this.#load();
+    this.#stopPreviews = followPreviews(this.state.id, (preview, image) => this.#show(preview, image));
+  }
+
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    this.#stopPreviews?.();
+  }
+
+  update() {
+    if (this.isConnected && this.#step.firstChild) void this.#devices.load();
+  }
+
+  async #load() {
+    await attempt(async () => {
+      const { capture } = await live.devices(this.state.id);
+      const steps = this.state.captureSteps;
+      this.#step.replaceChildren(...steps.map((one) => h("option", { value: one, selected: one === capture.step }, stepName(this.state, one))));
+      this.#automatic.checked = capture.automatic === true;
+      this.#mount.value = capture.mount ?? "";
+      this.#fields();
+    });
+  }
+
+  #fields() {
+    this.#mountField.hidden = !MOUNTED.includes(this.#step.value);
+    this.#angleField.hidden = !["turntable", "scan", "verify"].includes(this.#step.value) || this.#devices.items.some(({ delivers, connected_for }) => delivers.includes("table") && connected_for === this.state.id);
+  }
+
+  async #set() {
+    this.#fields();
+    const step = /** @type {"tcp"} */ (this.#step.value);
+    const mount = this.#mountField.hidden ? null : this.#mount.value.trim() || null;
+    await attempt(() => live.set(this.state.id, { automatic: this.#automatic.checked, step, mount }));
+  }
+
+  async #capture() {
+    this.#now.setAttribute("aria-disabled", "true");
+    this.#now.textContent = t("capture.waiting");
+    const angle = Number(this.#angle.value.replace(",", "."));
+    await attempt(() => live.capture(this.state.id, this.#angleField.hidden || !this.#angle.value.trim() ? {} : { table_deg: angle }));
+    this.#now.textContent = t("capture.now");
+    this.#now.removeAttribute("aria-disabled");
+  }
+
+  #close() {
+    window.localStorage.removeItem(`scancell-live-${this.state.id}`);
+    this.remove();
+  }
+
+  /** @param {Preview} preview @param {ImageBitmap | null} image */
+  #show(preview, image) {
+    this.#sign.show(preview);
+    this.#devices.show(preview.devices);
+    const { exposure } = preview;
+    this.#canvas.hidden = !exposure;
+    this.#nothing.hidden = exposure !== null;
+    drawPreview(this.#canvas, preview, image);
+    this.#measureRate(preview);
+    const told = JSON.stringify([exposure?.zone?.toFixed(2), exposure?.rms_mm?.toFixed(3), exposure?.extent_deg?.toFixed(0), exposure?.picture?.exposure_advice, exposure?.picture?.stripe_width_px?.toFixed(1), exposure?.problem, exposure?.weak, preview.table_deg?.toFixed(2), preview.robot?.base_from_tool0?.map((row) => row[3]?.toFixed(1))]);
+    if (told === this.#told) return;
+    this.#told = told;
+    this.#advice.replaceChildren(...advice(preview).map((one) => h("p", { class: "reason" }, one)));
+    this.#figures.replaceChildren(...figures(preview));
+  }
+
+  /** @param {Preview} preview */
+  #measureRate({ version, exposure }) {
+    if (!exposure || version === this.#version) return;
+    this.#version = version;
+    const nowMs = performance.now();
+    this.#drawnMs = [...this.#drawnMs.filter((one) => nowMs - one < RATE_OVER_MS), nowMs];
+    this.dataset["rate"] = String(this.#drawnMs.length);
+    this.dataset["age"] = String(Math.round(1000 * exposure.age_s));
+    this.#rate.textContent = t("preview.rate", { rate: this.#drawnMs.length, age: integer(Math.round(1000 * exposure.age_s)) });
+  }
+  #version = -1;
+}
+
+/** @param {Preview} preview */
+function advice({ exposure }) {
+  if (!exposure) return [];
+  return [exposure.problem, exposure.weak, exposure.picture?.exposure_advice, exposure.picture?.focus_advice].flatMap((one) => (one ? [one] : []));
+}
+
+/** @param {Preview} preview */
+function figures({ exposure, robot, table_deg }) {
+  const rows = /** @type {[string, (Node | string)[]][]} */ ([]);
+  if (exposure?.zone) rows.push([t("preview.zone"), [fixed(exposure.zone, 2), zoneBar(exposure.zone)]]);
+  if (exposure?.extent_deg) rows.push([t("preview.extent"), [`${fixed(exposure.extent_deg, 0)}°`]]);
+  if (exposure?.rms_mm) rows.push([t("preview.rms"), [small(exposure.rms_mm)]]);
+  const picture = exposure?.picture;
+  if (picture) {
+    rows.push([t("preview.exposure"), [t("preview.brightness", { share: Math.round(100 * picture.brightness) })]]);
+    if (picture.stripe_width_px) rows.push([t("preview.focus"), [`${fixed(picture.stripe_width_px, 1)} px`]]);
+  }
+  const place = robot?.base_from_tool0?.slice(0, 3).map((row) => fixed(row[3] ?? 0, 1));
+  if (place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`]]);
+  if (table_deg !== null) rows.push([t("preview.table"), [`${fixed(table_deg, 2)}°`]]);
+  return rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, ...value)));
+}
+
+customElements.define("sc-live-panel", LivePanelElement);
+
+/** @param {SessionState} state */
+export const livePanel = (state) => make(LivePanelElement, { state });

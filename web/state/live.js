@@ -1,0 +1,94 @@
+// The live cell of a session: its devices, and its previews, each asked for when the last one was drawn.
+
+import { json, request, ROOT, session } from "./api.js";
+
+/** @import {CaptureSettings, Devices, TakenShot} from "../api-types.js" */
+
+/**
+ * @typedef {{ name: string, delivers: string[], status: string, problem: string, rate_hz: number }} LiveDevice
+ * @typedef {{ size: [number, number], stripe: [number, number][], arc: [number, number][], stripe_width_px: number | null, brightness: number, saturated: number, exposure_advice: string, focus_advice: string }} LivePicture
+ * @typedef {{ name: string, age_s: number, points: [number, number][], on_arc: boolean[], circle: [number, number, number] | null, rms_mm: number | null, extent_deg: number | null, zone: number | null, problem: string, weak: string, picture: LivePicture | null }} LiveExposure
+ * @typedef {{ base_from_tool0: number[][] | null, joints_deg: number[] | null, moving: boolean | null, age_s: number }} LiveRobot
+ * @typedef {{ version: number, step: string, devices: LiveDevice[], automatic: boolean, waits_for: string, robot: LiveRobot | null, table_deg: number | null, exposure: LiveExposure | null, last: { id: string, verdict: string, zone: number | null, text: string } | null, image: boolean }} Preview
+ */
+
+const FIRST_PAUSE_MS = 500;
+const LONGEST_PAUSE_MS = 5000;
+/** Faster than this nobody sees more. */
+const LEAST_MS = 40;
+
+export const live = {
+  /** @param {string} id @returns {Promise<Devices>} */
+  devices: async (id) => (await request(`${session(id)}/devices`)).json(),
+
+  /** @param {string} id @param {string} name @param {{ source: string, settings: Record<string, unknown>, connected: boolean }} body @returns {Promise<Devices>} */
+  put: async (id, name, body) => (await request(`${session(id)}/devices/${encodeURIComponent(name)}`, json("PUT", body))).json(),
+
+  /** @param {string} id @param {string} name */
+  remove: async (id, name) => void (await request(`${session(id)}/devices/${encodeURIComponent(name)}`, json("DELETE"))),
+
+  /** @param {string} id @param {CaptureSettings} settings */
+  set: async (id, settings) => void (await request(`${session(id)}/live`, json("PUT", settings))),
+
+  /** Take a capture once all stand still. @param {string} id @param {{ table_deg?: number }} body @returns {Promise<TakenShot>} */
+  capture: async (id, body) => (await request(`${session(id)}/live/capture`, json("POST", body))).json(),
+};
+
+/**
+ * Show previews until the returned function is called; the next one is asked for after `draw` is done.
+ * @param {string} id
+ * @param {(preview: Preview, image: ImageBitmap | null) => void} draw
+ * @returns {() => void} stop
+ */
+export function followPreviews(id, draw) {
+  /** @type {WebSocket | null} */
+  let socket = null;
+  let timer = 0;
+  let pause = FIRST_PAUSE_MS;
+  let drawnMs = 0;
+
+  const open = () => {
+    const one = new WebSocket(`${window.location.origin.replace(/^http/, "ws")}${ROOT}${session(id)}/live/preview`);
+    one.binaryType = "blob";
+    socket = one;
+    /** @type {Preview | null} */
+    let waiting = null;
+    const next = () => { if (one.readyState === WebSocket.OPEN) one.send("next"); };
+    const show = (/** @type {Preview} */ preview, /** @type {ImageBitmap | null} */ image) => {
+      draw(preview, image);
+      image?.close();
+      const restMs = LEAST_MS - (performance.now() - drawnMs);
+      timer = window.setTimeout(next, Math.max(0, restMs));
+      drawnMs = performance.now();
+    };
+    one.onopen = () => {
+      pause = FIRST_PAUSE_MS;
+      next();
+    };
+    one.onmessage = async ({ data }) => {
+      if (typeof data === "string") {
+        const preview = /** @type {Preview} */ (JSON.parse(data));
+        if (preview.image) waiting = preview;
+        else show(preview, null);
+        return;
+      }
+      const preview = waiting;
+      waiting = null;
+      const image = await createImageBitmap(data).catch(() => null);
+      if (preview) show(preview, image);
+    };
+    one.onclose = () => {
+      if (socket !== one) return;
+      timer = window.setTimeout(open, pause);
+      pause = Math.min(2 * pause, LONGEST_PAUSE_MS);
+    };
+  };
+
+  open();
+  return () => {
+    window.clearTimeout(timer);
+    const last = socket;
+    socket = null;
+    last?.close();
+  };
+}
