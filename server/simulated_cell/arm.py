@@ -18,7 +18,7 @@ _NEAR = 1e-6
 
 
 class SimulatedArm:
-    """Finds joints by damped Newton steps from those of the pose before, so that they change little along a way."""
+    """Finds joints by damped Newton steps from those of the pose before: along a way they change little."""
 
     def __init__(self) -> None:
         self._joints = _START

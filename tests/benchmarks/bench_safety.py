@@ -199,10 +199,14 @@ def _sockets(
         stolen[f"a login, on a page of {origin}"] = (origin, {"Cookie": cookies["admin"]["Cookie"]}, True)
     for what, (origin, headers, should) in stolen.items():
         for path in (
-            address.format(session=session, viewer="abcdefgh") for m, address in every_route() if m == "WS"
+            address.format(session=session, session_id=session, viewer="abcdefgh")
+            for m, address in every_route()
+            if m == "WS"
         ):
             try:
                 with _open(client, path, origin, headers) as live:
+                    if path.endswith("/preview"):
+                        live.send("next")
                     refused, answer = len(live.recv(timeout=10)) == 0, "let in"
             except (InvalidHandshake, ConnectionClosed) as error:
                 refused, answer = True, str(error)

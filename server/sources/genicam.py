@@ -1,0 +1,137 @@
+"""GigE Vision and USB3 Vision cameras (GenICam), by viva-genicam: free running, whole frames alone."""
+
+import re
+from typing import Any, Literal
+
+from pydantic import Field
+
+from calib_core.errors import InputError
+from server.sources.device import Description, Frame, host_now_s
+from server.sources.source import Settings, Source
+
+_DISCOVERY_MS = 500
+_WAIT_MS = 500
+_SILENT_READS = 3
+_NANOSECONDS = 1e9
+
+
+class GenicamSettings(Settings):
+    """Which camera, and what is set in it; what is left out stays as the camera has it.
+
+    `address` is the camera's IP address, or a serial number on USB; without it the only one is taken.
+    `interface` is the name or address of this computer's network interface.
+    """
+
+    transport: Literal["gige", "usb3"] = "gige"
+    address: str | None = Field(default=None, max_length=64)
+    interface: str | None = Field(default=None, max_length=64)
+    exposure_us: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    gain: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    frame_rate_hz: float | None = Field(default=None, gt=0, le=10_000)
+
+
+class GenicamCamera:
+    """Streams from one camera.  Frames of which a packet is missing are not delivered; names count blocks."""
+
+    def __init__(self, settings: GenicamSettings) -> None:
+        from viva_genicam import Camera
+
+        device = _only(_found(settings), settings)
+        self._camera: Any = Camera.open(device)
+        self._model = f"{device.manufacturer} {device.model}".strip()
+        self._silent = 0
+        try:
+            for value, write in (
+                (settings.exposure_us, self._camera.set_exposure_time),
+                (settings.gain, self._camera.set_gain),
+                (settings.frame_rate_hz, self._camera.set_frame_rate),
+            ):
+                if value is not None:
+                    write(value)
+            self._tick_s = 1.0 / self._ticks()
+            self._stream: Any = self._camera.stream()
+            self._stream.__enter__()
+        except BaseException:
+            self._camera.close()
+            raise
+
+    def describe(self) -> Description:
+        """Return the camera's model and the size of its images."""
+        size = {name: self._camera.get(name) for name in ("Width", "Height", "PixelFormat")}
+        return Description(self._model, "pixels", can=("images", "device time"), more=size)
+
+    def read(self) -> Frame | None:
+        """Return the next whole frame as PNG; raises OSError where none comes for a second and a half."""
+        import cv2
+        import numpy as np
+
+        try:
+            frame = self._stream.next_frame(_WAIT_MS)
+        except Exception as error:  # the library's own, which tell a time-out and a loss alike
+            self._silent += 1
+            if self._silent < _SILENT_READS:
+                return None
+            raise ConnectionError(f"the camera sends nothing ({error})") from None
+        if frame is None:
+            raise ConnectionError("the camera ended its stream")
+        self._silent = 0
+        arrived_s = host_now_s()
+        image = frame.to_numpy(True)
+        if image.ndim == 1:
+            wanted, got = "a pixel format of grey values or colours", f"'{frame.pixel_format}'"
+            raise InputError(wanted, got, "Set Mono8 in the camera.", "PixelFormat")
+        depth = re.search(r"1[0246]", frame.pixel_format)
+        if image.dtype == np.uint16 and depth is not None:
+            image = image << (16 - int(depth.group()))  # so that the brightest value is the type's largest
+        shown = image[..., ::-1] if image.ndim == 3 else image
+        content = cv2.imencode(".png", shown, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+        ticks = frame.ts_dev
+        return Frame(
+            arrived_s, f"{frame.block_id:012d}.png", content, None if ticks is None else ticks * self._tick_s
+        )
+
+    def close(self) -> None:
+        """Stop the stream and give the camera back."""
+        try:
+            self._stream.__exit__(None, None, None)
+        finally:
+            self._camera.close()
+
+    def _ticks(self) -> float:
+        """Return how often a second the camera's clock ticks; nanoseconds where it does not say."""
+        try:
+            return float(self._camera.get_integer("GevTimestampTickFrequency")) or _NANOSECONDS
+        except Exception:  # no such feature, or one that cannot be read
+            return _NANOSECONDS
+
+
+def _found(settings: GenicamSettings) -> list[Any]:
+    from viva_genicam import discover, discover_u3v
+
+    if settings.transport == "usb3":
+        return list(discover_u3v())
+    everywhere = settings.interface is None
+    return list(discover(timeout_ms=_DISCOVERY_MS, iface=settings.interface, all=everywhere))
+
+
+def _only(found: list[Any], settings: GenicamSettings) -> Any:
+    """Return the camera that is meant; raises InputError where there is none, or several."""
+    names = {str(getattr(one, "ip", "") or getattr(one, "serial", "")): one for one in found}
+    if settings.address is not None and settings.address in names:
+        return names[settings.address]
+    if settings.address is None and len(names) == 1:
+        return next(iter(names.values()))
+    wanted = f"the camera {settings.address}" if settings.address else "one camera"
+    to_do = "Name one of these as the address." if names else "Check its cable, its power and the interface."
+    raise InputError(wanted, ", ".join(names) or "none that answers", to_do, "address")
+
+
+SOURCE = Source(
+    "genicam",
+    "Camera: GigE Vision or USB3 Vision",
+    "Streams images from an industrial camera by GenICam.",
+    GenicamSettings,
+    connect=GenicamCamera,
+    delivers=("scanner",),
+    extra="genicam",
+)
