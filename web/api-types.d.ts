@@ -1016,6 +1016,12 @@ export interface NewShot {
   table_deg?: number | null;
 }
 
+export interface NewSweep {
+  id?: string | null;
+  seconds: number;
+  table_deg?: number | null;
+}
+
 export interface NewToken {
   name: string;
   role: "read" | "capture" | "admin";

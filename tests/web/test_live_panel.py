@@ -79,11 +79,13 @@ def test_tool_and_table_are_calibrated_in_the_page(
     page.get_by_label("Capture automatically at standstill").check()
     for number in (*tcp, *table):
         shot = cell.cell.shots[number]
-        cell.go(number)
-        if shot.table:  # the operator tells what the sphere stands on while the robot is on its way
+        if shot.table:
+            wanted = {"automatic": True, "step": "turntable", "mount": shot.table.reported_mount}
             page.locator("#live-step").select_option("turntable")
             page.locator("#live-mount").fill(shot.table.reported_mount or "")
             page.locator("#live-mount").blur()
+            until(lambda wanted=wanted: api.get(f"/sessions/{session}/devices").json()["capture"] == wanted)
+        cell.go(number)
         expected.append(shot)
         until(lambda: len(captures(api, session)) >= len(expected), page.locator("sc-live-sign").inner_text)
     expect(page.locator("sc-live-sign")).to_have_attribute("data-state", re.compile("good|wait"))
