@@ -1,19 +1,18 @@
 """The camera on the flange and a board that stands still in the base, from frames at several robot poses.
 
-base_from_tool0(k) · tool0_from_camera · camera_from_board(k) = base_from_board for every frame k.  Two turns about
-axes that are not parallel fix it: first the rotations (Procrustes on the turns' vectors, as Park and Martin, IEEE
-Trans. Robotics and Automation 10 (1994) 717, do), then the translations, then all together, each frame weighed by
-the robot's errors of position and orientation.
+base_from_tool0(k) · tool0_from_camera · camera_from_board(k) = base_from_board for every frame k.  Two turns
+about axes that are not parallel fix it: first in closed form, then all together, each frame weighed by the
+robot's errors of position and orientation.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray, RigidTransform, nearest_rotation
+from calib_core.frames import FloatArray, RigidTransform, skew, stack_matrices
+from calib_core.optics.hand_eye_closed import solve_ax_zb
 
 USUAL_POSITION_SIGMA_MM = 0.05
 USUAL_ORIENTATION_SIGMA_RAD = 2e-4
@@ -21,7 +20,6 @@ _LEAST_FRAMES = 4
 _LEAST_TURN_RAD = np.deg2rad(3.0)
 _LEAST_SECOND_AXIS = 0.1  # of the turns' vectors: their spread across the main axis over that along it
 _REJECT_RATIO = 8.0  # what one frame adds to the squares, over what each of the others does
-_STEP = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,19 +123,11 @@ def solve_hand_eye(
 
 
 def _start(robots: Sequence[RigidTransform], boards: Sequence[RigidTransform]) -> _Pair:
-    pairs = list(combinations(range(len(robots)), 2))
-    of_tool = [robots[j].inverse() @ robots[i] for i, j in pairs]
-    of_camera = [boards[j] @ boards[i].inverse() for i, j in pairs]
-    a, d = (np.array([t.rotation_vector_rad for t in turns]) for turns in (of_tool, of_camera))
-    _require_two_axes(a)
-    rotation = np.asarray(nearest_rotation(a.T @ d), dtype=float)
-    left = np.concatenate([t.rotation - np.eye(3) for t in of_tool])
-    right = np.concatenate(
-        [rotation @ c.translation_mm - t.translation_mm for t, c in zip(of_tool, of_camera, strict=True)]
+    _require_two_axes(np.array([(robots[0].inverse() @ robot).rotation_vector_rad for robot in robots[1:]]))
+    tool0_from_camera, base_from_board = solve_ax_zb(
+        stack_matrices(robots), stack_matrices([board.inverse() for board in boards])
     )
-    translation = np.asarray(np.linalg.lstsq(left, right, rcond=None)[0], dtype=float)
-    tool0_from_camera = RigidTransform.of(rotation, translation, "tool0", "camera")
-    return tool0_from_camera, robots[0] @ tool0_from_camera @ boards[0]
+    return RigidTransform(tool0_from_camera, "tool0", "camera"), RigidTransform(base_from_board, "base", "board")
 
 
 def _require_two_axes(turns_rad: FloatArray) -> None:
@@ -190,18 +180,21 @@ def _moved(pair: _Pair, step: FloatArray) -> _Pair:
 
 def _by_unknowns(robot: RigidTransform, pair: _Pair) -> FloatArray:
     """Return the derivative (6, 12) of camera_from_board by both transforms."""
-    columns = [
-        _expected(robot, _moved(pair, -step)).difference(_expected(robot, _moved(pair, step))) / (2 * _STEP)
-        for step in _STEP * np.eye(12)
-    ]
-    return np.stack(columns, axis=1)
+    expected, camera_from_tool0 = _expected(robot, pair), pair[0].rotation.T
+    slopes = np.zeros((6, 12))
+    slopes[:3, :3], slopes[:3, 6:9] = -expected.rotation.T, np.eye(3)
+    slopes[3:, :3], slopes[3:, 3:6] = skew(expected.translation_mm), -camera_from_tool0
+    slopes[3:, 9:] = camera_from_tool0 @ robot.rotation.T
+    return slopes
 
 
 def _robot_covariance(robot: RigidTransform, pair: _Pair, position_mm: float, turning_rad: float) -> FloatArray:
     """Return the covariance (6, 6) of camera_from_board by the robot's own error at one pose."""
-    columns = [
-        _expected(robot.perturbed(-step), pair).difference(_expected(robot.perturbed(step), pair)) / (2 * _STEP)
-        for step in _STEP * np.eye(6)
-    ]
-    by_pose = np.stack(columns, axis=1) * np.repeat([turning_rad, position_mm], 3)
+    camera_from_tool0 = pair[0].rotation.T
+    board_in_tool0 = robot.inverse().apply(pair[1].translation_mm)
+    by_pose = np.zeros((6, 6))
+    by_pose[:3, :3] = -(robot.rotation.T @ pair[1].rotation).T
+    by_pose[3:, :3] = camera_from_tool0 @ skew(board_in_tool0)
+    by_pose[3:, 3:] = -camera_from_tool0 @ robot.rotation.T
+    by_pose *= np.repeat([turning_rad, position_mm], 3)
     return by_pose @ by_pose.T
