@@ -31,12 +31,13 @@ CloudFormat = Annotated[
 
 
 @router.get("/sessions/{session_id}/clouds", response_model=StoredCloudFiles)
-def list_clouds(session_id: SessionId, store: StoreDep) -> StoredCloudFiles:
+def list_clouds(session_id: SessionId, store: StoreDep, response: Response) -> StoredCloudFiles:
     """Return the clouds and meshes that there are, with the formats that each is given in."""
     from calib_core.archive.stored_clouds import MESH_FILE, REFERENCE_FILE, cloud_formats, mesh_formats
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
+    response.headers.update(stage_headers(stored, "merge"))
     items = [
         StoredCloudFile(
             name=PurePosixPath(name).name,

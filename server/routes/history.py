@@ -144,16 +144,16 @@ def _moment_data(stored: StoredSession, place: int, numbers: Any) -> Data:
         "results": results,
         "numbers": dict(numbers),
         "guide": guide(stored.session, list(stored.measured.values()), results).to_json(),
-        "frames": _frames(stored),
+        "frames": _frames(stored, [stage for stage, result in results.items() if result["stale"]]),
     }
 
 
-def _frames(stored: StoredSession) -> Data | None:
+def _frames(stored: StoredSession, stale: list[str]) -> Data | None:
     """Return tool and table as controllers write them, None where nothing is to be exported yet."""
     from calib_core.exports.export import export
 
     try:
-        return json.loads(export(stored.session, stored.results, "json")[0])
+        return json.loads(export(stored.session, stored.results, "json", stale)[0])
     except CalibrationError:
         return None
 

@@ -230,7 +230,7 @@ async def read_back_tool(
     async with memory.taken(_size(files)):
         contents = await _contents(files) if files else {}
 
-        def compared() -> dict[str, Any]:
+        def compared() -> tuple[dict[str, Any], dict[str, str]]:
             from calib_core.robots.read_back import read_back, tool_in, typed_numbers
 
             with store.read() as db:
@@ -241,10 +241,11 @@ async def read_back_tool(
                 known, pose = tool_in(contents, brand or None, tool or None)
             else:
                 known, pose = convention or answer.session.cell.pose_convention, typed_numbers(numbers)
-            return read_back(pose, known, answer.tool0_from_laser).to_json()
+            found = read_back(pose, known, answer.tool0_from_laser).to_json()
+            return found, dict(answer_headers(answer.verdict, answer.stale))
 
-        found = await run_in_threadpool(compared)
-    return JSONResponse(plain_json(found))
+        found, headers = await run_in_threadpool(compared)
+    return JSONResponse(plain_json(found), headers=headers)
 
 
 def _size(files: list[UploadFile]) -> int:

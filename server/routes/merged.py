@@ -17,6 +17,7 @@ from server.scenes.deviation import ReferenceMesh as Reference
 from server.scenes.merged import MergedScans, merged_cloud, thinned
 from server.scenes.stored import output_reader, reference_mesh
 from server.store.references import set_reference
+from server.store.session_answer import stage_headers
 from server.store.sessions import Output, StoredSession, load_session, locked_session, unused
 
 router = APIRouter(prefix="/sessions/{session_id}", tags=["clouds"], route_class=StrictRoute)
@@ -37,6 +38,7 @@ Diameter = Annotated[
 def section(
     session_id: SessionId,
     store: StoreDep,
+    response: Response,
     axis: Annotated[Literal["x", "y", "z"], Query(description="The axis that the plane cuts.")] = "z",
     at_mm: Annotated[float, Query(allow_inf_nan=False, description="Where, in the cloud's frame.")] = 0.0,
     width_mm: Annotated[float, Query(gt=0, le=100, description="The slice's thickness.")] = 1.0,
@@ -47,6 +49,7 @@ def section(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
     merged = _merged(stored)
+    response.headers.update(stage_headers(stored, "merge"))
     assert merged.every_mm is not None
     number = _AXES.index(axis)
     inside = merged.every_mm[np.abs(merged.every_mm[:, number] - at_mm) <= width_mm / 2]
@@ -71,7 +74,11 @@ def section(
 
 @router.get("/merged/deviation", response_model=CloudDeviations, response_model_exclude_none=True)
 def deviation(
-    session_id: SessionId, store: StoreDep, against: Kind = "mesh", diameter_mm: Diameter = None
+    session_id: SessionId,
+    store: StoreDep,
+    response: Response,
+    against: Kind = "mesh",
+    diameter_mm: Diameter = None,
 ) -> CloudDeviations:
     """Return how far the merged cloud lies off the reference mesh or the sphere in it, as it was placed."""
     from calib_core.fusion.deviation import histogram
@@ -79,6 +86,7 @@ def deviation(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
     seen = _deviation(stored, _merged(stored), Against(against, diameter_mm))
+    response.headers.update(stage_headers(stored, "merge"))
     found = seen.found
     return CloudDeviations(
         against=against,

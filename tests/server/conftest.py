@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from server.settings import Settings
-from tests.server.live_server import serving
+from tests.server.live_server import serving, simulated_session, wait_for
 from tests.server.stores import new_place, published, settings, store  # noqa: F401 (fixtures)
 
 
@@ -29,6 +29,15 @@ def shared_client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Cl
 def client(shared_client: httpx.Client) -> httpx.Client:
     """A client of a server that all tests share; each makes its own sessions."""
     return shared_client
+
+
+@pytest.fixture(scope="session")
+def solved(shared_client: httpx.Client) -> str:
+    """A solved session of the simulated cell; who changes it changes it back."""
+    session = simulated_session(shared_client, captures=14)
+    job = shared_client.post(f"/sessions/{session}/solve/tcp").json()["id"]
+    assert wait_for(shared_client, job)["status"] == "done"
+    return session
 
 
 @pytest.fixture

@@ -15,15 +15,6 @@ from server.cli import main
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
 
 
-@pytest.fixture(scope="module")
-def solved(shared_client: httpx.Client) -> str:
-    """A solved session of the simulated cell; who changes it changes it back."""
-    session = simulated_session(shared_client, captures=14)
-    job = shared_client.post(f"/sessions/{session}/solve/tcp").json()["id"]
-    assert wait_for(shared_client, job)["status"] == "done"
-    return session
-
-
 @pytest.fixture
 def stale(client: httpx.Client, solved: str) -> Iterator[str]:
     client.patch(f"/sessions/{solved}/captures/p03", json={"excluded": True})
