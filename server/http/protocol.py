@@ -1,14 +1,17 @@
 """HTTP/1.1 as uvicorn reads it with httptools: heads have an end, and refusals are problem details."""
 
 import json
+import sys
 from typing import Any
 
+import httptools
 from uvicorn.protocols.http.flow_control import service_unavailable
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
 
 from server.http.errors import PROBLEM_JSON, problem_of_status, problem_response
 
 MOST_HEAD_BYTES = 64 * 1024
+_OFFER = (b"upgrade", b"http2-settings", b"connection")
 
 
 class LimitedHttp(HttpToolsProtocol):
@@ -17,10 +20,12 @@ class LimitedHttp(HttpToolsProtocol):
     def __init__(self, *args: Any, **named: Any) -> None:
         super().__init__(*args, **named)
         self._since_body = 0  # bytes that came since the last piece of a body
+        self._data = b""  # what came last
 
     def data_received(self, data: bytes) -> None:
         """Take what came; too much that is no body ends the connection."""
         self._since_body += len(data)
+        self._data = data
         super().data_received(data)
         if self._since_body > MOST_HEAD_BYTES and not self.transport.is_closing():
             self.send_400_response("Request head too large.")
@@ -40,8 +45,29 @@ class LimitedHttp(HttpToolsProtocol):
             app = problem_response(problem_of_status(503, "more connections at once than this server holds"))
         super()._start_asgi_task(cycle, app)
 
+    def _unsupported_upgrade_warning(self) -> None:
+        """Go on in HTTP/1.1 where another protocol is offered, as Java's client does with HTTP/2.
+
+        The parser has stopped after the head, and would take the body for the other protocol's: a new one reads
+        the request without the offer.
+        """
+        error = sys.exception()
+        assert isinstance(error, httptools.HttpParserUpgrade)
+        rest = self._data[error.args[0] :]
+        kept = [(name, value) for name, value in self.headers if name not in _OFFER]
+        line = self.parser.get_method() + b" " + self.url + b" HTTP/1.1\r\n"
+        head = line + b"".join(name + b": " + value + b"\r\n" for name, value in kept) + b"\r\n"
+        self.parser = httptools.HttpRequestParser(self)
+        self.parser.set_dangerous_leniencies(lenient_data_after_close=True)  # as uvicorn's own
+        super().data_received(head + rest)
+
+    def _offers_another_protocol(self) -> bool:
+        return self.parser.should_upgrade() and not self._should_upgrade()
+
     def on_headers_complete(self) -> None:
         """Begin to serve a request, whose head may have come with its body."""
+        if self._offers_another_protocol():
+            return
         if len(self.url) + sum(len(name) + len(value) for name, value in self.headers) > MOST_HEAD_BYTES:
             raise ValueError("request head too large")  # becomes an answer with 400
         super().on_headers_complete()
@@ -54,4 +80,6 @@ class LimitedHttp(HttpToolsProtocol):
     def on_message_complete(self) -> None:
         """Note that the request is whole: the next one may begin."""
         self._since_body = 0
+        if self._offers_another_protocol():
+            return
         super().on_message_complete()

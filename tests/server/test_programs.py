@@ -1,6 +1,7 @@
 """What programs get beside the numbers: solves that are waited for, small answers, tags, honest refusals."""
 
 import json
+import socket
 from typing import Any
 
 import httpx
@@ -147,3 +148,24 @@ def test_a_method_that_an_address_does_not_take_names_all_that_it_takes(client: 
     assert_problem(answer, 405, "Allow")
     assert answer.headers["Allow"] == "GET, HEAD, POST"
     assert client.put("/sessions").headers["Allow"] == "GET, HEAD, POST"
+
+
+@pytest.mark.parametrize("chunked", [False, True])
+def test_an_offer_of_another_protocol_costs_no_body(client: httpx.Client, chunked: bool) -> None:
+    """Java's own client offers HTTP/2 in each request; two of them on one connection, head and body apart."""
+    body = json.dumps({"name": "java", "cell": CELL}).encode()
+    sent = f"{len(body):x}\r\n".encode() + body + b"\r\n0\r\n\r\n" if chunked else body
+    length = "Transfer-Encoding: chunked" if chunked else f"Content-Length: {len(body)}"
+    head = (
+        f"POST /api/v1/sessions HTTP/1.1\r\nHost: {client.base_url.netloc.decode()}\r\n{length}\r\n"
+        "Content-Type: application/json\r\nConnection: Upgrade, HTTP2-Settings\r\nUpgrade: h2c\r\n"
+        "HTTP2-Settings: AAEAAEAAAAIAAAABAAMAAABkAAQBAAAAAAUAAEAA\r\n\r\n"
+    ).encode()
+    with socket.create_connection((client.base_url.host, client.base_url.port or 80), timeout=20) as connection:
+        answers = connection.makefile("rb")
+        for pieces in ((head, sent), (head + sent,)):
+            for piece in pieces:
+                connection.sendall(piece)
+            assert answers.readline().startswith(b"HTTP/1.1 201")
+            headers = dict(line.lower().split(b": ", 1) for line in iter(answers.readline, b"\r\n"))
+            assert json.loads(answers.read(int(headers[b"content-length"])))["name"] == "java"
