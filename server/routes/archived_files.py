@@ -1,13 +1,15 @@
 """What an imported archive held beside session and results, as it came."""
 
+from html import escape
 from pathlib import PurePosixPath
 from typing import Annotated, Final
 from urllib.parse import quote
 
-from fastapi import APIRouter, Path, Response
+from fastapi import APIRouter, Path, Query, Response
+from fastapi.responses import HTMLResponse
 
-from calib_core.archive.archive import REPORT_FILE, SCENE_FILE
-from calib_core.errors import NotFoundError
+from calib_core.archive.archive import REPORT_FILE
+from calib_core.errors import InputError, NotFoundError
 from server.http.dependencies import SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import KeptFile, KeptFiles
@@ -17,12 +19,23 @@ from server.store.sessions import session_row
 
 router = APIRouter(prefix="/sessions/{session_id}/kept", tags=["archives"], route_class=StrictRoute)
 
-_PAGES: Final = (REPORT_FILE, SCENE_FILE)
-# An archive comes from anywhere: its pages run in a world of their own, without this server's login or addresses.
-_POLICY: Final = (
-    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' blob: data:; "
-    "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; worker-src blob:; connect-src data: blob:"
+# An archive comes from anywhere. What is shown of it runs no script and has neither this server's login nor its
+# addresses; and since a page may follow its own links whatever its policy says, it is shown within a page of ours,
+# whose policy lets no frame in it go anywhere (`frame-src`, which what stands in `srcdoc` needs not).
+_SHOWN: Final = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-src 'none'; frame-ancestors 'self'"
 )
+_AS_FILE: Final = "sandbox; default-src 'none'"
+_MOST_SHOWN_BYTES: Final = 20_000_000
+_PAGE: Final = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{name}</title>
+<style>
+html, body {{ height: 100%; margin: 0 }}
+iframe {{ display: block; width: 100%; height: 100%; border: 0; background: #fff }}
+</style>
+</head><body><iframe sandbox title="{name}" srcdoc="{page}"></iframe></body></html>
+"""
 
 
 @router.get("", response_model=KeptFiles)
@@ -46,8 +59,11 @@ def get_kept(
         Path(description="As in the list: `scene.html`, `truth.json`.", max_length=1000, examples=["truth.json"]),
     ],
     store: StoreDep,
-) -> Download:
-    """Return a file of the archive byte for byte; `scene.html` and `report.html` as pages on their own."""
+    show: Annotated[
+        bool, Query(description="Of `report.html`: as a page that neither runs nor leads away.")
+    ] = False,
+) -> Response:
+    """Return a file of the archive byte for byte, to be saved; with `show` the report as a page to look at."""
     with store.read() as db:
         session_row(db, session_id)
         kept = archived_files(db, session_id)
@@ -56,16 +72,24 @@ def get_kept(
         raise NotFoundError(
             f"a file that the session's archive held ({there})", repr(name[:80]), "List them first.", session_id
         )
-    page = name in _PAGES
     file = store.blobs.open(kept[name].sha256)
-    how = "inline" if page else "attachment"
+    if show:
+        if name != REPORT_FILE or kept[name].size > _MOST_SHOWN_BYTES:
+            file.close()
+            raise InputError(
+                f"{REPORT_FILE} to be shown", repr(name[:80]), "Leave `show` out and save it.", "show"
+            )
+        with file:
+            page = file.read().decode("utf-8", errors="replace")
+        shown = _PAGE.format(name=REPORT_FILE, page=escape(page))
+        return HTMLResponse(shown, headers={"Content-Security-Policy": _SHOWN})
     return Download(
         file,
-        "text/html; charset=utf-8" if page else "application/octet-stream",
+        "application/octet-stream",
         {
             "Content-Length": str(kept[name].size),
             "ETag": f'"{kept[name].sha256}"',
-            "Content-Disposition": f"{how}; filename*=UTF-8''{quote(PurePosixPath(name).name)}",
-            "Content-Security-Policy": _POLICY if page else "sandbox; default-src 'none'",
+            "Content-Disposition": f"attachment; filename*=UTF-8''{quote(PurePosixPath(name).name)}",
+            "Content-Security-Policy": _AS_FILE,
         },
     )

@@ -91,9 +91,12 @@ def test_import_keeps_all_that_the_archive_held(client: httpx.Client, solved: st
         # Whatever stands in it has neither this server's login nor its addresses.
         assert answer.headers["content-security-policy"].startswith("sandbox")
         assert "allow-same-origin" not in answer.headers["content-security-policy"]
-        is_page = item["name"].endswith(".html")
-        assert answer.headers["content-disposition"].startswith("inline" if is_page else "attachment")
+        assert answer.headers["content-disposition"].startswith("attachment")
     assert_problem(client.get(f"{new}/kept/other.txt"), 404, "truth.json")
+    assert_problem(client.get(f"{new}/kept/scene.html", params={"show": True}), 422, "report.html")
+    shown = client.get(f"{new}/kept/report.html", params={"show": True})
+    assert "<iframe sandbox " in shown.text
+    assert "script-src" not in shown.headers["content-security-policy"]
     assert client.get(f"/sessions/{solved}/kept").json() == {"items": []}
     assert client.get(f"{new}/clouds").json() == {"items": []}  # none of them is a stage's
     assert payload_of(client.get(f"{new}/archive").content) == held

@@ -8,6 +8,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests.core.archives import changed
 from tests.server.live_server import simulated_session, wait_for
 from tests.web.browsing import Watch, leave_out_the_scene
 from tests.web.test_accessible import violations
@@ -193,9 +194,42 @@ def test_what_came_with_an_archive_is_shown_and_given_back(
     assert len(content) == next(item["bytes"] for item in listed if item["name"] == "report.html")
     with page.context.expect_page() as opened:
         kept.get_by_role("link", name="Open report.html in a new window").click()
-    expect(opened.value.locator("h1").first).to_be_visible()
+    expect(opened.value.frame_locator("iframe").locator("h1").first).to_be_visible()
+    assert kept.get_by_role("link", name="Open scene.html in a new window").count() == 0
     # A session that came with nothing shows no empty section.
     page.goto(page.url.replace(imported, session))
     expect(page.locator("sc-review-captures tbody tr").first).to_be_visible()
     expect(page.get_by_role("region", name="Other files from the archive")).to_have_count(0)
     assert watched.complaints == []
+
+
+HOSTILE = b"""<!doctype html><meta http-equiv="refresh" content="0;url=/api/v1/health">
+<h1>Report</h1><script>parent.document.title = "ran"; location = "/api/v1/me"</script>
+<img src="/api/v1/jobs" onerror="document.querySelector('h1').textContent = 'ran'">
+<iframe src="/docs"></iframe>
+<form action="/api/v1/sessions" method="post" target="_top"><button>Send</button></form>
+<p><a href="/api/v1/cells" target="_top">Top</a> <a href="/api/v1/cells" target="_blank">New</a>
+<a href="/api/v1/cells">Here</a>"""
+
+
+def test_a_kept_page_runs_nothing_and_leads_nowhere(browser: Browser, api: httpx.Client, session: str) -> None:
+    archive = api.get(f"/sessions/{session}/archive", params={"scene": False}).content
+    hostile = changed(archive, "data/report.html", lambda _: HOSTILE)
+    made = api.post("/archives", content=hostile, headers={"Content-Type": "application/zip"})
+    assert made.status_code == 201, made.text
+    address = str(api.base_url.join(f"sessions/{made.json()['id']}/kept/report.html?show=true"))
+    context = browser.new_context()
+    page = context.new_page()
+    asked: list[str] = []
+    context.on("request", lambda request: asked.append(request.url))
+    page.goto(address)
+    shown = page.frame_locator("iframe")
+    expect(shown.locator("h1")).to_have_text("Report")
+    for action in ("Send", "Top", "New", "Here"):
+        role: Any = "button" if action == "Send" else "link"
+        shown.get_by_role(role, name=action).click(no_wait_after=True)
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert (page.url, page.title(), len(context.pages)) == (address, "report.html", 1)
+    reached = [url for url in asked if url != address]
+    assert reached == []
+    context.close()

@@ -7,7 +7,8 @@ import { t } from "../texts.js";
 
 /** @import {KeptFile} from "../state/model.js" */
 
-const PAGES = ["scene.html", "report.html"];
+// A page from elsewhere is shown only where it needs no script; a kept scene is saved and opened by itself.
+const PAGES = ["report.html"];
 
 export class KeptElement extends HTMLElement {
   sessionId = "";
@@ -31,7 +32,7 @@ export class KeptElement extends HTMLElement {
     const address = api.keptAddress(this.sessionId, name);
     return h("li", {},
       h("a", { href: address, download: name.split("/").at(-1) ?? name }, name), h("span", { class: "soft number" }, ` ${bytes(size)} `),
-      PAGES.includes(name) && h("a", { href: address, target: "_blank", rel: "noopener", "aria-label": t("kept.open_what", { name }) }, t("kept.open")));
+      PAGES.includes(name) && h("a", { href: `${address}?show=true`, target: "_blank", rel: "noopener", "aria-label": t("kept.open_what", { name }) }, t("kept.open")));
   }
 }
 
