@@ -304,10 +304,10 @@ class Operations(Connection):
         notes."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/kept")
 
-    def archives_get_kept(self, session_id: str, name: str) -> Any:
-        """Return a file of the archive byte for byte; `scene.html` and `report.html` as pages on their
-        own."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/kept/{quote(name, safe='/')}")
+    def archives_get_kept(self, session_id: str, name: str, *, show: bool | None = None) -> Any:
+        """Return a file of the archive byte for byte, to be saved; with `show` the report as a page to look
+        at."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/kept/{quote(name, safe='/')}", params=_given({"show": show}))
 
     def access_me(self) -> Any:
         """Return who asks and what they may; answers also those who are not logged in."""

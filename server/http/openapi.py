@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,6 +17,42 @@ ERRORS: dict[int | str, dict[str, Any]] = {
         "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
     }
 }
+BYTES: dict[str, Any] = {"type": "string", "format": "binary"}
+# What generators of clients take for a file, whatever its own media type is: it stands beside that one.
+_FILE: dict[str, Any] = {"application/octet-stream": {"schema": BYTES}}
+_ARCHIVE_UPLOAD: dict[str, Any] = {
+    "title": "ArchiveUpload",
+    "type": "object",
+    "properties": {"file": BYTES},
+    "required": ["file"],
+}
+_ETAG = {"description": "Of this revision; for `If-Match` and `If-None-Match`.", "schema": {"type": "string"}}
+_LOCATION = {"description": "Where it is found.", "schema": {"type": "string"}}
+_UNCHANGED = {
+    "description": "Nothing has changed since the `ETag` in `If-None-Match`.",
+    "headers": {"ETag": _ETAG},
+}
+_TAGGED = (
+    "sessions_create",
+    "sessions_get",
+    "sessions_change",
+    "captures_add",
+    "captures_take_simulated",
+    "captures_get",
+    "captures_change",
+    "captures_get_file",
+    "clouds_get_cloud",
+    "cells_get_released",
+    "archives_import_archive",
+    "archives_get_kept",
+)
+_LOCATED = (
+    "sessions_create",
+    "captures_add",
+    "captures_take_simulated",
+    "archives_import_archive",
+    "solves_solve",
+)
 _EXAMPLES = Path(__file__).with_name("api_examples.json")
 _UPLOADS = {
     "Body_captures_add": "CaptureUpload",
@@ -55,11 +92,14 @@ def install(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         schema = describe()
         schemas = schema["components"]["schemas"]
+        schemas["ArchiveUpload"] = _ARCHIVE_UPLOAD
         for made_up, name in _UPLOADS.items():
             if made_up in schemas:  # the schema is made once, this is asked for more often
                 schemas[name] = {**schemas.pop(made_up), "title": name}
                 _refer_to(name, made_up, schema["paths"])
         _declare_access(schema)
+        _declare_files(schema)
+        _declare_headers(schema)
         _add_examples(schema)
         return schema
 
@@ -88,6 +128,48 @@ def _refer_to(name: str, made_up: str, part: Any) -> None:
             _refer_to(name, made_up, value)
         if part.get("$ref") == f"#/components/schemas/{made_up}":
             part["$ref"] = f"#/components/schemas/{name}"
+
+
+def _declare_files(schema: dict[str, Any]) -> None:
+    """Say what is bytes or a stream, in forms and answers, in the way that generators of clients know."""
+    for upload in _UPLOADS.values():
+        for part in schema["components"]["schemas"].get(upload, {}).get("properties", {}).values():
+            for piece in (part, part.get("items", {}), *part.get("anyOf", ())):
+                if piece.pop("contentMediaType", None) is not None:
+                    piece["format"] = "binary"
+    for operation in _operations(schema):
+        for status, answer in operation["responses"].items():
+            content = answer.get("content", {})
+            for stream in content.values():
+                if stream.pop("itemSchema", None) is not None:  # of OpenAPI 3.2; this is 3.1
+                    stream["schema"] = {"type": "string"}
+            if status.startswith("2") and content and not any(_is_text(name) for name in content):
+                answer["content"] = {**_FILE, **{name: {"schema": BYTES} for name in content}}
+
+
+def _is_text(media_type: str) -> bool:
+    return media_type in ("text/plain", "text/event-stream") or media_type.endswith("json")
+
+
+def _declare_headers(schema: dict[str, Any]) -> None:
+    """Declare tags and places, and that a GET may be answered by 304."""
+    for operation in _operations(schema):
+        name = operation["operationId"]
+        for status, answer in list(operation["responses"].items()):
+            if not status.startswith("2"):
+                continue
+            headers = answer.setdefault("headers", {})
+            if name in _TAGGED:
+                headers["ETag"] = _ETAG
+                if operation.get("x-role") == "read" and "304" not in operation["responses"]:
+                    operation["responses"]["304"] = _UNCHANGED
+            if name in _LOCATED:
+                headers["Location"] = _LOCATION
+
+
+def _operations(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    for operations in schema["paths"].values():
+        yield from operations.values()
 
 
 def _declare_access(schema: dict[str, Any]) -> None:

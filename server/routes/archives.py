@@ -30,24 +30,21 @@ router = APIRouter(tags=["archives"], route_class=StrictRoute)
 
 _BYTES: dict[str, Any] = {"type": "string", "format": "binary"}
 _ZIP: dict[str, Any] = {"schema": _BYTES}
-_FORM: dict[str, Any] = {"type": "object", "properties": {"file": _BYTES}, "required": ["file"]}
-_EXAMPLES: dict[str, Any] = {
-    "archive": {
-        "summary": "The file that `scancell archive pack` wrote: curl --data-binary @cell-4.zip",
-        "value": "PK",
+_FORM: dict[str, Any] = {"$ref": "#/components/schemas/ArchiveUpload"}
+_FORM_EXAMPLES: dict[str, Any] = {
+    "form": {
+        "summary": "The file that `scancell archive pack` wrote: curl -F file=@cell-4.zip",
+        "value": {"file": "PK"},
     }
 }
-_FORM_EXAMPLES: dict[str, Any] = {
-    "form": {"summary": "The same as a form: curl -F file=@cell-4.zip", "value": {"file": "PK"}}
-}
+# Generators of clients cannot take a body of two types: the second, the bare file, is told beside the first.
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
-        "content": {
-            "application/zip": {"schema": _BYTES, "examples": _EXAMPLES},
-            "multipart/form-data": {"schema": _FORM, "examples": _FORM_EXAMPLES},
-        },
-    }
+        "description": "Or the archive itself as the body, of the type application/zip.",
+        "content": {"multipart/form-data": {"schema": _FORM, "examples": _FORM_EXAMPLES}},
+    },
+    "x-raw-body": "application/zip",
 }
 
 

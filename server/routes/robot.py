@@ -80,7 +80,14 @@ async def close_port(session_id: SessionId, store: StoreDep, ports: RobotPortsDe
     responses={
         200: {"description": "`OK …` or `NO …`", "content": {"text/plain": {"example": "OK p07 good 0.71"}}}
     },
-    openapi_extra={"requestBody": {"content": {"text/plain": {"schema": {"type": "string"}, "example": _POSE}}}},
+    openapi_extra={
+        "requestBody": {
+            "content": {
+                "text/plain": {"schema": {"type": "string"}, "example": _POSE},
+                "application/octet-stream": {"schema": {"type": "string", "format": "binary"}, "example": _POSE},
+            }
+        }
+    },
 )
 async def say(session_id: SessionId, request: Request, store: StoreDep, ports: RobotPortsDep) -> Response:
     """Take one line or XML element of a robot's program and answer with one, as its TCP port does."""

@@ -55,7 +55,7 @@ def _method(verb: str, path: str, operation: Mapping[str, Any], schemas: Mapping
     in_path = [p for p in parameters if p["in"] == "path"]
     in_query = [p for p in parameters if p["in"] == "query"]
     body: dict[str, Any] = operation.get("requestBody", {}).get("content", {})
-    kind = next(iter(body), None)
+    kind = operation.get("x-raw-body") or next(iter(body), None)
     form = _form(body["multipart/form-data"]["schema"], schemas) if kind == "multipart/form-data" else {}
     if_match = any(p["name"].lower() == "if-match" for p in parameters)
     arguments = ["self", *[f"{_name(p)}: {_type(p)}" for p in in_path], *_body_arguments(kind, form)]
