@@ -1447,6 +1447,7 @@ export interface Series {
 export interface Session {
   format?: "scancell-session/1";
   name?: string;
+  archived?: boolean;
   cell: Cell;
   captures?: Capture[];
 }
@@ -1477,6 +1478,7 @@ export interface SessionAnswer {
 
 export interface SessionChanges {
   name?: string | null;
+  archived?: boolean | null;
   cell?: Record<string, unknown> | null;
 }
 
@@ -1493,6 +1495,7 @@ export interface SessionSummary {
   cell: Cell;
   cell_id: string;
   capture_count: number;
+  archived: boolean;
   verdicts: Record<string, "pass" | "warn" | "fail">;
 }
 
@@ -1781,6 +1784,7 @@ export interface StoredRecheckResult {
 export interface StoredSession {
   format?: "scancell-session/1";
   name?: string;
+  archived?: boolean;
   cell: Cell;
   captures?: Capture[];
   id: string;
@@ -1947,6 +1951,9 @@ export interface TcpResidual {
   weight?: number | null;
   side?: number | null;
   zone?: number | null;
+  shift_without_mm?: number | null;
+  turn_without_deg?: number | null;
+  growth_without?: number | null;
   profiles?: number | null;
   profiles_used?: number | null;
 }

@@ -1,7 +1,8 @@
 // The login page: a token in, and on to where one wanted to go.
 
 import "./theme.js";
-import { api, Problem } from "./state/api.js";
+import { api } from "./state/api.js";
+import { Problem } from "./state/http.js";
 import { h } from "./dom.js";
 import { t } from "./texts.js";
 

@@ -18,6 +18,7 @@ _ROOT_MEAN_SQUARES = (
     "center_distance_mm",
     "mahalanobis",
 )
+_OF_ONE_PROFILE = ("shift_without_mm", "turn_without_deg", "growth_without")
 _MEANS = (
     "center_offset_in_base_mm",
     "center_in_base_mm",
@@ -60,6 +61,7 @@ def _together(rows: Sequence[TcpResidual | TurntableResidual]) -> TcpResidual | 
         "side": _common([row.side for row in counted]),
     }
     names = type(rows[0]).model_fields
+    fields |= {name: None for name in _OF_ONE_PROFILE if name in names}
     for name in (*_ROOT_MEAN_SQUARES, *_MEANS):
         if name in names:
             values = [getattr(row, name) for row in counted if getattr(row, name) is not None]

@@ -193,7 +193,7 @@ def _cause(
     before = None if now is None else now.start.scatter_mm
     instead = "" if before is None else f" instead of {before:.1f} mm"
     name = one.reading.same_numbers()
-    do = f"correct cell.pose_convention to '{name}'" if name else "convert them"
+    do = f"set the cell's pose convention to '{name}'" if name else "convert them"
     return RootCause(
         id=_slug("pose-reading", said),
         kind="pose-reading",

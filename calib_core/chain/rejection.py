@@ -189,11 +189,21 @@ class WithoutOne:
         Of where the others expect the capture's sphere, mm.
     spread : (K, 3, 3)
         Covariance of that expectation, mm².
+    columns, loss : (K, S, P), (K, S, S)
+        By how much the unknowns' covariance grows: columnsᵀ · loss · columns.
     """
 
     steps: FloatArray
     moved: FloatArray
     spread: FloatArray
+    columns: FloatArray
+    loss: FloatArray
+
+    def wider(self, rows: FloatArray) -> FloatArray:
+        """Return by how much the covariance grows of what depends on the first unknowns by rows (m, n)."""
+        seen = self.columns[:, :, : rows.shape[1]] @ rows.T
+        grown = np.swapaxes(seen, 1, 2) @ self.loss @ seen
+        return (grown + np.swapaxes(grown, 1, 2)) / 2
 
 
 def without_each(at: ChainLinearisation) -> WithoutOne:
@@ -218,7 +228,8 @@ def without_each(at: ChainLinearisation) -> WithoutOne:
     steps = -np.einsum("kip,ki->kp", columns, answer[:, :, 0])
     spread = (own @ answer[:, :, 1:])[:, :3, :3]
     moved = np.einsum("kip,kp->ki", at.jacobian, steps)
-    return WithoutOne(steps, moved, (spread + np.swapaxes(spread, 1, 2)) / 2)
+    spread = (spread + np.swapaxes(spread, 1, 2)) / 2
+    return WithoutOne(steps, moved, spread, columns, answer[:, :, 1:] @ reduced)
 
 
 def _squared_distances(observations: Sequence[SphereObservation], data: ChainData, found: ChainFit) -> FloatArray:

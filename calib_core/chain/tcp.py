@@ -13,10 +13,11 @@ from calib_core.arms.alike import visits
 from calib_core.causes.happened import Happened, named_causes
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
+from calib_core.chain.influence import Influence, influence_of
 from calib_core.chain.model import ChainState, Sigmas, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, judge, with_more_spread, without_each
+from calib_core.chain.rejection import Judged, WithoutOne, judge, with_more_spread, without_each
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.sides import likeliest_sides
 from calib_core.chain.start import centers_of, find_starts
@@ -114,6 +115,8 @@ class TcpSolution:
         By how much (natural logarithm) all points find the chosen sides likelier than others; None: not in doubt.
     weights : (K,)
         By how much a capture's pose counts less than that of one that lies well, 1 … 0.
+    influence : Influence
+        How the answer would move without each capture.
     points_per_independent : float
         How many of a capture's points say as much as an independent one (median).
     causes : list of Happened
@@ -148,6 +151,7 @@ class TcpSolution:
     sides_log_odds: float | None
     start_scatter_mm: float
     weights: FloatArray
+    influence: Influence
     points_per_independent: float
     causes: list[Happened]
     sphere: SphereSize
@@ -201,8 +205,8 @@ def solve_tcp(
     state = held.state
     seen = [corrected(o, state.scanner, data.half_width_mm) for o in observations]
     sides = sides_of(seen, state)
-    left_out = _left_out_states(judged, held)
-    joint = answer_of(seen, judged.used, sides, state, left_out)
+    without = without_each(held.at)
+    joint = answer_of(seen, judged.used, sides, state, left_out_states(held, without, judged.used))
 
     tell(0.85, "Computing the paper's two steps beside it")
     paper, paper_answer, paper_covariance = _paper(seen, sphere, judged, state, sides)
@@ -234,6 +238,7 @@ def solve_tcp(
         sides_log_odds=chosen.log_odds,
         start_scatter_mm=start.scatter_mm,
         weights=data.pose_scale / judged.data.pose_scale,
+        influence=influence_of(held, without, judged.used, point),
         points_per_independent=float(np.median([o.points_per_independent for o in observations])),
         causes=named_causes(observations, judged, joint.offset_in_base_mm),
         sphere=sphere,
@@ -314,10 +319,10 @@ def sides_of(observations: Sequence[SphereObservation], state: ChainState) -> np
     )
 
 
-def _left_out_states(judged: Judged, held: Held) -> list[ChainState | None]:
-    """Return, for every capture, the unknowns without it; None for a rejected one."""
-    steps = without_each(held.at).steps
-    return [held.state.moved(s) if used else None for s, used in zip(steps, judged.used, strict=True)]
+def left_out_states(held: Held, without: WithoutOne, used: np.ndarray) -> list[ChainState | None]:
+    """Return, for each of the first captures (K,), the unknowns without it; None for a rejected one."""
+    steps = without.steps[: len(used)]
+    return [held.state.moved(s) if u else None for s, u in zip(steps, used, strict=True)]
 
 
 def answer_of(

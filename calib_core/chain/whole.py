@@ -13,6 +13,7 @@ import numpy as np
 from calib_core.arms.alike import visits
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
+from calib_core.chain.influence import influence_of
 from calib_core.chain.model import ChainState, chain_data
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
@@ -27,6 +28,7 @@ from calib_core.chain.tcp import (
     Progress,
     TcpSolution,
     answer_of,
+    left_out_states,
     pooled_point_sigma,
     say_nothing,
     seen_point,
@@ -170,8 +172,8 @@ def _tcp_part(
     """Return the tcp stage's solution with the whole chain's answer in it."""
     state, count, covariance = held.state, len(observations), held.covariance
     used = judged.used[:count]
-    steps = without_each(held.at).steps[:count]
-    left_out = [state.moved(step) if u else None for step, u in zip(steps, used, strict=True)]
+    without = without_each(held.at)
+    left_out = left_out_states(held, without, used)
     seen = [corrected(o, state.scanner, judged.data.half_width_mm) for o in observations]
     sides = sides_of(seen, state)
     joint = answer_of(seen, used, sides, state, left_out)
@@ -189,6 +191,7 @@ def _tcp_part(
         reasons=rejection_reasons(observations, used, squared, joint.offset_in_base_mm),
         squared_distance=squared,
         excess=judged.excess,
+        influence=influence_of(held, without, used, point),
         seen_in_laser_mm=point,
         at_point=held.at_point(point, judged.data.half_width_mm),
         weights=np.minimum(1 / judged.data.pose_scale[:count], 1.0),

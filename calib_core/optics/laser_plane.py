@@ -236,7 +236,7 @@ def plane_warnings(fit: PlaneFit, lines: Sequence[BoardLine], normal_sigma_deg: 
         )
     elif normal_sigma_deg > 0.1:
         warnings.append(
-            f"The plane's normal is known only to {normal_sigma_deg:.2f}° (one standard deviation). "
+            f"The plane's normal is known only to ±{2 * normal_sigma_deg:.2f}° (k = 2). "
             "Capture more boards, nearer and farther away."
         )
     used = sum(bool(m.any()) for m in fit.inliers)

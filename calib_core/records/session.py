@@ -265,10 +265,11 @@ class Capture(Record):
 
 
 class Session(Record):
-    """A session: the cell and its captures."""
+    """A session: the cell and its captures; one that is `archived` is kept, no longer in use."""
 
     format: Literal["scancell-session/1"] = FORMAT
     name: str = ""
+    archived: bool = False
     cell: Cell
     captures: list[Capture] = Field(default_factory=list)
 

@@ -48,6 +48,7 @@ class SessionChanges(BaseModel):
     )
 
     name: str | None = Field(default=None, max_length=500)
+    archived: bool | None = None
     cell: dict[str, Any] | None = None
 
 
@@ -89,6 +90,7 @@ class SessionSummary(BaseModel):
     cell: Cell
     cell_id: str
     capture_count: int
+    archived: bool
     verdicts: dict[StageName, Verdict]
 
 

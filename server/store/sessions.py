@@ -256,6 +256,7 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
             "cell": row.record["cell"],
             "cell_id": cell_id_of(row.record["cell"].get("id"), row.name),
             "capture_count": counts.get(row.id, 0),
+            "archived": bool(row.record.get("archived")),
             "verdicts": verdicts.get(row.id, {}),
         }
         for row in rows

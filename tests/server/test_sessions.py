@@ -86,7 +86,17 @@ def test_lists_are_paged_newest_first_and_searched(client: httpx.Client) -> None
     assert sorted(seen) == sorted(ids)
     assert len(client.get("/sessions", params={"search": "3 %_"}).json()["items"]) == 1
     item = client.get("/sessions", params={"search": "paged 4"}).json()["items"][0]
-    assert set(item) == {"id", "name", "created", "updated", "cell", "capture_count", "verdicts", "cell_id"}
+    assert set(item) == {
+        "id",
+        "name",
+        "created",
+        "updated",
+        "cell",
+        "capture_count",
+        "verdicts",
+        "cell_id",
+        "archived",
+    }
     assert item["capture_count"] == 0
     assert item["verdicts"] == {}
 

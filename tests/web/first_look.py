@@ -41,8 +41,8 @@ def first_look(page: Page) -> FirstLook:
     """Measure the result that a page shows; its window is 1280 × 720 afterwards."""
     page.set_viewport_size({"width": 1280, "height": 720})
     page.locator(".work").evaluate("(work) => { work.scrollTop = 0; }")
-    expect(page.locator(".answer-card")).to_be_visible()
-    expect(page.locator("sc-actions button.primary:visible").first).to_be_visible()
+    expect(page.locator(".answer-card")).to_be_visible(timeout=30_000)
+    expect(page.locator("sc-actions button.primary:visible").first).to_be_visible(timeout=30_000)
     seen = page.evaluate(_MEASURE)
     found = {
         f"{seen['words']} words: {seen['text']}": seen["words"] > MOST_WORDS,

@@ -13,11 +13,13 @@ from pathlib import Path
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Frame, Page, sync_playwright
+from playwright.sync_api import Browser, Frame, Page, sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from calib_core.formats.stl import stl_pieces  # noqa: E402
+from calib_core.simulation.part import build_part  # noqa: E402
 from server.settings import Settings  # noqa: E402
 from tests.server.live_server import serving, simulated_session, wait_for  # noqa: E402
 from tests.web.browsing import BROWSER_ARGUMENTS  # noqa: E402
@@ -103,77 +105,105 @@ def moment(page: Page, subject: list[str]) -> Moment:
     return Moment(seen["fill"], seen["labels"], problems)
 
 
-Get = Callable[[httpx.Client], str]
+@dataclass(frozen=True)
+class Told:
+    """A moment: how far its scenario's session is walked, what of it is open, and the layers that it is about."""
+
+    scenario: str
+    until: str
+    place: str
+    subject: list[str]
+    then: Callable[[httpx.Client, Page, str], None] | None = None
 
 
-def _tcp(captures: int, *, solved: bool = False, scenario: str = "tcp") -> Get:
-    def make(client: httpx.Client) -> str:
-        session = simulated_session(client, captures=captures, scenario=scenario)
-        if solved:
-            wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=300)
-        return session
-
-    return make
-
-
-def _walked(scenario: str, until: str, most: int = 80) -> Get:
-    """Follow the guide until it asks for a step's stage, or has solved it."""
-
-    def make(client: httpx.Client) -> str:
-        session = simulated_session(client, scenario=scenario)
-        for _ in range(most):
-            now = client.get(f"/sessions/{session}/guide").json()["current"]
-            if now["action"] == "capture":
-                client.post(f"/sessions/{session}/sources/simulated/capture").raise_for_status()
-                done = until == f"half {now['step']}" and now["still_needed"] <= 8
-            else:
-                wait_for(
-                    client, client.post(f"/sessions/{session}/solve/{now['stage']}").json()["id"], timeout_s=400
-                )
-                done = until == now["stage"]
-            if done:
-                break
-        return session
-
-    return make
+def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> None:
+    """Colour the merged cloud by its deviation from the part's own mesh."""
+    part = build_part()
+    mesh = b"".join(bytes(piece) for piece in stl_pieces(part.points_mm, part.triangles))
+    stored = client.put(f"/sessions/{session}/merged/reference", files={"file": ("part.stl", mesh)})
+    stored.raise_for_status()
+    page.reload()
+    page.get_by_label("by deviation").check()
+    page.get_by_label("Deviation from").select_option("mesh")
+    page.locator("sc-merged", has_text="Distance to the reference mesh").wait_for()
 
 
-MOMENTS: dict[str, tuple[Get, str, list[str]]] = {
-    "empty": (_tcp(0), "tcp", []),
-    "capture-1": (_tcp(1), "tcp", ["frames", "ghost"]),
-    "capture-5": (_tcp(5), "tcp", ["frames", "ghost"]),
-    "tcp": (_tcp(14, solved=True), "tcp.result", ["sphere"]),
-    "tcp-rejected": (_tcp(14, solved=True, scenario="tcp-moved-sphere"), "tcp.result", ["sphere"]),
-    "camera": (_walked("frames-tcp", "camera"), "camera.result", ["boards"]),
-    "laser-plane": (_walked("frames-tcp", "laser-plane"), "laser-plane.result", ["boards"]),
-    "table-half": (_walked("turntable", "half turntable"), "turntable", ["frames"]),
-    "table": (_walked("turntable", "turntable"), "turntable.result", ["circles", "places"]),
-    "scans": (_walked("cell", "half scan"), "scan", ["table", "scans"]),
-    "merged": (_walked("cell", "merge"), "merge.result", ["scans"]),
+MOMENTS: dict[str, Told] = {
+    "empty": Told("tcp", "0 captures", "tcp", []),
+    "capture-1": Told("tcp", "1 captures", "tcp", ["frames", "ghost"]),
+    "capture-5": Told("tcp", "5 captures", "tcp", ["frames", "ghost"]),
+    "tcp": Told("tcp", "tcp", "tcp.result", ["sphere"]),
+    "tcp-rejected": Told("tcp-moved-sphere", "tcp", "tcp.result", ["sphere"]),
+    "camera": Told("frames-tcp", "camera", "camera.result", ["boards"]),
+    "laser-plane": Told("frames-tcp", "laser-plane", "laser-plane.result", ["boards"]),
+    "table-half": Told("cell", "half turntable", "turntable", ["frames"]),
+    "table": Told("cell", "turntable", "turntable.result", ["circles", "places"]),
+    "scans": Told("cell", "half scan", "scan", ["table", "scans"]),
+    "merged": Told("cell", "merge", "merge.result", ["scans"]),
+    "deviation": Told("cell", "merge", "merge.result", ["scans"], _compare_with_the_part),
 }
-"""Of each moment: the session, what of it is open, and the layers that it is about."""
+"""The moments in the order in which a scenario's session comes to them."""
+_MOST = 90
+
+
+def walk_on(client: httpx.Client, session: str, until: str) -> None:
+    """Follow the guide from where a session stands until so many captures, half a step, or a result."""
+    for _ in range(_MOST):
+        if until in client.get(f"/sessions/{session}/results").json():
+            return
+        count = len(client.get(f"/sessions/{session}/captures?limit=1000").json()["items"])
+        now = client.get(f"/sessions/{session}/guide").json()["current"]
+        if until == f"{count} captures" or (until == f"half {now['step']}" and 0 < now["still_needed"] <= 8):
+            return
+        if now["action"] == "capture":
+            client.post(f"/sessions/{session}/sources/simulated/capture").raise_for_status()
+        else:
+            job = client.post(f"/sessions/{session}/solve/{now['stage']}").json()["id"]
+            wait_for(client, job, timeout_s=400)
+
+
+@dataclass
+class Album:
+    """Moments of one server: each scenario's session is walked on from moment to moment."""
+
+    client: httpx.Client
+    browser: Browser
+    sessions: dict[str, str] = field(default_factory=dict[str, str])
+
+    def look_at(self, name: str, save: bool = False) -> Moment:
+        """Measure a moment, and save its picture where asked."""
+        told = MOMENTS[name]
+        session = self.sessions.setdefault(told.scenario, "")
+        if not session:
+            session = self.sessions[told.scenario] = simulated_session(self.client, scenario=told.scenario)
+        walk_on(self.client, session, told.until)
+        address = str(self.client.base_url).split("/api/")[0]
+        page = self.browser.new_page(base_url=address, viewport={"width": 1280, "height": 720})
+        page.set_default_timeout(120_000)
+        page.goto(f"/sessions/{session}#{told.place}")
+        if told.then:
+            told.then(self.client, page, session)
+        scene_frame(page)
+        page.wait_for_timeout(5000)
+        found = moment(page, told.subject)
+        if save:
+            FOLDER.mkdir(parents=True, exist_ok=True)
+            picture = Image.open(BytesIO(page.screenshot())).convert("RGB").resize((960, 540))
+            picture.quantize(64).save(FOLDER / f"{name}.png", optimize=True)
+        page.close()
+        return found
 
 
 def main(names: list[str]) -> None:
     """Take the named moments' pictures, or all, and print what was measured."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder), port=0, warm_up=False)) as client:
             client.timeout = 400
+            album = Album(client, browser)
             for name in names or MOMENTS:
-                make, place, subject = MOMENTS[name]
-                address = str(client.base_url).split("/api/")[0]
-                page = browser.new_page(base_url=address, viewport={"width": 1280, "height": 720})
-                page.goto(f"/sessions/{make(client)}#{place}")
-                page.set_default_timeout(120_000)
-                scene_frame(page)
-                page.wait_for_timeout(6000)
-                found = moment(page, subject)
-                picture = Image.open(BytesIO(page.screenshot())).convert("RGB")
-                picture.quantize(128).save(FOLDER / f"{name}.png", optimize=True)
+                found = album.look_at(name, save=True)
                 print(f"{name}: fills {found.fill:.0%}, {found.labels} labels {found.problems}", flush=True)
-                page.close()
         browser.close()
 
 

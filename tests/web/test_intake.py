@@ -63,6 +63,40 @@ def test_a_table_with_its_columns_in_any_order(
     assert watched.complaints == []
 
 
+def test_metres_are_offered_to_be_read_as_such_before_anything_is_stored(
+    open_page: Callable[..., Any], api: httpx.Client, profiles: list[Path]
+) -> None:
+    session = make_session(api, cell=RECORD["cell"])
+    page, watched = open_page(f"/sessions/{session}")
+    # Files in metres without a header that tells so: another unit is one click, with a picture of what it gives.
+    bare = [
+        {"name": f.name, "mimeType": "text/csv", "buffer": in_metres(f.read_text(encoding="utf-8")).encode()}
+        for f in profiles
+    ]
+    page.locator("sc-intake input[type=file]").first.set_input_files(bare)
+    page.get_by_role("button", name="Read as m", exact=True).click()
+    expect(page.locator("sc-file-reading .reading-preview svg")).to_be_visible()
+    expect(page.get_by_role("button", name="Read as m", exact=True)).to_have_count(0)
+    poses = [[v / 1000 for v in c["pose"][:3]] + c["pose"][3:] for c in CAPTURES[:3]]
+    paste(page, "\n".join(" ".join(map(str, pose)) for pose in poses))
+    page.get_by_role("button", name="Read as metres").click()
+    expect(page.locator(".match tbody tr").first).to_contain_text(
+        f"{CAPTURES[0]['pose'][0]:.1f}".replace("-", "−")
+    )
+    page.get_by_role("button", name="Add 3 captures").click()
+    expect(page.locator(".captures tbody tr")).to_have_count(3)
+    stored = api.get(f"/sessions/{session}/captures").json()["items"]
+    assert [c["pose"] for c in stored] == [pytest.approx(c["pose"]) for c in CAPTURES[:3]]
+    assert {c["measured"]["verdict"] for c in stored} <= {"pass", "warn"}
+    assert watched.complaints == []
+
+
+def in_metres(profile: str) -> str:
+    """Return a profile's rows in metres, without the header that tells the unit."""
+    rows = [line.split(",") for line in profile.splitlines()[1:]]
+    return "\n".join(",".join(f"{float(v) / 1000:.8f}" if v else "" for v in row) for row in rows)
+
+
 def test_columns_are_told_by_hand_and_the_convention_is_seen_before_it_counts(
     open_page: Callable[..., Any], api: httpx.Client
 ) -> None:

@@ -53,6 +53,24 @@ def test_an_archive_dropped_on_the_page_becomes_a_session(open_page: Callable[..
     assert watched.complaints == []
 
 
+def test_an_archived_session_is_out_of_sight_and_comes_back(
+    open_page: Callable[..., Any], api: httpx.Client
+) -> None:
+    session = make_session(api, name="set aside")
+    page, watched = open_page()
+    cards = page.locator(".session-card", has_text="set aside")
+    cards.get_by_role("button", name="Move session set aside to the archived ones").click()
+    expect(cards).to_have_count(0)
+    assert api.get(f"/sessions/{session}").json()["archived"] is True
+    page.get_by_label("Show sessions by verdict").select_option("archived")
+    cards.get_by_role("button", name="Bring back session set aside").click()
+    expect(cards).to_have_count(0)
+    page.get_by_label("Show sessions by verdict").select_option("all")
+    expect(cards).to_have_count(1)
+    assert api.get(f"/sessions/{session}").json()["archived"] is False
+    assert watched.complaints == []
+
+
 def test_a_damaged_archive_is_refused_with_its_reason(
     open_page: Callable[..., Any],
     archive: Path,

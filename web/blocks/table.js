@@ -8,12 +8,21 @@ import { quantityWords } from "./quantity.js";
 /** @import {CellOf, ColumnOf, TableBlock, RowOf} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 
+const ROWS_AT_ONCE = 200;
+
 /** @param {TableBlock} block @param {SessionState} state */
 export function table({ caption, columns, rows }, state) {
   return h("div", { class: "table-block" }, caption && h("p", { class: "soft small" }, caption), h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-label": caption || (columns[0]?.label ?? "") },
     h("table", { class: "number compare" },
       h("thead", {}, h("tr", {}, ...columns.map((column) => h("th", { scope: "col", class: column.align !== "left" && "right" }, glossed(headOf(column)))))),
-      h("tbody", {}, ...rows.map((row) => line(row, columns, state))))));
+      fillLater(h("tbody"), rows, (row) => line(row, columns, state)))));
+}
+
+/** Many rows are added a few at a time, so that the page stays fluid. @param {HTMLElement} body @param {readonly RowOf[]} rows @param {(row: RowOf) => HTMLElement} make */
+function fillLater(body, rows, make, from = 0) {
+  body.append(...rows.slice(from, from + ROWS_AT_ONCE).map(make));
+  if (from + ROWS_AT_ONCE < rows.length) setTimeout(() => fillLater(body, rows, make, from + ROWS_AT_ONCE));
+  return body;
 }
 
 /** @param {ColumnOf} column */

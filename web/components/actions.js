@@ -1,11 +1,13 @@
 // The two things one does here, again and again: capture and solve. The primary button says what will happen.
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../state/me.js";
 import { sound } from "../shop.js";
 import { maybe, t } from "../texts.js";
 import { did } from "../state/undo.js";
+import { nextStep } from "../state/next-step.js";
 import { StateElement } from "./base.js";
 import { keep } from "./keep.js";
 import { stepName } from "./rail.js";
@@ -44,6 +46,7 @@ export class ActionsElement extends StateElement {
   }
 
   build() {
+    this.intake?.addEventListener("solve", () => void this.solve());
     this.append(
       h("div", { class: "row" }, this.#remedies, this.#mend, this.#on, this.#look, this.#capture, this.#solve,
         this.#waysIn),
@@ -65,11 +68,12 @@ export class ActionsElement extends StateElement {
     this.#on.hidden = !onward;
     this.#captureWords.textContent = maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
     this.#solveWords.textContent = maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
-    this.#capture.hidden = !simulated;
+    const status = this.state.guide?.steps.find(({ step }) => step === this.state.step)?.status ?? (this.state.now ? "working" : "");
+    this.#capture.hidden = !simulated || status === "" || status === "not-needed" || status === "known";
     this.#watch.hidden = simulated;
     this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
     this.#look.hidden = !solved || view === "result";
-    this.#look.classList.toggle("primary", !onward);
+    this.#look.classList.toggle("primary", !onward && !mends);
     this.#solve.hidden = solved;
     this.#capture.classList.toggle("primary", !ready && (!solved || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);
@@ -178,18 +182,6 @@ export class ActionsElement extends StateElement {
       this.state.follows(job);
     });
   }
-}
-
-/** The step that asks for something while the open one asks for nothing. @param {import("../state/session.js").SessionState} state */
-function nextStep({ now, guide, step }) {
-  const status = guide?.steps.find((one) => one.step === step)?.status;
-  if (!guide || (now && now.action !== "review")) return null;
-  // A step may be worked on before its turn; once what comes first is only to be solved, the way leads there.
-  const open = status === "todo" || status === "working" || status === "stale";
-  if (!now && open && guide.current.action !== "solve") return null;
-  if (!now || guide.current.action !== "review") return guide.current.step === step ? null : guide.current.step;
-  const place = guide.steps.findIndex((one) => one.step === step);
-  return guide.steps.slice(place + 1).find(({ status }) => status === "todo" || status === "stale" || status === "working")?.step ?? null;
 }
 
 /** @param {string} text @param {() => void} action */

@@ -1,6 +1,7 @@
 // The calibrated tool put into a copy of the controller's backup: one entry changes, every other byte stays.
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { backupOf, remember } from "../state/backups.js";
 import { chosen } from "../state/files.js";

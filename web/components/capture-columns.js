@@ -37,7 +37,7 @@ const COLUMNS = [
   plain("rms", ({ measured }, residual) => number(residual?.surface_rms_mm) ?? number(residual?.line_rms_mm) ?? number(measured.rms_mm), (value) => `±${small(value)}`),
   plain("rms_px", (_, residual) => number(residual?.rms_px), (value) => `±${fixed(value, 2)} px`),
   plain("off", (_, residual) => number(residual?.mahalanobis), (value) => `${fixed(value, 1)} σ`),
-  { name: "state", title: t("column.state"), value: (capture, residual) => status(capture, residual).textContent ?? "", cell: (capture, residual) => status(capture, residual) },
+  { name: "state", title: t("column.state"), value: (capture, residual) => statusOf(capture, residual)[1], cell: (capture, residual) => status(capture, residual) },
 ];
 
 /**
@@ -69,10 +69,18 @@ function poseCell({ pose }, residual) {
  * @param {CaptureOut} capture
  * @param {Residual | undefined} residual
  */
-export function status(capture, residual) {
+export const status = (capture, residual) => mark(...statusOf(capture, residual));
+
+/**
+ * The sign and the words of what became of a capture.
+ * @param {CaptureOut} capture
+ * @param {Residual | undefined} residual
+ * @returns {[string, string]}
+ */
+export function statusOf(capture, residual) {
   const { verdict } = capture.measured;
-  if (capture.excluded) return mark("skipped", t("captures.excluded"));
-  if (residual?.used === false) return verdict === "fail" ? mark("fail", t("quality.fail")) : mark("warn", t("captures.rejected"));
-  if (residual) return mark("pass", t("captures.used"));
-  return mark(verdict, maybe(`quality.${verdict}`, verdict));
+  if (capture.excluded) return ["skipped", t("captures.excluded")];
+  if (residual?.used === false) return verdict === "fail" ? ["fail", t("quality.fail")] : ["warn", t("captures.rejected")];
+  if (residual) return ["pass", t("captures.used")];
+  return [verdict, maybe(`quality.${verdict}`, verdict)];
 }

@@ -1,6 +1,7 @@
 // Two captures side by side: what was seen in each, and how the flange moved between them.
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { fixed, integer, millimetres, small } from "../format.js";
 import { mark } from "../icons.js";

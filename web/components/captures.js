@@ -5,19 +5,20 @@ import { h, keyed } from "../dom.js";
 import { icon } from "../icons.js";
 import { plural, t } from "../texts.js";
 import { StateElement } from "./base.js";
-import { columnsFor, status } from "./capture-columns.js";
+import { columnsFor, statusOf } from "./capture-columns.js";
 import { copy } from "./copy.js";
 import { excludeCapture, excludeCaptures } from "./exclude.js";
 import { keep } from "./keep.js";
 import { isReplaceable } from "./replaceable.js";
 import { attempt } from "./toasts.js";
 import { redoLast, undoLast } from "./undo.js";
+import { WindowRows } from "./window-rows.js";
 
 /** @import {Column} from "./capture-columns.js" */
 /** @import {CaptureOut, Residual} from "../state/model.js" */
 
 const ROWS_AT_ONCE = 40;
-const MOST_ROWS = 240;
+const COLLATOR = new Intl.Collator("en", { numeric: true });
 
 export class CapturesElement extends StateElement {
   #count = h("h2", { id: "captures-title" });
@@ -28,8 +29,7 @@ export class CapturesElement extends StateElement {
   #undo = deed("undo", undoLast);
   #redo = deed("redo", redoLast);
   #several = h("div", { class: "several row", role: "group", "aria-label": t("captures.several"), hidden: true });
-  #more = h("button", { type: "button", hidden: true, onclick: () => { this.#most += MOST_ROWS; this.#changed(); } }, t("start.more"));
-  #most = MOST_ROWS;
+  #window = new WindowRows(this.#body, () => this.#changed());
   /** @type {Set<string>} */ #chosen = new Set();
   /** @type {{ name: string, down: boolean }} */ #order = { name: "", down: false };
   /** @type {Column[]} */ #columns = [];
@@ -45,16 +45,19 @@ export class CapturesElement extends StateElement {
     this.append(
       h("div", { class: "row spread" }, this.#count, h("div", { class: "row" }, this.#filter, this.#undo, this.#redo,
         h("button", { type: "button", class: "plain wide", onclick: () => void copy(this.#csv()) }, t("captures.csv")))),
-      this.#several, h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-labelledby": "captures-title" }, this.#table), this.#more);
+      this.#several, h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-labelledby": "captures-title" }, this.#table));
   }
 
   connectedCallback() {
     super.connectedCallback();
+    this.#window.follow(this.closest(".work"));
     this.#stopDeeds = whenDeedsChange(() => this.#offerUndo());
   }
 
   disconnectedCallback() {
     super.disconnectedCallback();
+    this.#window.leave();
+    clearTimeout(this.#timer);
     this.#stopDeeds?.();
   }
 
@@ -85,10 +88,10 @@ export class CapturesElement extends StateElement {
     if (!same || !this.#head.firstChild) this.#drawHead();
     if (!same) this.#shown = new WeakMap();
     const found = this.#sorted(captures, residuals);
-    this.#more.hidden = found.length <= this.#most;
+    this.#table.setAttribute("aria-rowcount", String(found.length + 1));
     /** @type {(() => void)[]} */ const later = [];
     let filled = 0;
-    keyed(this.#body, found.slice(0, this.#most), (capture) => capture.id, () => h("tr"), (row, capture) => {
+    keyed(this.#body, this.#window.of(found), (capture) => capture.id, () => h("tr"), (row, capture) => {
       const residual = residuals.get(capture.id);
       this.#mark(row, capture);
       if (!this.#differs(row, capture, residual)) return;
@@ -114,14 +117,14 @@ export class CapturesElement extends StateElement {
     const words = this.#filter.value.toLowerCase().split(/\s+/).filter(Boolean);
     const found = words.length ? captures.filter((capture) => {
       const residual = residuals.get(capture.id);
-      const text = [capture.id, capture.mount, residual?.reason, capture.measured.reason, status(capture, residual).textContent].join(" ").toLowerCase();
+      const text = [capture.id, capture.mount, residual?.reason, capture.measured.reason, statusOf(capture, residual)[1]].join(" ").toLowerCase();
       return words.every((word) => text.includes(word));
     }) : captures;
     const column = this.#columns.find(({ name }) => name === this.#order.name);
     if (!column) return found;
-    const value = (/** @type {CaptureOut} */ capture) => column.value(capture, residuals.get(capture.id));
     const sign = this.#order.down ? -1 : 1;
-    return [...found].sort((a, b) => sign * compare(value(a), value(b)));
+    const valued = found.map((capture) => ({ capture, value: column.value(capture, residuals.get(capture.id)) }));
+    return valued.sort((a, b) => sign * compare(a.value, b.value)).map(({ capture }) => capture);
   }
 
   #drawHead() {
@@ -254,7 +257,7 @@ export function residualsOf(state) {
 /** @param {string | number | null} a @param {string | number | null} b */
 function compare(a, b) {
   if (a === null || b === null) return Number(a === null) - Number(b === null);
-  return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true });
+  return typeof a === "number" && typeof b === "number" ? a - b : COLLATOR.compare(String(a), String(b));
 }
 
 /** @param {"undo" | "redo"} what @param {() => Promise<void>} act */

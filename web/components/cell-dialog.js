@@ -1,6 +1,7 @@
 // The cell in three fields, for a new session or to correct one; the rest stands under "more".
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { go } from "../router.js";

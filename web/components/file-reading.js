@@ -1,21 +1,27 @@
 // What the reader takes from the scanner's files before they are used: columns, unit, how sure it is; another word counts.
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { kindOf } from "../state/files.js";
+import { profilePlot } from "./profile-plot.js";
 import { registry } from "../state/registries.js";
 import { t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
-/** @import {Capture, FileReading} from "../state/model.js" */
+/** @import {Capture, FileReading, Measured, SessionOut} from "../state/model.js" */
 
 const UNITS = ["mm", "m", "cm", "um", "in"];
+const IN_MM = /** @type {Record<string, number>} */ ({ mm: 1, m: 1000, cm: 10, um: 0.001, in: 25.4 });
+/** How much wider than the sphere what a scanner sees is, at least and at most. */
+const LIKELY = [0.2, 30];
 
 export class FileReadingElement extends HTMLElement {
   /** @type {Found | null} */ #file = null;
   #kind = "profile";
   #looked = "";
+  #diameter_mm = 0;
   #format = h("select", { id: "reading-format" });
   #unit = h("select", { id: "reading-unit" }, h("option", { value: "" }, t("reading.as_it_says")), ...UNITS.map((unit) => h("option", { value: unit }, unit)));
   #columns = h("input", { id: "reading-columns", autocomplete: "off", "aria-describedby": "reading-columns-hint" });
@@ -27,8 +33,10 @@ export class FileReadingElement extends HTMLElement {
     h("div", { class: "field" }, h("label", { for: "reading-columns" }, t("reading.columns")), h("span", { class: "hint", id: "reading-columns-hint" }, t("reading.columns_hint")), this.#columns),
     h("button", { type: "button", onclick: () => void this.#look() }, t("reading.again")));
 
-  /** Look at the first file that came; all of one intake are read alike. @param {readonly Found[]} found @param {string | null | undefined} scannerKind */
-  async look(found, scannerKind) {
+  /** Look at the first file that came; all of one intake are read alike. @param {readonly Found[]} found @param {SessionOut["cell"] | undefined} cell */
+  async look(found, cell) {
+    const scannerKind = cell?.scanner?.kind;
+    this.#diameter_mm = Number(cell?.sphere_diameter_mm ?? 0);
     const file = found.find(({ path }) => kindOf(path, scannerKind) === "profile" || kindOf(path, scannerKind) === "cloud");
     if (!file || this.#looked === file.path) return;
     [this.#file, this.#kind, this.#looked] = [file, kindOf(file.path, scannerKind), file.path];
@@ -67,12 +75,35 @@ export class FileReadingElement extends HTMLElement {
   }
 
   /** @param {FileReading} reading */
-  #show({ sure, sentence, doubts, notes }) {
+  #show(reading) {
+    const { sure, sentence, doubts, notes, preview, points } = reading;
     const doubtful = sure === "doubtful";
+    const seen = /** @type {Measured} */ (/** @type {unknown} */ ({ capture: this.#file?.path ?? "", kind: this.#kind, points, preview }));
     this.#said.replaceChildren(
       h("p", {}, mark(doubtful ? "warn" : "pass", `${this.#file?.path}: ${sentence}`)),
-      doubts.length + notes.length > 0 ? h("ul", { class: "messages" }, ...[...doubts, ...notes].map((one) => h("li", {}, one))) : "");
+      doubts.length + notes.length > 0 ? h("ul", { class: "messages" }, ...[...doubts, ...notes].map((one) => h("li", {}, one))) : "",
+      preview.length > 0 ? h("figure", { class: "reading-preview" }, profilePlot(seen, { width: 232, height: 120 })) : "",
+      h("p", { class: "row" }, ...this.#offers(reading)));
     if (doubtful) this.#form.open = true;
+  }
+
+  /** What is likely meant where it cannot be meant so: another unit; and the columns the other way round. @param {FileReading} reading */
+  #offers({ unit, low_mm: low, high_mm: high, columns }) {
+    const width_mm = Math.max(...(high ?? []).map((value, axis) => value - (low?.[axis] ?? 0)), 0);
+    const share = (/** @type {string} */ one) => (width_mm / this.#diameter_mm) * ((IN_MM[one] ?? 1) / (IN_MM[unit] ?? 1));
+    const fits = (/** @type {string} */ one) => share(one) > (LIKELY[0] ?? 0) && share(one) < (LIKELY[1] ?? 0);
+    const units = this.#diameter_mm > 0 && width_mm > 0 && unit in IN_MM && !fits(unit) ? UNITS.filter(fits) : [];
+    const [first, second, ...more] = Object.keys(columns).filter((name) => ["x", "y", "z"].includes(name));
+    const offers = units.map((one) => h("button", { type: "button", class: "primary", onclick: () => {
+      this.#unit.value = one;
+      void this.#look();
+    } }, t("reading.read_as", { unit: one })));
+    if (first && second && !more.length) offers.push(h("button", { type: "button", onclick: () => {
+      const now = this.#settings.columns ?? [first, second];
+      this.#columns.value = [...now].reverse().join(" ");
+      void this.#look();
+    } }, t("reading.swap", { first, second })));
+    return offers;
   }
 }
 

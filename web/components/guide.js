@@ -1,12 +1,16 @@
 // One thing to do now: its drawing, its reason, how much of it is left, and when it is enough.
 
+import { api } from "../state/api.js";
 import { h, make } from "../dom.js";
+import { mark } from "../icons.js";
 import { t } from "../texts.js";
+import { nextStep } from "../state/next-step.js";
 import { StateElement } from "./base.js";
 import { copyButton } from "./copy.js";
 import { DrawingElement } from "./drawing.js";
 import { meterSection } from "./meter.js";
 import { stepName } from "./rail.js";
+import { attempt } from "./toasts.js";
 
 /** @import {GuideNow} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -34,7 +38,7 @@ export class GuideElement extends StateElement {
   #open(status) {
     const { state } = this;
     const stage = state.stages.find(({ name }) => name === state.stageOf(state.step));
-    return status === "todo" || status === "working" || status === "stale" ? stage?.step?.to_capture : undefined;
+    return status === undefined || status === "todo" || status === "working" || status === "stale" ? stage?.step?.to_capture : undefined;
   }
 
   /** A step that asks for nothing now: where it stands, and the way on. */
@@ -46,9 +50,24 @@ export class GuideElement extends StateElement {
       h("p", { class: "guide-progress" }, stepName(state, state.step)),
       h("h1", {}, this.#open(told?.status) ?? t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
       h("p", { class: "soft" }, told?.note ?? ""),
-      h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),
-    ];
+      state.step === "recheck" && repeated(state.id),
+      // Where the main button leads on, once is enough.
+      nextStep(state) === null && current !== state.step && h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),
+    ].filter((part) => part instanceof Node);
   }
+}
+
+/** The poses that a recheck captures again. @param {string} sessionId */
+function repeated(sessionId) {
+  const list = h("ol", { class: "repeated" });
+  void attempt(async () => {
+    const { poses } = await api.recheckPlan(sessionId);
+    list.replaceChildren(...poses.map(({ capture, pose, captured }) => {
+      const text = pose.join(" ");
+      return h("li", {}, captured ? mark("pass", t("guide.repeated", { capture })) : capture, h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))));
+    }));
+  });
+  return list;
 }
 
 /** @param {GuideNow} now @param {string} name of the step @param {SessionState} state */

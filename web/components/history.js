@@ -15,7 +15,7 @@ import { attempt } from "./toasts.js";
  * @param {string} stage
  */
 export function historySection(sessionId, stage) {
-  const list = h("div", { class: "history" }, h("p", { class: "soft" }, t("history.wait")));
+  const list = h("div", { class: "history table-holder", tabindex: 0, role: "region", "aria-label": t("history.title") }, h("p", { class: "soft" }, t("history.wait")));
   const section = h("details", { class: "panel" }, h("summary", {}, t("history.title")), list);
   section.addEventListener("toggle", () => {
     if (section.open) void attempt(async () => list.replaceChildren(table(await api.history(sessionId, stage), sessionId, stage)));

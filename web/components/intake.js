@@ -1,16 +1,17 @@
 // Getting captures in: files dropped or chosen, pose lines pasted, both laid side by side before anything is stored.
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { h, make } from "../dom.js";
 import { chosen, controllerFiles, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
-import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
+import { lookLikeMetres, readInMetres } from "../state/pose-unit.js";
 import { did } from "../state/undo.js";
 import { freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "./base.js";
-import { FileReadingElement } from "./file-reading.js";
 import { keep } from "./keep.js";
+import { matchRow, numbersOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { PoseFileElement } from "./pose-file.js";
 import { stepName } from "./rail.js";
@@ -21,6 +22,8 @@ import { attempt, notify } from "./toasts.js";
 /** @import {Outcome, Parcel} from "../state/upload.js" */
 
 const READ_AFTER_MS = 200;
+/** From so many captures on a step may be solved at once. */
+const ENOUGH_TO_SOLVE = 5;
 
 export class IntakeElement extends StateElement {
   /** @type {Found[]} */ #files = [];
@@ -37,22 +40,26 @@ export class IntakeElement extends StateElement {
   #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
   #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
   #columns = make(PoseColumnsElement, { changed: () => void this.#read() });
+  #metres = false;
+  #unit = h("p", { class: "row pose-unit", role: "status", hidden: true });
   #poseFile = make(PoseFileElement, { changed: () => this.#draw() });
-  #scannerFile = make(FileReadingElement);
-  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#poseFile, this.#columns);
+  /** Loaded with the first file. @type {import("./file-reading.js").FileReadingElement | null} */ #scannerFile = null;
+  #scannerFilePlace = h("div");
+  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#poseFile, this.#columns, this.#unit);
   #turning = h("div", { hidden: true, class: "field" },
     h("label", { for: "intake-angles" }, t("intake.angles")), this.#angles,
     h("label", { for: "intake-mount" }, t("place.mount")), h("span", { class: "hint", id: "intake-mount-hint" }, t("place.mount_hint")), this.#mount);
   #paired = h("div", { hidden: true, class: "row" }, this.#pairs, h("label", { for: "intake-pairs" }, t("intake.pairs")));
   #table = h("div", { class: "match", role: "region", tabindex: 0, "aria-label": t("match.label"), "aria-live": "polite" });
   #add = h("button", { type: "button", class: "primary", onclick: () => void this.#send() }, t("intake.add_none"));
+  #addAndSolve = h("button", { type: "button", hidden: true, onclick: () => void this.#sendAndSolve() }, t("intake.add_solve"));
   #panel = h(
     "section", { class: "panel intake-panel", "aria-labelledby": "intake-title", hidden: true },
     h("div", { class: "row spread" }, h("h2", { id: "intake-title" }, t("intake.title")), h("button", { type: "button", class: "plain", onclick: () => this.close() }, t("close"))),
     h("p", { class: "soft" }, t("intake.how")),
     h("div", { class: "field" }, h("label", { for: "intake-step" }, t("intake.step")), this.#step),
-    this.#poseField, this.#turning, this.#paired, this.#scannerFile, this.#table,
-    h("div", { class: "row end" }, this.#add),
+    this.#poseField, this.#turning, this.#paired, this.#scannerFilePlace, this.#table,
+    h("div", { class: "row end" }, this.#addAndSolve, this.#add),
   );
 
   get parts() {
@@ -143,12 +150,14 @@ export class IntakeElement extends StateElement {
     this.#files = [];
     this.#stored.clear();
     this.#poses = [];
+    this.#metres = false;
+    this.#unit.hidden = true;
     this.#text.value = this.#angles.value = "";
     this.#keep();
     this.#panel.hidden = true;
     this.#columns.read("");
     this.#poseFile.clear();
-    this.#scannerFile.clear();
+    this.#scannerFile?.clear();
     this.#showInScene();
   }
 
@@ -187,7 +196,10 @@ export class IntakeElement extends StateElement {
       if (!measurements.length && !used.size) return;
       this.#files.push(...measurements);
       this.open();
-      await attempt(() => this.#scannerFile.look(this.#files, this.state.session?.cell.scanner?.kind));
+      const { FileReadingElement } = await import("./file-reading.js");
+      this.#scannerFile ??= make(FileReadingElement);
+      this.#scannerFilePlace.replaceChildren(this.#scannerFile);
+      await attempt(async () => this.#scannerFile?.look(this.#files, this.state.session?.cell));
     }
   }
 
@@ -223,10 +235,26 @@ export class IntakeElement extends StateElement {
     const text = this.#columns.lines;
     await attempt(async () => {
       const poses = text.trim() ? await api.readPoseLines(this.state.id, text, this.#columns.convention) : [];
-      if (reading === this.#reading) this.#poses = poses;
+      if (reading !== this.#reading) return;
+      this.#poses = this.#metres ? poses.map((pose) => readInMetres(pose, this.#columns.convention)) : poses;
+      this.#offerUnit(lookLikeMetres(poses, this.#columns.convention));
     });
     this.#draw();
     this.#showInScene();
+  }
+
+  /** Metres that were read as millimetres are offered to be read as such, and back. @param {boolean} likely */
+  #offerUnit(likely) {
+    if (this.#metres && !likely) {
+      this.#metres = false; // other poses
+      return void this.#read();
+    }
+    this.#unit.hidden = !likely;
+    const words = t(this.#metres ? "intake.metres_read" : "intake.metres");
+    this.#unit.replaceChildren(mark(this.#metres ? "pass" : "warn", words), h("button", { type: "button", onclick: () => {
+      this.#metres = !this.#metres;
+      void this.#read();
+    } }, t(this.#metres ? "intake.millimetres_go" : "intake.metres_go")));
   }
 
   /** The scene shows at once where the poses put the flange. */
@@ -275,7 +303,7 @@ export class IntakeElement extends StateElement {
       const ending = found.path.slice(found.path.lastIndexOf("."));
       const mount = this.#mount.value.trim();
       const table = turns ? { table_deg: Number(angle), ...(mount && this.#onTable ? { mount } : {}) } : {};
-      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose), ...this.#poseFile.recordOf(pose.text), ...this.#scannerFile.record };
+      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose), ...this.#poseFile.recordOf(pose.text), ...this.#scannerFile?.record };
       return [{ record, files: [found.file] }];
     });
   }
@@ -291,6 +319,7 @@ export class IntakeElement extends StateElement {
     const ready = this.#parcels().length;
     this.#add.textContent = ready ? plural(ready, "intake.add_one", "intake.add_many") : t("intake.add_none");
     this.#add.setAttribute("aria-disabled", String(ready === 0));
+    this.#addAndSolve.hidden = ready < ENOUGH_TO_SOLVE || this.state.stageOf(step) !== step;
     if (!rows.length) return this.#table.replaceChildren();
     const heads = boards ? /** @type {const} */ (["file"]) : /** @type {const} */ (["file", "line", "flange", "look"]);
     this.#table.replaceChildren(h("table", {},
@@ -309,15 +338,23 @@ export class IntakeElement extends StateElement {
     this.#add.textContent = t("intake.sending", { sent, all });
   };
 
+  /** The actions beside it solve once all are stored. */
+  async #sendAndSolve() {
+    if (!await this.#send()) return;
+    await this.state.reload();
+    this.dispatchEvent(new Event("solve"));
+  }
+
+  /** Whether all could be stored. @returns {Promise<boolean>} */
   async #send() {
     const parcels = this.#parcels();
-    if (!parcels.length) return;
-    if (!await attempt(() => this.#adoptConvention())) return;
+    if (!parcels.length || !await attempt(() => this.#adoptConvention())) return false;
     const outcome = await send(this.state.id, parcels, this.#progress);
     for (const file of outcome.files) this.#stored.add(file);
     this.#tell(outcome);
     if (outcome.problems.length) this.#draw();
     else this.close();
+    return !outcome.problems.length;
   }
 
   /** The poses were looked at in another convention than the cell's: that one becomes the cell's. */
@@ -339,36 +376,6 @@ export class IntakeElement extends StateElement {
     for (const problem of problems.slice(0, 2)) notify(problem, { bad: true });
     if (problems.length > 2) notify(t("intake.more_problems", { count: problems.length - 2 }), { bad: true });
   }
-}
-
-/**
- * @param {Found | undefined} found
- * @param {ParsedPose | undefined} pose
- * @param {HTMLElement | null} stored
- */
-function matchRow(found, pose, stored) {
-  const matrix = pose?.matrix;
-  return h(
-    "tr", {},
-    h("td", {}, found ? found.path : mark("warn", t("match.no_file")), " ", stored),
-    h("td", { class: "mono" }, pose ? pose.text : mark("warn", t("match.no_line"))),
-    h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", pose.problem ?? "")),
-    h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),
-  );
-}
-
-/** A pose that could be read has only numbers. @param {ParsedPose} pose */
-function numbersOf(pose) {
-  return (pose.numbers ?? []).filter((number) => number !== null);
-}
-
-/** Where the flange's z axis looks, in words: the quickest check of a convention. @param {number[]} axis */
-function direction(axis) {
-  const names = [["match.minus_x", "match.plus_x"], ["match.minus_y", "match.plus_y"], ["match.down", "match.up"]];
-  const largest = axis.reduce((best, value, index) => (Math.abs(value) > Math.abs(axis[best] ?? 0) ? index : best), 0);
-  const value = axis[largest] ?? 0;
-  const key = /** @type {"match.up"} */ (names[largest]?.[value > 0 ? 1 : 0]);
-  return t("match.z_looks", { where: t(key), angle: fixed((Math.acos(Math.min(Math.abs(value), 1)) * 180) / Math.PI, 0) });
 }
 
 customElements.define("sc-intake", IntakeElement);

@@ -8,15 +8,17 @@ import { plural, t } from "../texts.js";
 /** @import {SessionState} from "../state/session.js" */
 
 const [WIDTH, HEIGHT, EDGE] = [220, 48, 5];
+const MOST_DOTS = 60;
 
 /** @param {Meter} meter @param {SessionState} state */
 export function meterSection(meter, state) {
   const { uncertainty_mm: now, wanted_mm: wanted, still_needed: more, enough } = meter;
+  const doubted = state.resultOf(state.step)?.verdict !== "pass" && state.resultOf(state.step) !== null;
   const text = now === null || now === undefined ? t("meter.open") : `±\u202f${small(now)}`;
   return h("section", { class: "meter", "aria-label": t("meter.title") },
     h("p", { class: "number" }, h("strong", { class: "meter-now" }, text),
       wanted ? h("span", { class: "soft" }, ` → ${t("answer.wanted", { limit: small(wanted) })}`) : null,
-      enough ? h("span", {}, `, ${t("meter.enough")}`) : more ? h("span", {}, `, ${plural(more, "meter.more_one", "meter.more_many")}`) : null),
+      enough && !doubted ? h("span", {}, `, ${t("meter.enough")}`) : more ? h("span", {}, `, ${plural(more, "meter.more_one", "meter.more_many")}`) : null),
     historyLine(meter, state));
 }
 
@@ -33,7 +35,7 @@ function historyLine({ history = [], wanted_mm: wanted }, state) {
     s("title", {}, words),
     wanted ? s("path", { class: "wanted", d: `M0 ${y(wanted)}H${WIDTH}` }) : s("g"),
     s("path", { class: "way", d: known.map(({ value, index }, k) => `${k ? "L" : "M"}${x(index).toFixed(1)} ${y(value).toFixed(1)}`).join("") }),
-    ...known.map(({ capture, value, index }) => {
+    ...known.filter((_, place) => (known.length - 1 - place) % Math.ceil(known.length / MOST_DOTS) === 0).map(({ capture, value, index }) => {
       const dot = s("circle", { cx: x(index), cy: y(value), r: 3.5, "data-capture": capture }, s("title", {}, `${capture}: ±\u202f${small(value)}`));
       dot.addEventListener("click", () => state.select(capture));
       return dot;

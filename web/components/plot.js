@@ -2,12 +2,13 @@
 // and left out, by mouse, touch and keys; what is picked lights up in table and scene.
 
 import { h, make, s } from "../dom.js";
-import { fixed, significant, small } from "../format.js";
+import { fixed, significant } from "../format.js";
 import { t } from "../texts.js";
 import { excludeCapture } from "./exclude.js";
 import { thumbnail } from "./thumbnail.js";
+import { withoutWords } from "./without.js";
 
-/** @import {AxisOf, PlotBlock, Residual, SeriesOf} from "../state/model.js" */
+/** @import {AxisOf, PlotBlock, SeriesOf} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 /** @typedef {{ low: number, high: number, place: (value: number) => number }} Scale */
 /** @typedef {{ series: number, x: number, y: number, value: number, at: string, capture: string | undefined, reason: string | null | undefined, beyond: boolean }} Dot */
@@ -15,6 +16,9 @@ import { thumbnail } from "./thumbnail.js";
 const WIDTH = 560;
 const HEIGHT = 190;
 const EDGE = { left: 58, right: 12, top: 12, bottom: 40 };
+const DOTS_AT_ONCE = 150;
+/** Beyond it a plot over captures is no wider: dots stand closer. */
+const WIDEST = 6000;
 const MARKS = ["circle", "square", "diamond", "triangle"];
 
 export class PlotElement extends HTMLElement {
@@ -31,6 +35,11 @@ export class PlotElement extends HTMLElement {
 
   disconnectedCallback() {
     this.#stop?.();
+  }
+
+  /** All dots are there: the picked one among them lights up. */
+  lit() {
+    if (this.isConnected && this.state?.selected) this.#light();
   }
 
   #light() {
@@ -55,13 +64,10 @@ export class PlotElement extends HTMLElement {
     this.#tip.style.top = `${at.top - box.top - this.#tip.offsetHeight - 6}px`;
   }
 
-  /** What excluding a capture would tell, before anything is solved again: how well the others predict it. @param {Dot} dot */
+  /** What excluding its capture would do. @param {Dot} dot */
   #without({ capture }) {
-    if (!this.state || "timeline" in this.state) return null;
-    const rows = /** @type {Residual[]} */ (Object.values(this.state.results).flatMap(({ stale, residuals }) => (stale ? [] : residuals)));
-    const row = rows.find((one) => one.capture === capture && typeof one.leave_one_out_rms_mm === "number");
-    if (!row) return null;
-    return h("span", { class: "why" }, t("plot.without", { left: small(row.leave_one_out_rms_mm), with: small(row.surface_rms_mm) }));
+    const words = withoutWords(this.state, capture);
+    return words && h("span", { class: "without" }, `${words} ${t("without.key")}`);
   }
 
   hide() {
@@ -111,7 +117,7 @@ const withUnit = (value, unit) => `${significant(value, 3)}${unit ? `\u202f${uni
 function draw(block, element) {
   const label = `${block.caption} ${t("plot.keys")}`;
   if (block.shape === "grid") return grid(block);
-  const width = block.shape === "captures" ? Math.max(WIDTH, EDGE.left + longest(block) * 14) : WIDTH;
+  const width = block.shape === "captures" ? Math.min(WIDEST, Math.max(WIDTH, EDGE.left + longest(block) * 14)) : WIDTH;
   const x = scaleX(block, width);
   const y = scaleY(block);
   const root = s("svg", { class: `plot plot-${block.shape}`, viewBox: `0 0 ${width} ${HEIGHT}`, style: `max-width: ${width}px`, role: "group", "aria-label": label });
@@ -122,8 +128,15 @@ function draw(block, element) {
   root.append(...axes(block, x, y, width));
   if (block.shape === "histogram") root.append(...bars(block, x, y));
   else if (block.shape === "line") root.append(...block.series.map((one, index) => line(one, index, x, y)));
-  else dotsOf(block, x, y).forEach((dot, index) => root.append(mark(dot, index === 0, element)));
+  else addLater(root, dotsOf(block, x, y), element);
   return h("div", { class: "plot-holder" }, root);
+}
+
+/** Many dots are added a few at a time, so that the page stays fluid. @param {SVGElement} root @param {Dot[]} dots @param {PlotElement} element */
+function addLater(root, dots, element, from = 0) {
+  root.append(...dots.slice(from, from + DOTS_AT_ONCE).map((dot, index) => mark(dot, from + index === 0, element)));
+  if (from + DOTS_AT_ONCE < dots.length) setTimeout(() => addLater(root, dots, element, from + DOTS_AT_ONCE));
+  else element.lit();
 }
 
 /** @param {PlotBlock} block */

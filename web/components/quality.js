@@ -8,8 +8,11 @@ import { StateElement } from "./base.js";
 import { frameCoverage, sharpness } from "./frame-coverage.js";
 import { framePlot } from "./frame-plot.js";
 import { profilePlot, zoneBar } from "./profile-plot.js";
+import { withoutWords } from "./without.js";
 
 /** @import {CaptureOut, Residual} from "../state/model.js" */
+
+const MOST_OFFERED = 300;
 
 export class QualityElement extends StateElement {
   /** @type {string | null} the capture that the shown one is compared with */ #other = null;
@@ -28,6 +31,7 @@ export class QualityElement extends StateElement {
     this.replaceChildren(
       h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
       body(capture, left?.reason ?? null, this.state.id),
+      preview(withoutWords(this.state, capture.id)),
       ...frameCoverage(this.state.captures, capture),
     );
     if (other) void this.#compare(capture, other);
@@ -51,8 +55,12 @@ export class QualityElement extends StateElement {
       this.#other = /** @type {HTMLSelectElement} */ (event.currentTarget).value || null;
       this.update();
     };
-    return h("select", { class: "compare-with", "aria-label": t("both.with", { capture: capture.id }), onchange: pick },
-      h("option", { value: "" }, t("both.pick")), ...others.map(({ id }) => h("option", { value: id, selected: id === this.#other }, id)));
+    // The list of many is made once somebody opens it.
+    const offer = () => others.map(({ id }) => h("option", { value: id, selected: id === this.#other }, id));
+    const list = h("select", { class: "compare-with", "aria-label": t("both.with", { capture: capture.id }), onchange: pick }, h("option", { value: "" }, t("both.pick")));
+    if (others.length <= MOST_OFFERED || this.#other) list.append(...offer());
+    else list.addEventListener("focus", () => list.append(...offer()), { once: true });
+    return list;
   }
 }
 
@@ -82,6 +90,9 @@ function body(capture, rejected, sessionId) {
     h("div", { class: "quality-words" }, rejected ? said("fail", rejected) : reason(capture), figures(capture)),
   );
 }
+
+/** @param {string | null} words */
+const preview = (words) => h("p", { class: "without small soft", hidden: words === null }, words ?? "");
 
 /** @param {CaptureOut} capture */
 function reason({ measured }) {

@@ -1,6 +1,7 @@
 // The tool as it stands in the controller, of a file or as typed, compared with the answer: equal, or what differs.
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";

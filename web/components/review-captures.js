@@ -16,7 +16,8 @@ export class ReviewCapturesElement extends StateElement {
   }
 
   build() {
-    this.append(this.#count, h("table", { class: "captures", "aria-labelledby": "review-captures-title" }, h("thead", {}, this.#head), this.#body));
+    this.append(this.#count, h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-labelledby": "review-captures-title" },
+      h("table", { class: "captures", "aria-labelledby": "review-captures-title" }, h("thead", {}, this.#head), this.#body)));
   }
 
   update() {

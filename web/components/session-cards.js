@@ -11,7 +11,7 @@ import { drift } from "./drift.js";
 
 /** @import {SessionSummary} from "../state/model.js" */
 
-const FILTERS = /** @type {const} */ (["all", "pass", "warn", "fail", "unsolved"]);
+const FILTERS = /** @type {const} */ (["all", "pass", "warn", "fail", "unsolved", "archived"]);
 const AT_ONCE = 48;
 
 export class SessionCardsElement extends HTMLElement {
@@ -69,7 +69,9 @@ export class SessionCardsElement extends HTMLElement {
     const wanted = this.#filter.value;
     const found = this.#sessions.filter((session) => {
       const text = `${session.name} ${session.id} ${cellWords(session.cell)} ${when(session.updated)}`.toLowerCase();
-      return words.every((word) => text.includes(word)) && (wanted === "all" || wanted === standing(session));
+      // What was archived is out of sight until it is asked for.
+      const standsThere = wanted === "archived" ? session.archived : !session.archived && (wanted === "all" || wanted === standing(session));
+      return words.every((word) => text.includes(word)) && standsThere;
     });
     const cells = this.#cells(found);
     keyed(this.#list, cells.slice(0, this.#most), (cell) => cell.map((session) => `${session.id} ${session.name} ${version(session)}`).join(), (cell) => this.#card(cell), () => undefined);
@@ -99,6 +101,7 @@ export class SessionCardsElement extends HTMLElement {
       h("p", { class: "soft small" }, cellWords(session.cell)),
       h("p", { class: "small" }, plural(session.capture_count, "captures.one", "captures.many"), " · ", h("time", { datetime: session.updated }, when(session.updated))),
       h("p", { class: "verdicts" }, ...verdictsOf(session), drift(sessions)),
+      solved(session) && h("p", { class: "recheck" }, h("a", { href: `${address(session)}#recheck` }, t("start.recheck"))),
       this.#deeds(session),
       earlier.length > 0 && h("details", { class: "earlier" }, h("summary", { class: "small" }, plural(earlier.length, "start.earlier_one", "start.earlier_many")),
         h("ul", {}, ...earlier.map((one) => h("li", {}, h("a", { href: address(one) }, when(one.created)), h("span", { class: "verdicts small" }, ...verdictsOf(one)), this.#deeds(one))))),
@@ -113,10 +116,11 @@ export class SessionCardsElement extends HTMLElement {
       else this.#chosen.delete(session.id);
       this.#offerSeveral();
     } });
-    const button = (/** @type {"trash" | "rename"} */ sign, /** @type {string} */ words, /** @type {"admin" | "capture"} */ needs, /** @type {() => unknown} */ act) =>
+    const button = (/** @type {"trash" | "rename" | "archive"} */ sign, /** @type {string} */ words, /** @type {"admin" | "capture"} */ needs, /** @type {() => unknown} */ act) =>
       h("button", { type: "button", class: `plain icon ${sign}`, needs, "aria-label": words, title: words, onclick: () => void act() }, icon(sign));
     return h("div", { class: "deeds row" }, choose,
       button("rename", t("start.rename", { name }), "capture", async () => (await deeds()).renameSession(session, () => this.load())),
+      button("archive", t(session.archived ? "start.unarchive" : "start.archive", { name }), "capture", async () => (await deeds()).archiveSessions([session], !session.archived, () => this.load())),
       button("trash", t("start.remove", { name }), "admin", async () => (await deeds()).removeSessions([session], () => this.load())));
   }
 
@@ -129,6 +133,7 @@ export class SessionCardsElement extends HTMLElement {
       h("strong", {}, t("captures.selected", { count: chosen.length })),
       left && right && !more.length ? h("a", { class: "button", href: `/compare?left=${left.id}&right=${right.id}` }, t("result.compare")) : "",
       h("button", { type: "button", onclick: async () => (await deeds()).saveArchives(chosen) }, t("start.save")),
+      h("button", { type: "button", needs: "capture", onclick: async () => (await deeds()).archiveSessions(chosen, !chosen.every(({ archived }) => archived), () => this.load()) }, t(chosen.every(({ archived }) => archived) ? "start.unarchive_go" : "start.archive_go")),
       h("button", { type: "button", needs: "admin", class: "danger", onclick: async () => (await deeds()).removeSessions(chosen, () => this.load()) }, t("start.remove_go")));
   }
 }
@@ -140,6 +145,9 @@ const nameOf = (session) => session.name || session.id;
 
 /** @param {SessionSummary} session */
 const address = (session) => `/sessions/${encodeURIComponent(session.id)}`;
+
+/** Whether there is an answer that could be checked again. @param {SessionSummary} session */
+const solved = ({ verdicts }) => Boolean(verdicts["tcp"] ?? verdicts["chain"]);
 
 /** @param {SessionSummary} session */
 function verdictsOf({ verdicts }) {
@@ -155,8 +163,8 @@ function standing({ verdicts }) {
 }
 
 /** What changes with all that a card shows. @param {SessionSummary} session */
-function version({ updated, capture_count, verdicts }) {
-  return `${updated}-${capture_count}-${Object.entries(verdicts ?? {}).join("-")}`;
+function version({ updated, capture_count, archived, verdicts }) {
+  return `${updated}-${capture_count}-${archived}-${Object.entries(verdicts ?? {}).join("-")}`;
 }
 
 /** The server's drawing of its poses; before the first capture the page's own of a cell. @param {SessionSummary} session */

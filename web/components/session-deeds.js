@@ -1,8 +1,10 @@
-// What can be done with sessions from the list: rename one; save or delete one or several. Loaded when it is asked for.
+// What can be done with sessions from the list: rename one; save, archive or delete one or several. Loaded when it is asked for.
 
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
+import { did } from "../state/undo.js";
 import { plural, t } from "../texts.js";
+import "./undo.js";
 import { attempt, notify } from "./toasts.js";
 
 /** @import {SessionSummary} from "../state/model.js" */
@@ -47,6 +49,16 @@ export function renameSession(session, after) {
   ask(t("start.rename", { name: nameOf(session) }), [h("div", { class: "field" }, h("label", { for: "session-name" }, t("new.name")), name)],
     { words: t("place.save"), act: async () => { if (await attempt(() => api.changeSession(session.id, { name: name.value.trim() }))) await after(); } });
   name.select();
+}
+
+/** Out of the list of those in use, or back into it. @param {readonly SessionSummary[]} sessions @param {boolean} archived @param {() => Promise<void>} after */
+export async function archiveSessions(sessions, archived, after) {
+  const set = (/** @type {boolean} */ value) => async () => {
+    for (const { id } of sessions) await api.changeSession(id, { archived: value });
+    await after();
+  };
+  if (!await attempt(set(archived))) return;
+  did(plural(sessions.length, archived ? "start.archived_one" : "start.unarchived_one", archived ? "start.archived_many" : "start.unarchived_many"), set(!archived), { tell: true, redo: set(archived) });
 }
 
 /** One archive after the other, as the browser saves downloads. @param {readonly SessionSummary[]} sessions */

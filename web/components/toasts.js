@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { t } from "../texts.js";
-import { Problem } from "../state/api.js";
+import { Problem } from "../state/http.js";
 
 const SHOWN_MS = 9000;
 

@@ -1,6 +1,7 @@
 // Two results side by side: two sessions, or two solves of one. What is compared stands in the address.
 
-import { api, Problem } from "../state/api.js";
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
 import { comparisonSections } from "../components/comparison.js";
 import { attempt } from "../components/toasts.js";
 import { stages } from "../state/registries.js";

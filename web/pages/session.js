@@ -8,7 +8,6 @@ import { IntakeElement } from "../components/intake.js";
 import { LiveElement } from "../components/live.js";
 import { QualityElement } from "../components/quality.js";
 import { RailElement } from "../components/rail.js";
-import { ResultElement } from "../components/result.js";
 import { SceneElement } from "../components/scene.js";
 import { attempt } from "../components/toasts.js";
 import { h, make } from "../dom.js";
@@ -74,10 +73,15 @@ export class SessionPage extends HTMLElement {
   #build(state, sources, actions) {
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
       make(GuideElement, { state }), this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
-    const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" }, make(ResultElement, { state }));
+    const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" });
+    let drawn = false;
     state.watch(["view"], () => {
       measure.hidden = state.view !== "measure";
       result.hidden = state.view !== "result";
+      // What draws results is loaded with the first look at one.
+      if (result.hidden || drawn) return;
+      drawn = true;
+      void import("../components/result.js").then(({ ResultElement }) => result.append(make(ResultElement, { state })));
     });
     const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result, actions);
     state.watch(["step", "view"], () => { work.scrollTop = 0; });
@@ -126,7 +130,7 @@ export class SessionPage extends HTMLElement {
     this.classList.toggle("without-session", !session);
     if (!session) return;
     this.#name.hidden = false;
-    this.#name.textContent = session.name || session.id;
+    this.#name.textContent = this.#name.title = session.name || session.id;
     this.#cell.textContent = (session.simulated ? `${t("cell.simulated")} · ` : "") + cellWords(session.cell);
     this.#edit.hidden = session.simulated;
     document.title = `${session.name || session.id} · scancell`;

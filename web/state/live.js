@@ -1,6 +1,7 @@
 // The live cell of a session: its devices, and its previews, each asked for when the last one was drawn.
 
-import { json, request, ROOT, session } from "./api.js";
+import { session } from "./api.js";
+import { json, request, ROOT } from "./http.js";
 
 /** @import {CaptureSettings, Devices, TakenShot} from "../api-types.js" */
 

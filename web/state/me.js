@@ -1,6 +1,7 @@
 // Who uses this page, and what the page may offer them. The server decides; this only says it beforehand.
 
-import { api, toLogin } from "./api.js";
+import { api } from "./api.js";
+import { toLogin } from "./http.js";
 import { t } from "../texts.js";
 
 /** @import {Me} from "./model.js" */

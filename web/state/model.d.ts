@@ -8,13 +8,13 @@ import type {
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile, ToolComparison,
   AppliedChanges, Changes, RootCause, RootCauses,
-  Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
+  Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
 
 export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
 export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, Meter, SessionSummary, TcpResidual, TurntableResidual };
-export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
-export type { CellDrift, DriftSeries, FileReading };
+export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
+export type { CellDrift, DriftSeries };
 export type { FileReading, ToolComparison };
 export type ControllerFile = ControllerFileContent;
 export type FilePose = PoseOfFile;

@@ -1,6 +1,7 @@
 // A session at a place of its time line: what was there then, to look at. Nothing here changes the session.
 
-import { api, Problem } from "./api.js";
+import { api } from "./api.js";
+import { Problem } from "./http.js";
 import { SessionState } from "./session.js";
 import { stages } from "./registries.js";
 

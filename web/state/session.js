@@ -1,6 +1,7 @@
 // What the page knows of one session. The server is the truth; this follows it, whoever changes it.
 
-import { api, Problem } from "./api.js";
+import { api } from "./api.js";
+import { Problem } from "./http.js";
 import { follow } from "./events.js";
 import { stages } from "./registries.js";
 
@@ -133,7 +134,7 @@ export class SessionState extends EventTarget {
   get steps() {
     /** @type {string[]} */
     const guided = (this.guide?.steps ?? []).map(({ step }) => step);
-    const solved = this.stages.map(({ name }) => name).filter((name) => (this.results[name] || this.guide?.current.stage === name) && !guided.includes(name));
+    const solved = this.stages.map(({ name }) => name).filter((name) => (this.results[name] || this.guide?.current.stage === name || this.chosen === name) && !guided.includes(name));
     return [...guided, ...solved];
   }
 

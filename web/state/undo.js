@@ -1,7 +1,7 @@
 // What was done and can be undone, and what was undone and can be redone. Each deed asks the server for its opposite, so
 // that everybody sees it.
 
-import { Problem } from "./api.js";
+import { Problem } from "./http.js";
 
 /** @typedef {{ text: string, undo: () => Promise<unknown>, redo: (() => Promise<unknown>) | undefined }} Deed */
 

@@ -1,6 +1,7 @@
 // Sending captures one after another, so that their order stays and one bad file stops nothing but itself.
 
-import { api, Problem } from "./api.js";
+import { api } from "./api.js";
+import { Problem } from "./http.js";
 import { t } from "../texts.js";
 
 /** @import {Capture} from "./model.js" */

@@ -41,6 +41,7 @@ COLUMNS: Final = (
     ("mahalanobis", "Distance", "σ"),
     ("weight", "Weight", ""),
     ("zone", "r/R", ""),
+    ("shift_without_mm", "Shift if excluded", "mm"),
 )
 
 

@@ -20,6 +20,9 @@ class TcpResidual(CaptureResidual):
 
     `weight` is below 1 where a capture lies off: its pose counts so much less.  A sweep is one
     row: the root mean squares over those of its `profiles` that are used, and their mean offset.
+    Excluding the capture would move a point at the workpiece by `shift_without_mm`, turn the scanner
+    by `turn_without_deg` and make that point's uncertainty `growth_without` times as large: one step
+    from the answer, before anything is solved again.  A sweep has these of none of its profiles.
     """
 
     points: int = 0
@@ -32,6 +35,9 @@ class TcpResidual(CaptureResidual):
     weight: float | None = None
     side: int | None = None
     zone: float | None = None
+    shift_without_mm: float | None = None
+    turn_without_deg: float | None = None
+    growth_without: float | None = None
     profiles: int | None = None
     profiles_used: int | None = None
 

@@ -127,7 +127,7 @@ def _two_step(solution: TcpSolution) -> TwoStep:
 
 
 def _residuals(solution: TcpSolution) -> list[TcpResidual]:
-    joint = solution.joint
+    joint, influence = solution.joint, solution.influence
     return [
         TcpResidual(
             capture=name,
@@ -143,6 +143,9 @@ def _residuals(solution: TcpSolution) -> list[TcpResidual]:
             weight=float(solution.weights[k]),
             side=int(solution.sides[k]) or None,
             zone=solution.zones[k],
+            shift_without_mm=_finite(influence.shift_mm[k]),
+            turn_without_deg=_finite(np.rad2deg(influence.turn_rad[k])),
+            growth_without=_finite(influence.growth[k]),
         )
         for k, name in enumerate(solution.captures)
     ]

@@ -1,6 +1,7 @@
 // Looking into the merged cloud: colours, sections, deviations. What is set here is seen in the scene, too.
 
-import { api, Problem } from "../../state/api.js";
+import { api } from "../../state/api.js";
+import { Problem } from "../../state/http.js";
 import { h } from "../../dom.js";
 import { fixed, integer, small } from "../../format.js";
 import { mark } from "../../icons.js";

@@ -92,4 +92,12 @@ export const intake = {
   "read_back.need": "Choose a file or type the numbers.",
   "read_back.compare": "Compare",
   "read_back.apart": "{position} mm and {rotation}° from the answer, as the numbers stand.",
+
+  "intake.metres": "These positions look like metres.",
+  "intake.metres_go": "Read as metres",
+  "intake.millimetres_go": "Read as millimetres",
+  "intake.metres_read": "Positions are read as metres.",
+  "reading.read_as": "Read as {unit}",
+  "reading.swap": "Swap {first} and {second}",
+  "intake.add_solve": "Add and solve",
 };

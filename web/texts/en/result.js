@@ -54,7 +54,6 @@ export const result = {
   "settings.go": "Solve again",
   "plot.keys": "Arrow keys move between the points, Enter selects one.",
   "plot.rejected": "rejected: {reason}",
-  "plot.without": "Excluded, the others would predict it to {left}; as it is, it fits to {with}. X excludes it.",
   "plot.out": "rejected",
 
   "camera.view": "View",
@@ -71,4 +70,6 @@ export const result = {
   "result.export": "Export …",
   "answer.wanted": "wanted {limit}",
   "result.no_evidence": "This result was stored without its evidence. Solve again to see it.",
+  "without.words": "Excluding {capture} would move the answer by {shift} at the workpiece: ±{then} instead of ±{now}.",
+  "without.key": "X excludes it.",
 };

@@ -203,4 +203,5 @@ export const session = {
   "full.angle": "Angle along the arc",
   "full.off": "Off the arc",
   "full.along": "Distance of each point from the arc, RMS {rms}.",
+  "guide.repeated": "{capture}, captured again",
 };

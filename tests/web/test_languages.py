@@ -1,0 +1,92 @@
+"""No text is cut off in any language: what is in sight is measured against what holds and clips it."""
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.server.live_server import simulated_session, wait_for
+from tests.web.browsing import Watch, leave_out_the_scene
+
+pytestmark = pytest.mark.browser
+
+# Tables that scroll sideways by themselves, drawings, and a name of the user's own, are not texts that are cut.
+_CUT = """() => {
+  const apart = "svg, iframe, pre, textarea, .visually-hidden, .skip, sc-toasts, .table-holder, .columns"
+    + ", .session-title";
+  const cut = [];
+  for (const one of document.querySelectorAll("body *")) {
+    if (!one.checkVisibility({ visibilityProperty: true }) || one.closest(apart)) continue;
+    const isText = (node) => node.nodeType === Node.TEXT_NODE && node.textContent.trim();
+    const texts = [...one.childNodes].filter(isText);
+    if (one.matches("select, option") || !texts.length) continue;
+    const range = document.createRange();
+    range.selectNodeContents(texts[0]);
+    range.setEndAfter(texts.at(-1));
+    const box = range.getBoundingClientRect();
+    if (!box.width) continue;
+    for (let holder = one; holder && holder !== document.body; holder = holder.parentElement) {
+      const style = getComputedStyle(holder), held = holder.getBoundingClientRect();
+      const wide = box.right > held.right + 1 || box.left < held.left - 1;
+      const high = box.bottom > held.bottom + 2;
+      const clips = (wide && style.overflowX !== "visible") || (high && style.overflowY === "hidden");
+      if (clips || (holder.matches("button, .button") && (wide || high))) {
+        cut.push(`${one.tagName.toLowerCase()}.${one.className}: ${one.textContent.trim().slice(0, 60)}`);
+        break;
+      }
+    }
+  }
+  if (document.documentElement.scrollWidth > innerWidth + 1) cut.push("the page scrolls sideways");
+  return cut;
+}"""
+
+
+@pytest.fixture(scope="module")
+def session(address: str) -> str:
+    """A result of which a capture was left out."""
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=120, trust_env=False) as client:
+        session = simulated_session(client, captures=14, scenario="tcp-moved-sphere")
+        assert wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])["status"] == "done"
+    return session
+
+
+@pytest.fixture(params=["en-GB", "de-DE", "zh-CN"])
+def page(request: pytest.FixtureRequest, browser: Browser, address: str, watch: Watch) -> Iterator[Page]:
+    context = browser.new_context(base_url=address, locale=request.param, reduced_motion="reduce")
+    leave_out_the_scene(context)
+    yield context.new_page()
+    context.close()
+
+
+def test_no_text_is_cut_off(page: Page, session: str) -> None:
+    found: dict[str, list[str]] = {}
+
+    def look(where: str) -> None:
+        for width, height in ((1280, 720), (1024, 768)):
+            page.set_viewport_size({"width": width, "height": height})
+            if cut := page.evaluate(_CUT):
+                found[f"{where}, {width} px"] = cut
+
+    page.goto("/")
+    expect(page.locator(".session-card").first).to_be_visible()
+    look("first page")
+    page.goto(f"/sessions/{session}#tcp.result")
+    page.locator(".answer-card").wait_for()
+    page.evaluate("() => document.querySelectorAll('sc-result details').forEach((one) => { one.open = true; })")
+    look("result")
+    page.locator("#tab-measure").click()
+    expect(page.locator("table.captures tbody tr")).to_have_count(14)
+    page.locator("table.captures .pick").nth(2).click()
+    look("measure")
+    page.keyboard.press("?")
+    page.locator("dialog[open]").wait_for()
+    look("keys")
+    page.keyboard.press("Escape")
+    page.goto(f"/sessions/{session}/review")
+    page.locator("sc-review-captures tbody tr").first.wait_for()
+    look("review")
+    page.goto(f"/compare?stage=tcp&left={session}&right={session}")
+    page.locator(".comparison section").first.wait_for()
+    look("comparison")
+    assert found == {}

@@ -1,0 +1,156 @@
+// How the page speaks HTTP: requests that are tried again while the server is away, and problems that say what to do.
+
+import { t } from "../texts.js";
+
+/** @import {Page, ProblemBody} from "./model.js" */
+
+export const ROOT = "/api/v1";
+export const LOGIN = "/login";
+const PATIENCE_MS = [400, 1200, 3000];
+/** Who is asked to wait for longer than this is told so. */
+const LONGEST_WAIT_S = 5;
+
+/** As a sentence begins; the server's may stand behind a name. @param {string} text */
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** A request that the server refused, or that never reached it; `message` says what to do. */
+export class Problem extends Error {
+  /** @param {ProblemBody} body */
+  constructor(body) {
+    super(sentence(body.detail ?? body.title ?? ""));
+    this.name = "Problem";
+    this.body = body;
+  }
+
+  get status() {
+    return this.body.status;
+  }
+}
+
+/** A key that lets the server recognise the same request sent twice. Works without a secure context, too. */
+function idempotencyKey() {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+/** @param {number} milliseconds */
+const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
+
+/** @param {Response} response */
+async function problemOf(response) {
+  const fallback = { type: "about:blank", title: response.statusText, status: response.status };
+  if (!(response.headers.get("content-type") ?? "").includes("json")) {
+    return new Problem({ ...fallback, detail: t("problem.unreadable", { status: response.status }) });
+  }
+  return new Problem({ ...fallback, ...(await response.json()) });
+}
+
+/** The login is over, or there was none: the login page leads back to here. */
+export function toLogin() {
+  const { pathname, search, hash } = window.location;
+  window.location.assign(`/login?ended=1&next=${encodeURIComponent(pathname + search + hash)}`);
+}
+
+/**
+ * Ask, and ask again while the server cannot be reached; a POST carries its key, so that it counts once.
+ * @param {string} path
+ * @param {RequestInit} [init]
+ * @param {string} [root] what the path is under
+ * @returns {Promise<Response>}
+ */
+export async function request(path, init = {}, root = ROOT) {
+  const headers = new Headers(init.headers);
+  if (init.method === "POST") headers.set("Idempotency-Key", idempotencyKey());
+  for (const wait of [...PATIENCE_MS, 0]) {
+    try {
+      const response = await fetch(root + path, { ...init, headers });
+      if (response.ok) return response;
+      const rest_s = Number(response.headers.get("Retry-After") ?? 1);
+      if (response.status === 429 && path !== LOGIN && wait && rest_s <= LONGEST_WAIT_S) {
+        await pause(1000 * rest_s);
+        continue;
+      }
+      if (response.status === 401 && path !== LOGIN) toLogin();
+      throw await problemOf(response);
+    } catch (error) {
+      if (error instanceof Problem) throw error;
+      if (wait === 0) break;
+      await pause(wait);
+    }
+  }
+  throw unreachable();
+}
+
+/** What is thrown where the server does not answer. */
+export function unreachable() {
+  return new Problem({ type: "about:blank", title: t("problem.unreachable_title"), status: 0, detail: t("problem.unreachable") });
+}
+
+/**
+ * Send a large file; `progress` hears which share of it has gone out. fetch cannot tell that, so this is the older way.
+ * @param {string} path
+ * @param {File} file
+ * @param {string} type
+ * @param {(share: number) => void} progress
+ * @returns {Promise<any>}
+ */
+export function sendFile(path, file, type, progress) {
+  return new Promise((resolve, reject) => {
+    const sending = new XMLHttpRequest();
+    sending.open("POST", ROOT + path);
+    sending.setRequestHeader("Content-Type", type);
+    sending.setRequestHeader("Idempotency-Key", idempotencyKey());
+    sending.upload.onprogress = ({ loaded, total }) => progress(total ? loaded / total : 0);
+    sending.onerror = () => reject(unreachable());
+    sending.onload = () => {
+      const answer = new Response(sending.response || null, { status: sending.status, headers: { "content-type": sending.getResponseHeader("content-type") ?? "" } });
+      if (answer.ok) resolve(answer.json());
+      else void problemOf(answer).then(reject);
+    };
+    sending.send(file);
+  });
+}
+
+/**
+ * @param {string} method
+ * @param {unknown} [body]
+ * @returns {RequestInit}
+ */
+export function json(method, body) {
+  if (body === undefined) return { method };
+  return { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+}
+
+/** @param {number | undefined} revision @param {RequestInit} init @returns {RequestInit} */
+export function madeAgainst(revision, init) {
+  return revision === undefined ? init : { ...init, headers: { ...init.headers, "If-Match": `"${revision}"` } };
+}
+
+/**
+ * @template T
+ * @param {string} path
+ * @returns {Promise<T>}
+ */
+export async function get(path) {
+  return (await request(path)).json();
+}
+
+/**
+ * All pages of a list.
+ * @template T
+ * @param {string} path
+ * @returns {Promise<T[]>}
+ */
+export async function all(path) {
+  /** @type {T[]} */
+  const items = [];
+  let cursor = "";
+  do {
+    const glue = path.includes("?") ? "&" : "?";
+    /** @type {Page<T>} */
+    const page = await get(cursor ? `${path}${glue}cursor=${encodeURIComponent(cursor)}` : path);
+    items.push(...page.items);
+    cursor = page.next ?? "";
+  } while (cursor);
+  return items;
+}
