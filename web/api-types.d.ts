@@ -24,6 +24,10 @@ export interface ArchiveFacts {
   report: boolean;
 }
 
+export interface ArchiveUpload {
+  file: string;
+}
+
 export interface ArmJoint {
   a_mm?: number;
   alpha_deg?: number;

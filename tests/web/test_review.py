@@ -219,7 +219,15 @@ HOSTILE = b"""<!doctype html><meta http-equiv="refresh" content="0;url=/api/v1/h
 <a href="/api/v1/cells">Here</a>"""
 
 
-def test_a_kept_page_runs_nothing_and_leads_nowhere(browser: Browser, api: httpx.Client, session: str) -> None:
+def test_a_kept_page_runs_nothing_and_leads_nowhere(
+    browser: Browser, api: httpx.Client, session: str, watch: Watch
+) -> None:
+    watch.announce("Refused to execute the redirect")
+    watch.announce("Blocked script execution")
+    watch.announce("Blocked form submission")
+    watch.announce("Unsafe attempt to initiate navigation")
+    watch.announce("Blocked opening")
+    watch.announce('violates the following Content Security Policy directive: "(img|frame)-src')
     archive = api.get(f"/sessions/{session}/archive", params={"scene": False}).content
     hostile = changed(archive, "data/report.html", lambda _: HOSTILE)
     made = api.post("/archives", content=hostile, headers={"Content-Type": "application/zip"})
