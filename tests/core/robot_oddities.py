@@ -267,6 +267,8 @@ MITSUBISHI = Dialect("a.prg", lambda body: f"1 Ovrd 100\n{body}\nEnd\n", [
     ("P1=(1,2,3,10,20,30,45,0)(7,0)", {"P1": P}),
     ("Base (100,0,0,0,0,0)\nP1=(1,2,3,10,20,30)(7,0)", "Base"),
     ("P1=P2*P3", "cannot be read"),
+    ("P1=1,2,3,10,20,307,0)", "cannot be read"),
+    ("P1=(1,2,3,10,20,307,0)", "cannot be read"),
     ("30 Mov P9", "P9: a move goes there"),
     ("J1=(0,0,90,0,90,0)", "joints alone"),
 ])  # fmt: skip

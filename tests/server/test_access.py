@@ -190,6 +190,20 @@ def make_session_as(client: httpx.Client, token: str) -> str:
     return answer.json()["id"]
 
 
+def test_a_reader_takes_the_answer_into_a_backup_and_changes_nothing(
+    client: httpx.Client, tokens: dict[str, str]
+) -> None:
+    session = make_session_as(client, tokens["admin"])
+    reader = bearer(tokens["read"])
+    backup = {"backup": ("$config.dat", b"TOOL_DATA[1]={X 0,Y 0,Z 0,A 0,B 0,C 0}\n")}
+    asked = client.post(f"/sessions/{session}/exports/kuka", files=backup, headers=reader)
+    assert asked.status_code == 409, asked.text  # nothing is solved there; it is not for want of a role
+    typed: Any = {"numbers": (None, "0 0 184 0 45 0")}
+    assert client.post(f"/sessions/{session}/read-back", files=typed, headers=reader).status_code == 409
+    refused = client.patch(f"/sessions/{session}", json={"name": "mine"}, headers=reader)
+    assert refused.status_code == 403
+
+
 def test_the_log_tells_who_did_what_and_only_grows(tmp_path: Path) -> None:
     with guarded(tmp_path) as (client, tokens):
         session = make_session_as(client, tokens["capture"])

@@ -72,7 +72,10 @@ def test_a_scanners_file_is_shown_before_it_is_used(client: httpx.Client) -> Non
 
 def test_a_tool_is_put_into_a_copy_of_the_backup_and_read_back(client: httpx.Client, solved: str) -> None:
     backup = [("backup", (name, data)) for _, (name, data) in FILES]
+    session = client.get(f"/sessions/{solved}")
     answer = client.post(f"/sessions/{solved}/exports/kuka", files=backup, data={"settings": '{"tool": 1}'})
+    now = client.get(f"/sessions/{solved}")  # nothing is stored, so a reader may
+    assert (now.headers["etag"], now.json()) == (session.headers["etag"], session.json())
     assert answer.headers["content-disposition"] == "attachment; filename*=UTF-8''%24config.dat"
     before, after = CONFIG.splitlines(), answer.content.decode().splitlines()
     assert [i for i, pair in enumerate(zip(before, after, strict=True)) if pair[0] != pair[1]] == [2]
