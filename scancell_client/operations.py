@@ -120,6 +120,12 @@ class Operations(Connection):
         refused."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/live/capture", json=body)
 
+    def live_take_sweep(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Record every exposure and the robot's poses for some seconds, and store them as one capture: a
+        sweep. On the move the offset between the clocks must be known well enough for the speed; else it is
+        refused. The files are removed from the recording's folder once they are stored."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/live/sweep", json=body)
+
     def live_measure_clocks(self, session_id: str) -> Any:
         """Measure the offset between the scanner's and the robot's clocks from what has just come. Before,
         the robot moves back and forth for five seconds or more, its orientation held, the sphere in

@@ -107,7 +107,12 @@ def _try(client: httpx.Client, path: str, change: Mapping[str, Any], look: Any) 
     record = client.get(path).json()
     undo: dict[str, Any] = {name: record.get(name) for name in change}
     if "cell" in change:
-        undo = {"cell": {name: record["cell"].get(name) for name in change["cell"]}}
+        undo = {"cell": {}}
+        for name, value in change["cell"].items():
+            before = record["cell"].get(name)
+            # A merge patch keeps what it does not name: what was not there is removed by name.
+            added = dict.fromkeys(value) if isinstance(value, dict) and isinstance(before, dict) else None
+            undo["cell"][name] = before if added is None else {**added, **before}
     if client.patch(path, json=dict(change)).status_code != 200:
         return
     try:
