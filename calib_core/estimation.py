@@ -16,6 +16,13 @@ from calib_core.frames import FloatArray
 State = TypeVar("State")
 
 
+def chance_of(chi_squared: float, degrees_of_freedom: float) -> float:
+    """Return how often noise alone gives as large a χ² or a larger one."""
+    from scipy.special import chdtrc  # scipy.stats has it too, but takes a second to import
+
+    return float(chdtrc(degrees_of_freedom, chi_squared))
+
+
 class Linearisation(Protocol):
     """A problem about one state: half its squared residuals, their gradient and Gauss–Newton Hessian."""
 

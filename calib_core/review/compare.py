@@ -7,6 +7,7 @@ from typing import Any, Final, Literal, cast
 import numpy as np
 from pydantic import Field
 
+from calib_core.estimation import chance_of
 from calib_core.exports.workpiece import covariance_in, point_jacobian, seen_in_laser_mm
 from calib_core.frames import FloatArray, Frame, RigidTransform
 from calib_core.records import Capture, Record, Session
@@ -279,8 +280,6 @@ def frame_difference(
     point_mm : (3,)
         The point in the outer frame at which the two are compared in mm.
     """
-    from scipy.stats import chi2
-
     left, right = poses
     difference = left.difference(right)
     squared, freedom = _mahalanobis(difference, covariance)
@@ -297,7 +296,7 @@ def frame_difference(
         axes=_axes(difference, covariance),
         distance=float(np.sqrt(squared)),
         degrees_of_freedom=freedom,
-        chance=float(chi2.sf(squared, freedom)) if freedom else 1.0,
+        chance=chance_of(squared, freedom) if freedom else 1.0,
         point_mm=point_mm.tolist(),
         at_workpiece_mm=length,
         at_workpiece_sigma_mm=float(np.sqrt(max(float(along @ at_point @ along), 0.0))),

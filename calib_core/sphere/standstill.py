@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
+from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray
 from calib_core.sphere.arc import ArcFit
 
@@ -71,7 +71,7 @@ def standstill(groups: Iterable[Sequence[ArcFit]]) -> Standstill | None:
         exposures=int(exposures),
         movement_mm=float(np.sqrt(max(0.0, scatter - noise) / freedom)),
         noise_mm=float(np.sqrt(noise / freedom)),
-        chance=float(chi2.sf(squares, _NUMBERS_OF_AN_ARC * freedom)),
+        chance=chance_of(squares, _NUMBERS_OF_AN_ARC * freedom),
     )
 
 

@@ -5,21 +5,18 @@ costs one process, not the service.
 """
 
 import logging
-import multiprocessing
 import signal
-import sys
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from multiprocessing.context import BaseContext
 from typing import Any
 
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from server.http.json_text import JsonText
-from server.jobs.child_processes import ignoring_interrupts
+from server.jobs.child_processes import WorkerContext
 from server.jobs.measuring import check_poses, measured_with_text, unmeasured, warm_up
 
 log = logging.getLogger("scancell")
@@ -38,11 +35,13 @@ class Measuring:
         How many captures at once.
     timeout_s : float
         What takes longer is given up; the capture is kept all the same.
+    warm : bool
+        Whether what solves need is loaded along.
     """
 
-    def __init__(self, processes: int, timeout_s: float) -> None:
+    def __init__(self, processes: int, timeout_s: float, warm: bool = False) -> None:
         self._timeout_s = timeout_s
-        self._context = _context()
+        self._context = WorkerContext(warm)
         self._turns = threading.BoundedSemaphore(processes)
         self._idle: list[_Process] = []
         self._all: set[_Process] = set()
@@ -147,8 +146,7 @@ class _Process:
     def __init__(self, context: Any) -> None:
         self._connection, other = context.Pipe()
         self._process = context.Process(target=_serve, args=(other,), daemon=True)
-        with ignoring_interrupts():
-            self._process.start()
+        self._process.start()
         other.close()
         self.usable = self._started()
 
@@ -180,15 +178,6 @@ class _Process:
 
 def _text_of(measured: Measured) -> JsonText:
     return JsonText(measured.model_dump_json(exclude_unset=True))
-
-
-def _context() -> BaseContext:
-    """Return how processes are started: from one that has imported what they need, where the system can."""
-    if sys.platform == "win32":
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__, "calib_core.captures.measure", "calib_core.simulation"])
-    return context
 
 
 def _serve(connection: "Connection[Any, Any]") -> None:

@@ -22,7 +22,7 @@ class ProcessPool(Pool):
     """Worker processes of this server; one that ends takes the pool along."""
 
     def __init__(self, settings: Settings, listen: Listen) -> None:
-        self._context = WorkerContext()
+        self._context = WorkerContext(settings.warm_up)
         self._initialized: set[worker.Place] = set()
         self._queue: Queue[worker.Message | None] = self._context.Queue()
         self.executor = ProcessPoolExecutor(
@@ -38,8 +38,17 @@ class ProcessPool(Pool):
         return self.executor.submit(work)
 
     def get_ready(self) -> "Future[bool]":
-        """Return what is done once a worker is warm."""
-        return self.executor.submit(worker.ready)
+        """Return what is done once a worker is warm; nobody waits for what the first ones are forked from."""
+        ready: Future[bool] = Future()
+
+        def start() -> None:
+            try:
+                ready.set_result(self.executor.submit(worker.ready).result())
+            except Exception as error:  # the pool was closed meanwhile, or is broken
+                ready.set_exception(error)
+
+        threading.Thread(target=start, daemon=True, name="first worker").start()
+        return ready
 
     def end_worker(self, place: worker.Place) -> None:
         """End a worker, and the pool with it."""

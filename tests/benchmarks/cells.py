@@ -1,6 +1,7 @@
 """Simulated TCP cells as the solver sees them, and errors against their truth: shared by benchmarks and tests."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -25,7 +26,9 @@ class Cell:
     spoiled: np.ndarray
 
     @classmethod
+    @lru_cache(maxsize=100)
     def of(cls, scenario: str, seed: int) -> "Cell":
+        """Return a scenario's session; the same one each time it is asked for."""
         simulated = simulate(scenario, seed)
         session = simulated.session
         observations = [observe_capture(session, c, simulated.files.__getitem__) for c in session.captures]
@@ -33,7 +36,9 @@ class Cell:
         spoiled = np.array([c.id in simulated.truth["spoiled"] for c in session.captures])
         return cls(simulated, observations, truth, spoiled)
 
+    @lru_cache(maxsize=200)  # noqa: B019 (few, and the process ends with them)
     def solve(self, options: TcpOptions) -> TcpSolution:
+        """Return the solution; it is solved once."""
         return solve_tcp(self.observations, SPHERE, options)
 
     def error(self, tool0_from_laser: RigidTransform) -> FloatArray:

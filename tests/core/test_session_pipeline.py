@@ -198,16 +198,12 @@ def test_export_refuses_a_stored_result_that_is_not_current(folder, result, tmp_
     assert "an export format among " in capsys.readouterr().err
 
 
-def test_demo_ends_after_printing_when_asked(capsys):
+def test_demo_prints_the_truth_beside_the_result_and_ends_when_asked(capsys):
     assert main(["demo", "--no-serve", "--seed", "5"]) == 0
     out = capsys.readouterr().out
     for words in ("truth", "error", "two-step", "verdict pass", "turntable: ", "chain: "):
         assert words in out
-
-
-def test_demo_prints_the_truth_beside_the_result(capsys):
-    assert main(["demo", "--no-serve", "--seed", "5"]) == 0
-    line = next(line for line in capsys.readouterr().out.splitlines() if line.strip().startswith("x, mm"))
+    line = next(line for line in out.splitlines() if line.strip().startswith("x, mm"))
     found, _, rest = line.split("mm", 1)[1].partition("±")
     _, truth, error = rest.split()
     true_mm = simulate("turntable", 5).truth["tool0_from_laser"][0][3]

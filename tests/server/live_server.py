@@ -5,10 +5,13 @@ import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
+from functools import cache
+from multiprocessing import forkserver
 from typing import Any
 
 import httpx
 
+from server.jobs.child_processes import ignoring_interrupts
 from server.serve import WorkbenchServer
 from server.settings import Settings
 
@@ -17,8 +20,17 @@ API = "/api/v1"
 _LIMITS = httpx.Limits(keepalive_expiry=2.0)
 
 
+@cache
+def fork_from_one() -> None:
+    """Have the workers of all servers forked from one process, which loads what they need once."""
+    forkserver.set_forkserver_preload(["server.jobs.preloaded"])
+    with ignoring_interrupts():
+        forkserver.ensure_running()
+
+
 @contextmanager
 def serving(settings: Settings) -> Generator[httpx.Client]:
+    fork_from_one()
     server = WorkbenchServer(settings)
     thread = threading.Thread(target=server.run)
     thread.start()

@@ -1,5 +1,6 @@
 """An S3-compatible server for the tests, a process of its own on loopback."""
 
+import os
 import subprocess
 import sys
 import time
@@ -11,7 +12,8 @@ import httpx
 
 from tests.server.postgres import free_port
 
-KEYS = {"AWS_ACCESS_KEY_ID": "tests", "AWS_SECRET_ACCESS_KEY": "tests", "AWS_EC2_METADATA_DISABLED": "true"}
+# Before any server starts processes that read them.
+os.environ |= {"AWS_ACCESS_KEY_ID": "tests", "AWS_SECRET_ACCESS_KEY": "tests", "AWS_EC2_METADATA_DISABLED": "true"}
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from server.store.blob_folder import FolderBlobs
 from server.store.database import Store
 from server.store.models import EventRow
 from tests.server.postgres import new_database, running_postgres
-from tests.server.s3 import KEYS, running_s3, s3_client
+from tests.server.s3 import running_s3, s3_client
 
 PLACES = ("sqlite and folder", "postgresql and s3")
 NewPlace = Callable[[Path], dict[str, Any]]
@@ -24,9 +24,7 @@ def new_place(request: pytest.FixtureRequest) -> Iterator[NewPlace]:
         yield lambda data: {"data": data}
         return
     count = 0
-    with running_postgres() as postgres, running_s3() as s3, pytest.MonkeyPatch.context() as patch:
-        for name, value in KEYS.items():
-            patch.setenv(name, value)
+    with running_postgres() as postgres, running_s3() as s3:
 
         def made(data: Path) -> dict[str, Any]:
             nonlocal count

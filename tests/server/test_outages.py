@@ -21,7 +21,7 @@ from server.store.engine import engine_of
 from server.store.store_lock import store_lock
 from tests.server.live_server import make_session, serving, simulated_session, upload, wait_for
 from tests.server.postgres import free_port, new_database, running_postgres
-from tests.server.s3 import KEYS, running_s3, s3_client
+from tests.server.s3 import running_s3, s3_client
 from tests.server.test_captures import arc_csv, record
 from tests.server.test_operation import serve
 
@@ -155,9 +155,7 @@ def test_of_two_servers_only_one_ever_writes(place: dict[str, Any], tmp_path: Pa
         assert client.post("/sessions", json={"cell": {"pose_convention": "abb"}}).status_code == 201
 
 
-def test_a_bucket_that_goes_away_and_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in KEYS.items():
-        monkeypatch.setenv(name, value)
+def test_a_bucket_that_goes_away_and_comes_back(tmp_path: Path) -> None:
     with running_s3() as s3, gated(s3.removeprefix("http://")) as gate:
         s3_client(s3).create_bucket(Bucket="outage")
         place = {"data": tmp_path, "port": 0, "warm_up": False, "blobs": "s3://outage"}
@@ -182,18 +180,14 @@ def test_a_bucket_that_goes_away_and_comes_back(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("lacking", [{"database_url": "postgresql://x@127.0.0.1:1/y"}, {"blobs": "s3://nowhere"}])
-def test_a_start_without_database_or_bucket_is_refused_in_words(
-    lacking: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in KEYS.items():
-        monkeypatch.setenv(name, value)
+def test_a_start_without_database_or_bucket_is_refused_in_words(lacking: dict[str, str], tmp_path: Path) -> None:
     settings = Settings(data=tmp_path, s3_endpoint="http://127.0.0.1:1", **lacking)  # type: ignore[arg-type]
     with pytest.raises(InputError) as refused, store_lock(settings):
         pass
     assert refused.value.to_do
 
 
-def test_a_scheduler_that_is_restarted(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_is_restarted(start: Callable[..., Any]) -> None:
     port = free_port()
     scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
     address = f"tcp://127.0.0.1:{port}"

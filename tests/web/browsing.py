@@ -15,6 +15,8 @@ BROWSER_ARGUMENTS = [
     "--enable-unsafe-swiftshader",
     "--no-sandbox",
     "--disable-background-networking",
+    "--disable-gpu-rasterization",
+    "--disable-gpu-compositing",
 ]
 _TOLD_ANEW = "(told) => document.querySelector('.guide-words')?.textContent !== told"
 _NO_SCENE = '<meta name="color-scheme" content="light dark"><title>no scene</title>'

@@ -27,11 +27,9 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Cli
         yield client, tokens, session
 
 
-@pytest.fixture(params=["light", "dark"])
-def context(request: pytest.FixtureRequest, browser: Browser, served) -> Iterator[BrowserContext]:
-    context = browser.new_context(
-        base_url=site_of(served[0]), color_scheme=request.param, bypass_csp=True, reduced_motion="reduce"
-    )
+@pytest.fixture
+def context(browser: Browser, served) -> Iterator[BrowserContext]:
+    context = browser.new_context(base_url=site_of(served[0]), bypass_csp=True, reduced_motion="reduce")
     leave_out_the_scene(context)
     yield context
     context.close()

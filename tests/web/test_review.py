@@ -33,12 +33,10 @@ def session(api: httpx.Client) -> str:
     return session
 
 
-@pytest.fixture(params=["light", "dark"])
-def page(request: pytest.FixtureRequest, browser: Browser, address: str) -> Iterator[Page]:
-    """A page in either theme whose security policy lets the checker in."""
-    context = browser.new_context(
-        base_url=address, color_scheme=request.param, bypass_csp=True, reduced_motion="reduce"
-    )
+@pytest.fixture
+def page(browser: Browser, address: str) -> Iterator[Page]:
+    """A page whose security policy lets the checker in."""
+    context = browser.new_context(base_url=address, bypass_csp=True, reduced_motion="reduce")
     leave_out_the_scene(context)
     yield context.new_page()
     context.close()

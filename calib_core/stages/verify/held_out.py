@@ -4,9 +4,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform, skew
 
 _STEPS = 20
@@ -78,7 +78,7 @@ class HeldOut:
     @property
     def chance(self) -> float:
         """How often a right answer shows as large a chi-squared."""
-        return float(chi2.sf(self.chi_squared, self.degrees_of_freedom))
+        return chance_of(self.chi_squared, self.degrees_of_freedom)
 
 
 def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool) -> HeldOut:

@@ -1,0 +1,29 @@
+"""What the server's processes have imported and loaded before they begin: what they are forked from imports this.
+
+Kernels that no cache holds are not compiled here, for a process that is wanted meanwhile would have to wait: the
+first that needs them compiles them, and says so.
+"""
+
+import server.jobs.measuring_processes  # noqa: F401
+from calib_core.compiled import on_compiling
+from server.jobs.worker import warm_up
+
+
+class _NotCompiledError(Exception):
+    pass
+
+
+def _load() -> None:
+    def stop() -> None:
+        raise _NotCompiledError
+
+    on_compiling.append(stop)
+    try:
+        warm_up()
+    except _NotCompiledError:
+        pass
+    finally:
+        on_compiling.remove(stop)
+
+
+_load()
