@@ -2,7 +2,7 @@
 
 from tests.benchmarks.frame_chain import frame_chain, mean_interval, mean_of
 
-SEEDS = 3
+SEEDS = 2
 
 
 def test_what_the_results_from_frames_state_is_true() -> None:

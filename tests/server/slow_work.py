@@ -4,6 +4,7 @@ import os
 import resource
 import signal
 import time
+from pathlib import Path
 from typing import Any
 
 from server.jobs import worker
@@ -14,6 +15,13 @@ def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:
     progress(0.25, f"worker {os.getpid()}")
     time.sleep(60)
     raise AssertionError("nobody ended this")
+
+
+def ready_once_there(file: Path) -> bool:
+    """Be warm once a file is there."""
+    while not file.exists():
+        time.sleep(0.01)
+    return True
 
 
 def solve_on_a_full_disk(*arguments: Any) -> worker.Solved:

@@ -154,13 +154,3 @@ def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
             job = client.get(f"/jobs/{job_id}").json()
             assert job["status"] == "failed"
             assert job["error"]["to_do"] == "The server restarted; run it again."
-
-
-def test_health_tells_alive_from_ready(client: httpx.Client, start: Callable[..., Any]) -> None:
-    assert client.get("/health").json()["status"] == "ready"
-    with start(warm_up=True) as warming:
-        assert warming.get("/health").json()["status"] == "starting"
-        end_s = time.monotonic() + 60
-        while warming.get("/health").json()["status"] != "ready" and time.monotonic() < end_s:
-            time.sleep(0.05)
-        assert warming.get("/health").json()["status"] == "ready"

@@ -9,13 +9,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from server.jobs import worker
 from tests.server.live_server import make_session, upload
+from tests.server.slow_work import ready_once_there
 from tests.server.test_captures import arc_csv, record
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,14 +35,23 @@ def figures(client: httpx.Client) -> dict[str, float]:
     return {name: float(value) for name, _, value in (line.rpartition(" ") for line in lines)}
 
 
-def test_health_tells_ready_from_alive(start: Callable[..., Any]) -> None:
+def test_health_tells_ready_from_alive(
+    start: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "ready", partial(ready_once_there, tmp_path / "warm"))
     with start(warm_up=True) as client:
         early = client.get(site(client) + "/health")
         assert (early.status_code, early.json()["status"]) == (503, "starting")
+        assert client.get("/health").json()["status"] == "starting"
         assert client.get(site(client) + "/health/alive").text == "alive"
-    with start() as client:
-        ready = client.get(site(client) + "/health")
+        (tmp_path / "warm").touch()
+        end_s = time.monotonic() + 60
+        while (ready := client.get(site(client) + "/health")).status_code == 503 and time.monotonic() < end_s:
+            time.sleep(0.05)
         assert (ready.status_code, ready.json()["status"]) == (200, "ready")
+        assert client.get("/health").json()["status"] == "ready"
+    with start() as client:
+        assert client.get(site(client) + "/health").status_code == 200
 
 
 def test_metrics_count_requests_by_route_and_what_is_stored(start: Callable[..., Any]) -> None:

@@ -11,7 +11,7 @@ from tests.server.live_server import simulated_session
 
 # Streams do not end; they have tests of their own.  Solves are started by those of the jobs.
 LEFT_OUT = ("/events", "/solve/")
-EXAMPLES = 8
+EXAMPLES = 6
 
 
 def test_no_request_of_the_schema_ends_in_a_500(client: httpx.Client) -> None:
@@ -26,8 +26,10 @@ def fuzzed(client: httpx.Client, examples: int) -> dict[str, int]:
     tried = [o for o in operations if not any(s in o.path for s in LEFT_OUT)]
     assert len(tried) >= 50
     answered: dict[str, int] = {}
+    session = ""
     for operation in tried:
-        session = simulated_session(client, captures=2)
+        if not _is_whole(client, session):
+            session = simulated_session(client, captures=2)
         there = {
             "session_id": session,
             "session": session,
@@ -38,6 +40,11 @@ def fuzzed(client: httpx.Client, examples: int) -> dict[str, int]:
         answered[operation.label] = _fuzz(operation, site, there, examples)
         assert answered[operation.label], operation.label
     return answered
+
+
+def _is_whole(client: httpx.Client, session: str) -> bool:
+    """Whether no operation has taken away what others ask for."""
+    return bool(session) and client.get(f"/sessions/{session}/captures/p01").status_code == 200
 
 
 def _fuzz(operation: Any, site: str, there: dict[str, str], examples: int) -> int:
