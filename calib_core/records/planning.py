@@ -6,6 +6,8 @@ from pydantic import Field, model_validator
 
 from calib_core.records.base import Finite, Matrix4, Positive, Record, Vector3, mismatch
 
+_LARGEST_FIELD_MM = 1e5
+
 
 class FieldOfView(Record):
     """Where the scanner measures: from `near_mm` to `far_mm` away from it, and how wide at both."""
@@ -20,6 +22,9 @@ class FieldOfView(Record):
         if self.far_mm <= self.near_mm:
             got = f"{self.far_mm:g} beside near_mm {self.near_mm:g}"
             raise mismatch("far_mm beyond near_mm", got, "Give both as distances from the scanner.")
+        largest_mm = max(self.far_mm, self.near_width_mm, self.far_width_mm or 0.0)
+        if largest_mm > _LARGEST_FIELD_MM:
+            raise mismatch("a field of view of at most 100 m", f"{largest_mm:g} mm", "Give it in millimetres.")
         return self
 
 

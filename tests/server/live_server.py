@@ -6,12 +6,11 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from functools import cache
-from multiprocessing import forkserver
 from typing import Any
 
 import httpx
 
-from server.jobs.child_processes import ignoring_interrupts
+from server.jobs.child_processes import WorkerContext
 from server.serve import WorkbenchServer
 from server.settings import Settings
 
@@ -23,9 +22,9 @@ _LIMITS = httpx.Limits(keepalive_expiry=2.0)
 @cache
 def fork_from_one() -> None:
     """Have the workers of all servers forked from one process, which loads what they need once."""
-    forkserver.set_forkserver_preload(["server.jobs.preloaded"])
-    with ignoring_interrupts():
-        forkserver.ensure_running()
+    process = WorkerContext(warm=True).Process(target=int)  # does nothing, once all is loaded
+    process.start()
+    process.join()
 
 
 @contextmanager
