@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from calib_core.chain.observations import SphereObservation
-from calib_core.estimation import covariance_of
+from calib_core.estimation import chance_of, covariance_of
 from calib_core.frames import FloatArray
 from calib_core.stages.recheck.record import Changed
 from calib_core.stages.verify.held_out import Tool, linearised
@@ -126,14 +125,14 @@ def compared(
     _, _, left_of_turn = _fitted(by_tool, differences, weights)
     freedom = 3 * len(differences)
     chances = [
-        float(chi2.sf(whole - left_of_tool, 3)),
-        float(chi2.sf(whole - left_of_sphere, 3)),
-        float(chi2.sf(whole, freedom)),
+        chance_of(whole - left_of_tool, 3),
+        chance_of(whole - left_of_sphere, 3),
+        chance_of(whole, freedom),
     ]
     changed: Changed = "nothing"
     if min(chances) < _FALSE_ALARM:
-        by_turn = float(chi2.sf(left_of_turn, max(freedom - 6, 1)))
-        by_shift = float(chi2.sf(left_of_sphere, max(freedom - 3, 1)))
+        by_turn = chance_of(left_of_turn, max(freedom - 6, 1))
+        by_shift = chance_of(left_of_sphere, max(freedom - 3, 1))
         changed = _what(by_turn > _EXPLAINED, by_shift > _EXPLAINED)
     return Change(shift, covariance, changed, min(1.0, 3 * min(chances)), differences, covariances)
 
