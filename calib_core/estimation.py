@@ -20,7 +20,7 @@ def chance_of(chi_squared: float, degrees_of_freedom: float) -> float:
     """Return how often noise alone gives as large a χ² or a larger one."""
     from scipy.special import chdtrc  # scipy.stats has it too, but takes a second to import
 
-    return float(chdtrc(degrees_of_freedom, chi_squared))
+    return float(chdtrc(degrees_of_freedom, max(chi_squared, 0.0)))
 
 
 class Linearisation(Protocol):

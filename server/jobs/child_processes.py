@@ -8,13 +8,15 @@ import signal
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
-from multiprocessing import context, resource_tracker
-from typing import TYPE_CHECKING, Any
+from multiprocessing import resource_tracker
+from typing import Any
 
-if sys.platform == "win32" or TYPE_CHECKING:  # of one type for the checker
-    _Context, _Process = context.SpawnContext, context.SpawnProcess
+if sys.platform == "win32":
+    from multiprocessing.context import SpawnContext as _Context
+    from multiprocessing.context import SpawnProcess as _Process
 else:
-    _Context, _Process = context.ForkServerContext, context.ForkServerProcess
+    from multiprocessing.context import ForkServerContext as _Context
+    from multiprocessing.context import ForkServerProcess as _Process
 
 
 @contextmanager
@@ -46,7 +48,9 @@ class WorkerContext(_Context):
     def __init__(self, warm: bool) -> None:
         super().__init__()
         self.started: list[_Process] = []
-        self.set_forkserver_preload([f"server.jobs.{'preloaded' if warm else 'measuring_processes'}"])
+        if sys.platform != "win32":
+            modules = ["server.jobs.measuring_processes", *(["server.jobs.preloaded"] if warm else [])]
+            self.set_forkserver_preload(modules)
 
     # The library has a class under this name, and calls it.
     def Process(  # noqa: N802 # pyright: ignore[reportIncompatibleVariableOverride]

@@ -4,7 +4,6 @@ Kernels that no cache holds are not compiled here, for a process that is wanted 
 first that needs them compiles them, and says so.
 """
 
-import server.jobs.measuring_processes  # noqa: F401
 from calib_core.compiled import on_compiling
 from server.jobs.worker import warm_up
 
