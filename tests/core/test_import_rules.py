@@ -151,7 +151,7 @@ HEAVY = ("numba", "cv2", "open3d", "viser", "fastapi", "sqlalchemy", "uvicorn", 
         ("calib_core.records", (*HEAVY, "scipy")),
         ("calib_core.stages.pipeline", HEAVY),
         ("calib_core.chain.tcp", HEAVY),
-        ("server.serve", ("numba", "cv2", "open3d", "viser", "scipy")),
+        ("server.serve", ("numba", "cv2", "open3d", "viser", "scipy.stats")),
     ],
 )
 def test_heavy_modules_are_imported_late(module: str, heavy: tuple[str, ...]) -> None:
