@@ -33,6 +33,8 @@ _LEAST_STRIPE_SIGMA_PX = 0.01
 _OUTLIER_SIGMAS = 6.0
 _NOISE_ROUNDS = 3
 _RUN = 8
+_DOUBLINGS = 5  # runs of 8, 16, … 128 centres
+_LEAST_RUNS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,9 @@ class Joint:
         The plane's boards come first.
     noise_factor : float
         How much larger the stripe's residuals are than its centres' own standard deviations.
+    camera_moved_sigmas : float
+        How far the stripes drew the camera from where its boards have it: the largest change of a parameter in its
+        standard deviations, or that of all together where it is the rarer one.
     """
 
     camera: CameraModel
@@ -76,6 +81,7 @@ class Joint:
     covariance: FloatArray
     state: State
     noise_factor: float
+    camera_moved_sigmas: float
 
 
 def refine_together(
@@ -122,9 +128,24 @@ def refine_together(
         covariance = covariance + _by_common_errors(problem, adjusted, known)
     if uncertainty is not None and not with_camera:
         covariance = _carried_through(problem, adjusted, uncertainty, covariance)
-    return Joint(
-        _camera_with(camera, shared) if with_camera else camera, shared[plane], covariance, adjusted.state, factor
+    moved = _moved_sigmas(camera, shared, uncertainty) if uncertainty is not None and with_camera else 0.0
+    final = _camera_with(camera, shared) if with_camera else camera
+    return Joint(final, shared[plane], covariance, adjusted.state, factor, moved)
+
+
+def _moved_sigmas(camera: CameraModel, shared: FloatArray, uncertainty: CameraUncertainty) -> float:
+    """Return how far the camera moved: the boards' own covariance is what moving it costs them."""
+    from scipy.stats import chi2, norm
+
+    before = shared_vector(camera.camera_matrix, camera.bands[0])[uncertainty.free]
+    change, sigma = shared[uncertainty.free] - before, np.sqrt(np.diag(uncertainty.covariance))
+    moves = sigma > 0  # what the model holds fixed does not
+    change, sigma = change[moves], sigma[moves]
+    together = float(
+        change @ np.linalg.pinv(uncertainty.covariance[np.ix_(moves, moves)], hermitian=True) @ change
     )
+    as_one = float(norm.isf(chi2.sf(together, len(change)) / 2)) if len(change) else 0.0
+    return max(float(np.max(np.abs(change) / sigma, initial=0.0)), as_one)
 
 
 def _priors(known: Sequence[PredictedPose | None], state: State, problem: Adjustment) -> PosePriors | None:
@@ -198,19 +219,38 @@ def _stripe_noise(lines: LaserLines, residuals_px: FloatArray) -> FloatArray:
     """Return how much larger than stated the noise of each board's centres is, (V,): of one, or of neighbours.
 
     Speckle and light that spreads below the surface move neighbours alike: means of a run of centres then scatter
-    by more than 1 / √run of what a single one does, and it is such runs that move a plane.
+    by more than 1 / √run of what a single one does, and it is such runs that move a plane.  Short runs are judged
+    on each board; long ones, of which a board has few, on all boards together.
     """
-    noise = np.ones(len(lines.ends) - 1)
+    single, of_runs, off = np.ones(len(lines.ends) - 1), np.ones(len(lines.ends) - 1), {}
     for board, (first, last) in enumerate(zip(lines.ends[:-1], lines.ends[1:], strict=True)):
         count = int(last - first)
         if count < 3 * _RUN:
             continue
         normed = residuals_px[first:last] * lines.weights[first:last]
         along = np.linspace(-1.0, 1.0, count)
-        off = normed - np.polyval(np.polyfit(along, normed, 1), along)
-        runs = off[: count // _RUN * _RUN].reshape(-1, _RUN).mean(axis=1) * np.sqrt(_RUN)
-        noise[board] = max(1.4826 * float(np.median(np.abs(each))) for each in (off, runs))
-    return noise
+        off[board] = normed - np.polyval(np.polyfit(along, normed, 1), along)
+        single[board] = _robust_rms(off[board])
+        of_runs[board] = _robust_rms(_scaled_means(off[board], _RUN))
+    standardised = [each / max(single[board], 1e-9) for board, each in off.items()]
+    longest = max(1.0, *(_scatter_of_runs(standardised, _RUN * 2**k) for k in range(_DOUBLINGS)))
+    return np.maximum.reduce([single, of_runs, single * longest])
+
+
+def _scatter_of_runs(boards: Sequence[FloatArray], run: int) -> float:
+    """Return how much more than independent centres' the means of runs on all boards scatter; 1 where few are."""
+    means = [_scaled_means(each, run) for each in boards if len(each) >= 3 * run]
+    joined = np.concatenate(means) if means else np.zeros(0)
+    return _robust_rms(joined) if len(joined) >= _LEAST_RUNS else 1.0
+
+
+def _scaled_means(values: FloatArray, run: int) -> FloatArray:
+    """Return the means of runs, times √run: as large as one value where all are independent."""
+    return values[: len(values) // run * run].reshape(-1, run).mean(axis=1) * np.sqrt(run)
+
+
+def _robust_rms(values: FloatArray) -> float:
+    return 1.4826 * float(np.median(np.abs(values)))
 
 
 def _camera_with(camera: CameraModel, shared: FloatArray) -> CameraModel:

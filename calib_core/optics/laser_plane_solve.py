@@ -5,7 +5,7 @@ everything together, see `laser_plane_joint`.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,10 @@ Mask = NDArray[np.bool_]
 _POSE_HUBER = 2.0
 _LEAST_CORNER_SIGMA_PX = 0.003
 _LEAST_POINTS = 30
-_INSIDE_SHARE = 0.25
+_MOST_CAMERA_SIGMAS = 3.0
+NO_LINE = "no laser line is seen on the board: switch the laser on and let its line cross the board"
+_LEAST_SHARE_SEEN = 0.45
+_MOST_WIDTH = 0.03
 _EDGE_WIDTHS = 2.5
 _SPOILED_RMS_RATIO = 6.0
 _SPOILED_SIGMAS = 4.0
@@ -111,6 +114,8 @@ class PlaneSolution:
         All views, in the order given.
     noise_factor : float
         How much larger the stripe's residuals are than its centres' own standard deviations.
+    camera_held : bool
+        The stripes would have drawn the camera farther than its boards allow, so that it stays as they gave it.
     """
 
     camera: CameraModel
@@ -124,6 +129,7 @@ class PlaneSolution:
     fit: PlaneFit
     views: tuple[ViewFigures, ...]
     noise_factor: float
+    camera_held: bool = False
 
 
 def solve_plane(
@@ -174,15 +180,16 @@ def solve_plane(
     weights[[k for k, view in enumerate(views) if view.known is not None]] = _WEIGHT_OF_UNSEEN
     adjusted = [*used, *range(len(views), corners.views)]
     weighted = corners.weighted(weights[corners.view_of_each]).take(adjusted)
+    inverse_plane, known = fit.normal / fit.distance_mm, [views[i].known for i in used]
     joint = refine_together(
-        camera,
-        weighted,
-        inliers,
-        posed.take(adjusted),
-        fit.normal / fit.distance_mm,
-        camera_uncertainty,
-        [views[i].known for i in used],
+        camera, weighted, inliers, posed.take(adjusted), inverse_plane, camera_uncertainty, known
     )
+    held = camera_uncertainty is not None and joint.camera_moved_sigmas > _MOST_CAMERA_SIGMAS
+    if camera_uncertainty is not None and held:
+        camera_uncertainty = replace(camera_uncertainty, boards=None)
+        joint = refine_together(
+            camera, weighted, inliers, posed.take(adjusted), inverse_plane, camera_uncertainty, known
+        )
     q, camera = joint.inverse_plane, joint.camera
     length = float(np.linalg.norm(q))
     normal, distance = oriented_plane(q / length, 1.0 / length)
@@ -190,6 +197,8 @@ def solve_plane(
     ended = joint.state.poses()[: len(used)]
     final = [_line(camera, views[i].name, s, p) for i, s, p in zip(used, inliers, ended, strict=True)]
     everywhere = np.concatenate([line.points_in_camera_mm for line in final])
+    for i, line, pose in zip(used, final, ended, strict=True):
+        lines[i], poses[i] = line, pose
     figures = _figures(views, lines, poses, corner_sigma[: len(views)], reasons, normal, distance)
     return PlaneSolution(
         camera,
@@ -203,6 +212,7 @@ def solve_plane(
         fit,
         figures,
         joint.noise_factor,
+        held,
     )
 
 
@@ -239,18 +249,35 @@ def _robust_sigma(residuals: FloatArray, corners: Corners) -> FloatArray:
 
 
 def _on_straight_line(camera: CameraModel, view: PlaneView, pose: RigidTransform) -> Mask:
-    """Return which centres lie on the one straight line on the board; those beside the board only if need be."""
+    """Return which centres lie on the one straight line on the board; none where there is no line."""
     on_board = pose.inverse().apply(points_on_board(camera, view.stripe.pixels, pose))[:, :2]
     corners = view.board.points_in_board_mm[:, :2]
     low, high = corners.min(axis=0), corners.max(axis=0)
-    inside, around = (
-        _straight_within(on_board, low - margin, high + margin)
-        for margin in (_pitch(corners), float((high - low).max()))
-    )
-    enough = inside.sum() >= max(_LEAST_POINTS, _INSIDE_SHARE * around.sum())
-    straight = inside if enough else around
+    for margin_mm in (
+        _pitch(corners),
+        2.0 * _pitch(corners),
+    ):  # the outer squares, and the white margin about them
+        straight = _straight_within(on_board, low - margin_mm, high + margin_mm)
+        if _is_line(view.stripe, on_board, straight):
+            break
+    else:
+        return np.zeros(len(on_board), dtype=bool)
     clear = straight & _clear_of_edges(on_board, view)
     return clear if clear.sum() >= _LEAST_POINTS else straight
+
+
+def _is_line(stripe: StripeCenters, on_board: FloatArray, straight: Mask) -> bool:
+    """Return whether centres form the line of a laser, not the few of a lit board's patterns that lie in a row.
+
+    A laser's line is thin for its length and is seen in most of the image's columns (rows) that it crosses.
+    """
+    if straight.sum() < _LEAST_POINTS:
+        return False
+    along_px = stripe.pixels[straight][:, 0 if stripe.axis == "columns" else 1]
+    if straight.sum() < _LEAST_SHARE_SEEN * (np.ptp(along_px) + 1):
+        return False
+    length_mm, width_mm = np.linalg.svd(on_board[straight] - on_board[straight].mean(axis=0), compute_uv=False)
+    return bool(width_mm <= _MOST_WIDTH * length_mm)
 
 
 def _clear_of_edges(on_board: FloatArray, view: PlaneView) -> Mask:
@@ -295,9 +322,7 @@ def _reasons(views: Sequence[PlaneView], lines: Sequence[BoardLine], fit: PlaneF
         reason = None
         limit = max(_SPOILED_RMS_RATIO * max(usual, fit.rms_mm), _SPOILED_SIGMAS * _pose_sigma_mm(view))
         if len(line.points_in_camera_mm) < _LEAST_POINTS:
-            reason = (
-                f"only {len(line.points_in_camera_mm)} points of the stripe lie on the board in a straight line"
-            )
+            reason = NO_LINE
         elif rms > limit or (view.known is None and inlier.mean() < 0.3):
             reason = f"its line lies {rms:.2f} mm off the plane of the others: the board or the camera was moved"
         reasons.append(reason)

@@ -18,6 +18,7 @@ _SAMPLED_LINES = 64
 _USUAL_RISES = 5.0
 _SHORT_STRIPE_WEIGHT = 0.1
 _LIT_SHARE = 0.08  # of the range of grey values: more than this in the room's light is a lit frame
+_WIDEST_LINE_PX = 15
 _OFFSET_SHARE = 0.08  # keeps the noise's negative half
 
 
@@ -79,7 +80,10 @@ def view_of(
         best, along = max(candidates, key=lambda c: _prominence(_turned(channels[c[0]], c[1])))
     channel = channels[best]
     if image.ndim == 3 and color != "grey":
-        channel = _without_room_light(image, channel, along)
+        before = channel
+        channel = _without_room_light(image, channel, along, level)
+        if channel is not before:
+            level = float(np.iinfo(image.dtype).max)
     return StripeView(np.ascontiguousarray(_turned(channel, along)), along, level)
 
 
@@ -104,17 +108,34 @@ def _turned(channel: ImageArray, axis: Axis) -> ImageArray:
     return channel if axis == "columns" else channel.T
 
 
-def _without_room_light(image: ImageArray, channel: ImageArray, axis: Axis) -> ImageArray:
+def _without_room_light(image: ImageArray, channel: ImageArray, axis: Axis, saturation: float) -> ImageArray:
     """Return a channel less another, where room light shows its pattern in both: the laser is left."""
     others = [image[..., k] for k in range(3) if not np.shares_memory(image[..., k], channel)]
     full = float(np.iinfo(image.dtype).max)
     if min(float(np.median(other[::8, ::8])) for other in others) < _LIT_SHARE * full:
         return channel
     offset = round(_OFFSET_SHARE * full)
+    saturated = _narrow(channel >= saturation)
     differences = [
-        np.clip(channel.astype(np.int32) - other + offset, 0, full).astype(image.dtype) for other in others
+        np.where(saturated, full, np.clip(channel.astype(np.int32) - other + offset, 0, full)).astype(image.dtype)
+        for other in others
     ]
     return max(differences, key=lambda difference: _prominence(_turned(difference, axis)))
+
+
+def _narrow(saturated: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return where saturation is as narrow as a laser's line: not white paper, which a lamp alone saturates.
+
+    A laser that saturates its own channel shines in the others too: their difference would make its line hollow.
+    """
+    if not saturated.any():
+        return saturated
+    import cv2
+
+    wide = cv2.morphologyEx(
+        saturated.astype(np.uint8), cv2.MORPH_OPEN, np.ones((_WIDEST_LINE_PX, _WIDEST_LINE_PX))
+    )
+    return saturated & (wide == 0)
 
 
 def _require_image(image: ImageArray, where: str) -> None:
@@ -149,11 +170,16 @@ def _saturation(image: ImageArray) -> float:
 
 
 def _difference(image: ImageArray, dark: ImageArray, saturation: float) -> tuple[ImageArray, float]:
-    """Return lit minus dark, above an offset that keeps the noise's negative half, and its saturation."""
+    """Return lit minus dark, above an offset that keeps the noise's negative half, and its saturation.
+
+    A pixel that is saturated in the raw frame is so in the difference, whatever was taken off: the brighter the
+    dark frame is there, the less is left of it.
+    """
     offset = 64 if image.dtype == np.uint8 else 1024
     difference = image.astype(np.int32) - dark.astype(np.int32) + offset
-    usual = float(np.percentile(dark[::8, ::8], 95))
-    return np.clip(difference, 0, 65_535).astype(np.uint16), saturation - usual + offset
+    highest = min(saturation + offset, 65_535.0)
+    difference[image >= saturation] = int(highest)
+    return np.clip(difference, 0, 65_535).astype(np.uint16), highest
 
 
 def _channels(image: ImageArray, color: Color | None) -> list[ImageArray]:

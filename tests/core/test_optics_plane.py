@@ -13,7 +13,7 @@ from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import BoardLine, fit_plane, plane_warnings, rotation_sigma_deg, straight_part
 from calib_core.optics.laser_plane_joint import CameraUncertainty
-from calib_core.optics.laser_plane_solve import PlaneView, solve_plane
+from calib_core.optics.laser_plane_solve import NO_LINE, PlaneSolution, PlaneView, solve_plane
 from calib_core.optics.stripe import StripeCenters
 
 MATRIX = np.array([[900.0, 0, 320.0], [0, 905.0, 240.0], [0, 0, 1]])
@@ -108,17 +108,62 @@ def test_one_moved_board_is_found_out() -> None:
 
 def test_a_reflection_beside_the_line_does_no_harm() -> None:
     seen = views(5)
-    first = seen[0]
-    row = first.stripe.row_px.copy()
+    place = most_points(solve_plane(CAMERA, seen))
+    chosen = seen[place]
+    row = chosen.stripe.row_px.copy()
     row[20:50] -= 40
-    strayed = StripeCenters(
-        first.stripe.column_px, row, first.stripe.sigma_px, first.stripe.amplitude, "columns", 2.0, 1.0
-    )
-    seen[0] = PlaneView(first.name, first.board, strayed)
+    seen[place] = with_rows(chosen, row)
     found = solve_plane(CAMERA, seen)
-    assert found.views[0].reason is None
-    assert found.views[0].points <= 130
+    assert found.views[place].reason is None
+    assert found.views[place].points <= 130
     assert np.rad2deg(np.arccos(found.normal @ NORMAL)) < 0.1
+
+
+def most_points(found: PlaneSolution) -> int:
+    return int(np.argmax([view.points for view in found.views]))
+
+
+def with_rows(view: PlaneView, row_px: np.ndarray) -> PlaneView:
+    stripe = view.stripe
+    moved = StripeCenters(stripe.column_px, row_px, stripe.sigma_px, stripe.amplitude, "columns", 2.0, 1.0)
+    return PlaneView(view.name, view.board, moved)
+
+
+def test_centres_that_form_no_line_are_no_laser() -> None:
+    """Where the laser is off, the stripe's finder still meets bright patterns: scattered, or few in a row."""
+    rng, seen = np.random.default_rng(2), views(6)
+    place = most_points(solve_plane(CAMERA, seen))
+    chosen = seen[place]
+    top, bottom = chosen.board.points_px[:, 1].min(), chosen.board.points_px[:, 1].max()
+    for row_px in (
+        rng.uniform(top, bottom, len(chosen.stripe.row_px)),
+        np.where(rng.random(len(chosen.stripe.row_px)) < 0.25, chosen.stripe.row_px, 5.0),
+    ):
+        found = solve_plane(CAMERA, [*seen[:place], with_rows(chosen, row_px), *seen[place + 1 :]])
+        assert found.views[place].reason == NO_LINE
+        assert np.rad2deg(np.arccos(found.normal @ NORMAL)) < 0.1
+
+
+def test_stripes_that_draw_the_camera_too_far_leave_it_where_its_boards_have_it() -> None:
+    seen = views(7)
+    boards = [v.board for v in seen]
+    solved = calibrate_camera(boards, (640, 480), CameraOptions(model="plain"))
+    known = CameraUncertainty(parameter_places(solved.parameters), solved.covariance, ())
+    assert not solve_plane(solved.camera, seen, known).camera_held
+    # Boards that are told to know the camera thirty times better than they do.
+    certain = replace(known, covariance=known.covariance / 900)
+    found = solve_plane(solved.camera, seen, certain)
+    assert found.camera_held
+    np.testing.assert_array_equal(found.camera.camera_matrix, solved.camera.camera_matrix)
+    alone = solve_plane(solved.camera, seen, replace(certain, boards=None))
+    np.testing.assert_allclose(found.joint_covariance, alone.joint_covariance)
+
+
+def test_figures_of_the_boards_are_those_of_the_total() -> None:
+    found = solve_plane(CAMERA, views(8))
+    squares = sum(view.points * view.line_rms_mm**2 for view in found.views if view.reason is None)
+    count = sum(view.points for view in found.views if view.reason is None)
+    assert np.sqrt(squares / count) == pytest.approx(found.rms_mm, rel=1e-9)
 
 
 def test_one_board_does_not_make_a_plane() -> None:

@@ -221,6 +221,30 @@ def test_a_coloured_line_is_found_in_its_channel() -> None:
     np.testing.assert_array_equal(given.row_px, found.row_px)
 
 
+def test_a_coloured_line_with_a_saturated_core_is_not_hollow() -> None:
+    """Where green is saturated, the light that spills into red makes green less red smallest in the middle."""
+    center = curve()
+    room = 70.0 + 50.0 * ((np.arange(HEIGHT)[:, None] // 90 + np.arange(WIDTH) // 90) % 2)
+    grey = np.repeat(room[..., None], 3, axis=2)
+    laser = light(center, 400.0, dark=0.0)
+    grey += laser[..., None] * np.array([0.45, 1.0, 0.45])
+    found = find_stripe(frame(grey, 5, 2.0))
+    assert len(found.row_px) > 0.8 * WIDTH
+    assert np.sqrt(np.mean(errors(found, center) ** 2)) < 0.25
+
+
+def test_saturation_is_the_raw_frames_whatever_is_taken_off() -> None:
+    """Where the dark frame is bright, less is left of a saturated pixel; it is saturated all the same."""
+    center = curve()
+    bright = (np.arange(WIDTH) >= 300) & (np.arange(WIDTH) < 330)
+    room = np.where(bright, 200.0, 20.0) * np.ones((HEIGHT, 1))
+    laser = light(center, 1.0, dark=0.0) * np.where(bright, 2000.0, 200.0)  # a label that shines, say
+    found = find_stripe(frame(room + laser, 6, 2.0), dark=frame(room, 7, 2.0))
+    used = np.isin(np.arange(WIDTH), found.column_px.astype(int))
+    assert used[~bright].mean() > 0.95
+    assert not used[304:326].any()
+
+
 @pytest.mark.parametrize(
     ("image", "words"),
     [

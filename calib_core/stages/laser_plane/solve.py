@@ -17,6 +17,7 @@ from calib_core.optics.laser_plane import (
 )
 from calib_core.optics.laser_plane_joint import CameraUncertainty
 from calib_core.optics.laser_plane_solve import (
+    NO_LINE,
     PlaneSolution,
     PlaneView,
     ViewFigures,
@@ -30,6 +31,7 @@ from calib_core.stages.stage import SOFTWARE
 
 _FINDING_SHARE = 0.6
 _FAIL_NORMAL_SIGMA_DEG = 2.0
+_LEAST_DISTANCE_SIGMAS = 3.0
 
 
 def solve_laser_plane_stage(given: StageInput) -> LaserPlaneResult:
@@ -122,13 +124,15 @@ def _result(
         if not row.used and row.reason and not row.reason.startswith("excluded")
     }
     verdict: Verdict = "warn" if warnings or sum(row.used for row in rows) < 0.5 * len(rows) else "pass"
-    if sigma_deg > _FAIL_NORMAL_SIGMA_DEG:
-        verdict = "fail"
+    failures = _failures(solution, sigma_deg)
+    if failures:
+        verdict, warnings = "fail", [*failures, *warnings]
     return LaserPlaneResult(
         method="robust plane through the stripe's points on the boards, then plane and board poses together",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         verdict=verdict,
+        notes=_notes(solution),
         warnings=[*warnings, *not_used(left_out, [row.capture for row in rows])],
         plane_in_camera=PlaneInCamera(normal=normal.tolist(), distance_mm=distance),
         camera_from_laser=camera_from_laser_of(normal, distance).to_rows(),
@@ -142,6 +146,41 @@ def _result(
         distance_sigma_mm=float(np.sqrt(covariance[3, 3])),
         residuals=rows,
     )
+
+
+def _failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str]:
+    """Return why the plane must not be used."""
+    distance_sigma_mm = float(np.sqrt(solution.covariance[3, 3]))
+    figures = [*solution.normal, solution.distance_mm, normal_sigma_deg, distance_sigma_mm, solution.rms_mm]
+    if not np.isfinite(figures).all():
+        return [
+            "The plane is not determined: its figures are not finite. Capture more boards, near, far and tilted."
+        ]
+    failures: list[str] = []
+    if normal_sigma_deg > _FAIL_NORMAL_SIGMA_DEG:
+        failures.append(f"The plane's normal is known only to {normal_sigma_deg:.1f}° (one standard deviation).")
+    if solution.distance_mm < _LEAST_DISTANCE_SIGMAS * distance_sigma_mm:
+        failures.append(
+            f"The plane runs through the camera's centre within its uncertainty ({solution.distance_mm:.2f} ± "
+            f"{2 * distance_sigma_mm:.2f} mm): such a laser gives no depth. Check board, pitch and camera."
+        )
+    measured = [view for view in solution.views if view.reason != NO_LINE]
+    rejected = sum(view.reason is not None for view in measured)
+    if rejected > len(measured) / 2:
+        failures.append(
+            f"{rejected} of {len(measured)} lines lie off the plane of the others: boards or camera moved, or the "
+            "pitch is wrong."
+        )
+    return failures
+
+
+def _notes(solution: PlaneSolution) -> list[str]:
+    if not solution.camera_held:
+        return []
+    return [
+        "The camera is the one that the boards' corners gave: the stripes would have drawn it by more than three "
+        "of its standard deviations. Its uncertainty is in the plane's."
+    ]
 
 
 def _refined(camera: CameraModel) -> RefinedCamera:
