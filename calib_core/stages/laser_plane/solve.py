@@ -158,7 +158,7 @@ def _failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str]:
         ]
     failures: list[str] = []
     if normal_sigma_deg > _FAIL_NORMAL_SIGMA_DEG:
-        failures.append(f"The plane's normal is known only to {normal_sigma_deg:.1f}° (one standard deviation).")
+        failures.append(f"The plane's normal is known only to ±{2 * normal_sigma_deg:.1f}° (k = 2).")
     if solution.distance_mm < _LEAST_DISTANCE_SIGMAS * distance_sigma_mm:
         failures.append(
             f"The plane runs through the camera's centre within its uncertainty ({solution.distance_mm:.2f} ± "
