@@ -13,6 +13,7 @@ import { StateElement } from "./base.js";
 import { keep } from "./keep.js";
 import { matchRow, numbersOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
+import { knowConventions } from "../state/pose-table.js";
 import { PoseFileElement } from "./pose-file.js";
 import { stepName } from "./rail.js";
 import { attempt, notify } from "./toasts.js";
@@ -231,6 +232,8 @@ export class IntakeElement extends StateElement {
 
   async #read() {
     const reading = ++this.#reading;
+    // Which column is what, only the conventions tell: without them a table would be taken for plain lines.
+    if (!await attempt(async () => void await knowConventions()) || reading !== this.#reading) return;
     this.#columns.read(this.#text.value);
     const text = this.#columns.lines;
     await attempt(async () => {
