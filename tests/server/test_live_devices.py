@@ -65,7 +65,7 @@ def test_what_is_no_live_source_or_has_wrong_settings_is_refused(client: httpx.C
     assert_problem(put("a b", source="pose-lines", settings={}), 422)
     assert_problem(client.post(f"/sessions/{session}/live/capture", json={}), 409, "connected")
     assert_problem(client.put(f"/sessions/{session}/live", json={"step": "no"}), 422)
-    assert devices(client, session) == {}
+    assert {"a", "a b"}.isdisjoint(devices(client, session))  # others may have theirs on the shared server
 
 
 def test_a_device_that_cannot_be_reached_says_so(client: httpx.Client, tmp_path: Path) -> None:
