@@ -253,10 +253,9 @@ def _on_straight_line(camera: CameraModel, view: PlaneView, pose: RigidTransform
     on_board = pose.inverse().apply(points_on_board(camera, view.stripe.pixels, pose))[:, :2]
     corners = view.board.points_in_board_mm[:, :2]
     low, high = corners.min(axis=0), corners.max(axis=0)
-    for margin_mm in (
-        _pitch(corners),
-        2.0 * _pitch(corners),
-    ):  # the outer squares, and the white margin about them
+    outer_squares_mm = _pitch(corners)
+    with_white_margin_mm = 2.0 * outer_squares_mm
+    for margin_mm in (outer_squares_mm, with_white_margin_mm):
         straight = _straight_within(on_board, low - margin_mm, high + margin_mm)
         if _is_line(view.stripe, on_board, straight):
             break

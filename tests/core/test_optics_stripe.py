@@ -233,18 +233,6 @@ def test_a_coloured_line_with_a_saturated_core_is_not_hollow() -> None:
     assert np.sqrt(np.mean(errors(found, center) ** 2)) < 0.25
 
 
-def test_saturation_is_the_raw_frames_whatever_is_taken_off() -> None:
-    """Where the dark frame is bright, less is left of a saturated pixel; it is saturated all the same."""
-    center = curve()
-    bright = (np.arange(WIDTH) >= 300) & (np.arange(WIDTH) < 330)
-    room = np.where(bright, 200.0, 20.0) * np.ones((HEIGHT, 1))
-    laser = light(center, 1.0, dark=0.0) * np.where(bright, 2000.0, 200.0)  # a label that shines, say
-    found = find_stripe(frame(room + laser, 6, 2.0), dark=frame(room, 7, 2.0))
-    used = np.isin(np.arange(WIDTH), found.column_px.astype(int))
-    assert used[~bright].mean() > 0.95
-    assert not used[304:326].any()
-
-
 @pytest.mark.parametrize(
     ("image", "words"),
     [
