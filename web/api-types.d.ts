@@ -2030,6 +2030,7 @@ export interface ToolComparison {
   words: string;
   position_mm: number | null;
   rotation_deg: number | null;
+  faults: string[];
 }
 
 export interface ToolUpload {

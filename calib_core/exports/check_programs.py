@@ -25,7 +25,33 @@ class NamedCheck(CheckSettings):
     tool: Name = "tScanner"
 
 
-Program = Callable[[Sequence[str], Sequence[tuple[list[float], list[float]]], Any], Sequence[str]]
+Sides = Sequence[tuple[list[float], list[float]]]
+"""Approach and target of each side, poses of the tool in the base."""
+Program = Callable[[Sequence[str], Sides, Any], Sequence[str]]
+
+
+def check_parts(answer: Answer, chosen: CheckSettings, convention: str) -> tuple[list[str], Sides]:
+    """Return what stands in every brand's check move: its comments in ASCII, and its poses.
+
+    Raises
+    ------
+    ConflictError
+        If the answer is stale or failed, or not determined.
+    InputError
+        If the captures do not tell where the sphere stood.
+    """
+
+    def numbers(pose: RigidTransform) -> list[float]:
+        return to_pose(convention, RigidTransform(pose.matrix, "base", "tool0"))
+
+    move = check_move(answer, chosen)
+    comments = [
+        *provenance(answer),
+        "CHECK MOVE: go through it in manual mode at reduced speed, one target at a time",
+        "the operator starts every target; the sphere must stand where it stood",
+        f"at each target the scanner should show {move.expected()}",
+    ]
+    return comments, [(numbers(target.approach), numbers(target.base_from_laser)) for target in move.targets]
 
 
 def check_export(
@@ -39,21 +65,11 @@ def check_export(
     settings : type
         With a field `tool`.
     program : callable
-        (comments, [(approach, target), …], settings) to the program's lines; poses are the tool's, in the base.
+        (comments, sides, settings) to the program's lines.
     """
 
-    def numbers(pose: RigidTransform) -> list[float]:
-        return to_pose(convention, RigidTransform(pose.matrix, "base", "tool0"))
-
     def write(answer: Answer, chosen: CheckSettings) -> str:
-        move = check_move(answer, chosen)
-        comments = [
-            *provenance(answer),
-            "CHECK MOVE: go through it in manual mode at reduced speed, one target at a time",
-            "the operator starts every target; the sphere must stand where it stood",
-            f"at each target the scanner should show {move.expected()}",
-        ]
-        sides = [(numbers(target.approach), numbers(target.base_from_laser)) for target in move.targets]
+        comments, sides = check_parts(answer, chosen, convention)
         return "\r\n".join(program(comments, sides, chosen)) + "\r\n"
 
     return Export(f"{brand}-check-move", f"{title}: check move", "text/plain", suffix, write, settings, brand)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Any
 
@@ -20,6 +20,12 @@ _POSITION_MM, _ROTATION_DEG = 0.01, 0.005
 """What pendants round away: two decimals of a millimetre, three of a degree and the like."""
 
 
+_FAULTS = {
+    "stale": "But the answer is stale, its inputs have changed since: solve the session again first.",
+    "fail": "But the answer has the verdict 'fail': no such tool should stand in a controller.",
+}
+
+
 @dataclass(frozen=True)
 class ReadBack:
     """The outcome of a comparison.
@@ -31,12 +37,22 @@ class ReadBack:
         What is the matter, as a sentence.
     position_mm, rotation_deg : float
         How far the two frames are from each other as the numbers stand.
+    faults : tuple of str
+        What speaks against using the answer that was compared with: `stale`, `fail`, or both.
     """
 
     equal: bool
     words: str
     position_mm: float
     rotation_deg: float
+    faults: tuple[str, ...] = ()
+
+    def of_answer(self, faults: Sequence[str]) -> "ReadBack":
+        """Return the outcome of a comparison with an answer that is stale or failed: its words say so."""
+        if not faults:
+            return self
+        sentences = " ".join(_FAULTS[fault] for fault in faults)
+        return replace(self, words=f"{self.words} {sentences}", faults=tuple(faults))
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data; distances are null where the numbers are no pose."""
@@ -46,6 +62,7 @@ class ReadBack:
             "words": self.words,
             "position_mm": self.position_mm if finite else None,
             "rotation_deg": self.rotation_deg if finite else None,
+            "faults": list(self.faults),
         }
 
 

@@ -48,6 +48,7 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
     )
 
 
+_ACTIVE = "The program does not say with which tool it was taught: the backup's active one, %s, is taken."
 _ARM = "Name the arm (cell.robot.arm), or record the Cartesian pose."
 
 
@@ -68,9 +69,14 @@ def _settled(found: Sequence[Found]) -> Iterable[Taught]:
     for part in found:
         for name, pairs in part.moves.items():
             moves.setdefault(name, set()).update(pairs)
+    saved = {part.active_tool for part in found} - {None}
+    active = next(iter(saved)) if len(saved) == 1 else None
     for part in found:
         for taught in part.poses:
             pairs = moves.get(taught.name.lower())
+            if taught.tool is None and not pairs and taught.numbers is not None and active is not None:
+                yield replace(taught, tool=active, doubt=" ".join(filter(None, [taught.doubt, _ACTIVE % active])))
+                continue
             if not pairs or taught.tool is not None:
                 yield taught
                 continue

@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import struct
 import zlib
 from dataclasses import dataclass, field
 from xml.parsers import expat
@@ -13,13 +14,17 @@ _LARGEST_BYTES = 64_000_000
 
 @dataclass
 class Element:
-    """One element: its name without namespace, its attributes, the text in it, and those around it."""
+    """One element: its name without namespace, its attributes, the text in it, and those around it.
+
+    `start` is the byte at which it begins.
+    """
 
     name: str
     attributes: dict[str, str]
     line: int
     path: tuple["Element", ...]
     text: str = field(default="")
+    start: int = 0
 
 
 def is_gzip(data: bytes) -> bool:
@@ -47,6 +52,24 @@ def unzipped(data: bytes, name: str) -> bytes:
     return unpacked
 
 
+def gzipped_as(original: bytes, plain: bytes) -> bytes:
+    """Return data gzipped under the header of the file that they come from: its time, name and system stay."""
+    packed = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    ends = struct.pack("<LL", zlib.crc32(plain), len(plain) & 0xFFFFFFFF)
+    return original[: _header_length(original)] + packed.compress(plain) + packed.flush() + ends
+
+
+def _header_length(data: bytes) -> int:
+    """Return how long the header of a gzip file is that could be unpacked (RFC 1952)."""
+    flags, at = data[3], 10
+    if flags & 4:
+        at += 2 + struct.unpack_from("<H", data, at)[0]
+    for text in (8, 16):  # the file's name, a comment
+        if flags & text:
+            at = data.index(b"\0", at) + 1
+    return at + (2 if flags & 2 else 0)
+
+
 def elements(data: bytes, name: str) -> list[Element]:
     """Return all elements of an XML file in their order.
 
@@ -61,7 +84,8 @@ def elements(data: bytes, name: str) -> list[Element]:
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         plain = {key.rpartition(":")[2]: value for key, value in attributes.items()}
-        element = Element(tag.rpartition(":")[2], plain, parser.CurrentLineNumber, tuple(open_ones))
+        name, line = tag.rpartition(":")[2], parser.CurrentLineNumber
+        element = Element(name, plain, line, tuple(open_ones), start=parser.CurrentByteIndex)
         found.append(element)
         open_ones.append(element)
 

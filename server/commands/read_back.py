@@ -20,17 +20,19 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    """Compare a tool with the answer; status 1 where they differ."""
+    """Compare a tool with the answer; status 1 where they differ, or the answer is stale or failed."""
     from calib_core.archive.archive import opened
     from calib_core.archive.folder import load_results, load_session
     from calib_core.errors import InputError
     from calib_core.exports.answer import answer_of
     from calib_core.robots.read_back import read_back, tool_in, typed_numbers
+    from calib_core.stages.graph import Graph
     from server.commands.poses import files_of
 
     with opened(options.session) as folder:
-        session, _ = load_session(folder)
-        answer = answer_of(session, load_results(folder))
+        session, read = load_session(folder)
+        results = load_results(folder)
+        answer = answer_of(session, results, Graph.stale_of(session, read, results))
     if (options.numbers is None) == (options.file is None):
         raise InputError("FILE or --numbers", "both or neither", "Give one of them.", "read-back")
     if options.numbers is not None:
@@ -38,9 +40,9 @@ def _run(options: argparse.Namespace) -> int:
         numbers = typed_numbers(options.numbers)
     else:
         convention, numbers = tool_in(files_of(options.file), options.brand, options.tool)
-    found = read_back(numbers, convention, answer.tool0_from_laser)
+    found = read_back(numbers, convention, answer.tool0_from_laser).of_answer(answer.faults)
     print_result(options, found.words, found.to_json())
-    return OK if found.equal else NOT_ACCEPTED
+    return OK if found.equal and not found.faults else NOT_ACCEPTED
 
 
 COMMAND = Command(

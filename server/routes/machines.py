@@ -122,6 +122,7 @@ class ToolComparison(BaseModel):
     words: str
     position_mm: float | None
     rotation_deg: float | None
+    faults: list[str] = Field(description="What speaks against using the answer: `stale`, `fail`, or both.")
 
 
 @router.get("/brands", response_model=Brands)
@@ -241,8 +242,8 @@ async def read_back_tool(
                 known, pose = tool_in(contents, brand or None, tool or None)
             else:
                 known, pose = convention or answer.session.cell.pose_convention, typed_numbers(numbers)
-            found = read_back(pose, known, answer.tool0_from_laser).to_json()
-            return found, dict(answer_headers(answer.verdict, answer.stale))
+            found = read_back(pose, known, answer.tool0_from_laser).of_answer(answer.faults)
+            return found.to_json(), dict(answer_headers(answer.verdict, answer.stale))
 
         found, headers = await run_in_threadpool(compared)
     return JSONResponse(plain_json(found), headers=headers)

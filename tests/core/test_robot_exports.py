@@ -1,7 +1,10 @@
 """Exports: what is written is read back by our own readers, and a backup is patched in one entry alone."""
 
 import gzip
+import io
 import json
+import re
+import zipfile
 from typing import Any
 
 import numpy as np
@@ -246,37 +249,56 @@ def test_urdf_joints_are_the_frames() -> None:
         np.testing.assert_allclose(Rotation.from_euler("xyz", angles).as_matrix(), expected.rotation, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["abb-check-move", "fanuc-check-move", "kuka-check-move", "ur-check-move"])
+_ACTIVE = ("ur", "mitsubishi", "comau")  # whose check moves use the tool that is active
+_CHECKS = [entry.name for entry in all_exports() if entry.name.endswith("-check-move")]
+
+
+def test_every_brand_with_an_export_has_a_check_move() -> None:
+    assert {name.removesuffix("-check-move") for name in _CHECKS} == set(DIGITS)
+
+
+@pytest.mark.parametrize("name", _CHECKS)
 def test_a_check_move_brings_the_light_plane_to_the_sphere(name: str, turntable_results: Any) -> None:
     session, solved = turntable_results
-    brand = name.partition("-")[0]
+    brand = name.removesuffix("-check-move")
     stage = "chain" if "chain" in solved else "tcp"
     tool = RigidTransform.from_rounded(solved[stage]["tool0_from_laser"], "tool0", "laser")
     plan = json.loads(export(session, solved, "check-move")[0])
     content, entry = export(session, solved, name)
-    chosen = {"tool": "tScanner"} if brand == "abb" else {"tool": 1}
-    tool_file, tool_entry = export(session, solved, brand, settings=chosen if brand != "ur" else {"part": "tool"})
-    if brand == "ur":  # the TCP is set before: the program uses the active one
-        content, tool_file = tool_file.splitlines()[-1] + b"\n" + content, b""
+    chosen: dict[str, Any] = {"tool": "tScanner"} if brand in ("abb", "kawasaki", "staubli") else {"tool": 1}
+    tool_file, tool_entry = export(
+        session, solved, brand, settings={"part": "tool"} if brand in _ACTIVE else chosen
+    )
     files = {f"check{entry.suffix}": content, f"tool{tool_entry.suffix}": tool_file}
-    found = read_controller_files({n: d for n, d in files.items() if d}, brand)
-    assert len(found.poses) == (6 if brand in ("abb", "fanuc") else 9)
+    if brand in _ACTIVE:  # the tool is set before
+        lines = [
+            line for line in tool_file.splitlines() if b"set_tcp" in line or re.match(rb"\s*\$?tool\b", line, re.I)
+        ]
+        files = {f"check{entry.suffix}": lines[-1] + b"\n" + content}
+    found = read_controller_files(files, brand)
+    assert len(found.poses) == (9 if brand in ("kuka", "ur", "denso", "epson", "comau") else 6)
+    assert not any(pose.doubt and "tool" in pose.doubt for pose in found.poses)
     center, point = np.array(plan["sphere_center_in_base_mm"]), np.array(plan["point_in_laser_mm"])
     np.testing.assert_allclose(center, solved[stage]["sphere_center_in_base_mm"])
     assert point[1] == 0
     assert np.linalg.norm(point) > 50
-    tolerance = 0.02 if brand == "fanuc" else 1e-4
+    tolerance = {"fanuc": 0.02, "yaskawa": 0.01}.get(brand, 1e-4)
     distances = []
     for pose in found.poses:  # read back as flange poses: the tool is applied by our reader
+        assert pose.pose is not None
         base_from_laser = parse_pose(pose.convention, pose.pose).matrix @ tool.matrix
         distances.append(float(np.linalg.norm(base_from_laser[:3, :3] @ point + base_from_laser[:3, 3] - center)))
     on = sorted(distances)
     assert max(on[:3]) < tolerance
     np.testing.assert_allclose(on[3:], 150.0, atol=tolerance)
-    text = content.decode()
-    assert "reduced speed" in " ".join(text.replace("!", " ").replace(";", " ").split()) or brand == "fanuc"
-    stops = sum(text.count(word) for word in ("HALT", "Stop;", "PAUSE", "popup"))
-    assert stops == 9
+    if entry.suffix == ".zip":
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            content = b"\n".join(archive.read(file) for file in archive.namelist())
+    said = " ".join(re.sub(r"[!;'\r\n]|\d+:", " ", content.decode()).split())
+    assert "reduced speed" in said
+    assert "the scanner should show a circle" in said
+    stops = r"\bHALT\b|\bStop;|\bPAUSE\b|\bpopup\(|\bHlt\b|\bHold \"|\bget\(\)"
+    assert len(re.findall(stops, content.decode(), re.IGNORECASE)) == 9
 
 
 def test_a_check_move_is_refused_for_what_nobody_should_move_by(turntable_results: Any) -> None:

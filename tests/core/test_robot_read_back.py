@@ -86,3 +86,16 @@ def test_the_command_compares_a_file_or_typed_numbers(tmp_path: Any, capsys: Any
     assert "A and B are swapped" in capsys.readouterr().out
     assert main(["read-back", folder, str(file), "--tool", "9"]) == 2
     assert main(["read-back", folder]) == 2
+
+
+def test_a_comparison_with_an_answer_that_is_stale_or_failed_says_so() -> None:
+    same = read_back(numbers("kuka"), "kuka", TOOL)
+    assert same.of_answer(()) == same
+    assert same.to_json()["faults"] == []
+    stale = same.of_answer(("stale",))
+    assert (stale.equal, stale.faults) == (True, ("stale",))
+    assert stale.words.startswith("Equal")
+    assert "solve the session again" in stale.words
+    both = read_back([*numbers("kuka")[:5], 0.0], "kuka", TOOL).of_answer(("stale", "fail")).to_json()
+    assert (both["equal"], both["faults"]) == (False, ["stale", "fail"])
+    assert "verdict 'fail'" in both["words"]

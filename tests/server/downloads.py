@@ -51,6 +51,7 @@ def downloads(client: httpx.Client, session: str) -> dict[str, Said]:
     typed = " ".join(str(number) for number in answer.json()["tool0_from_laser"]["numbers"])
     back = client.post(f"{place}/read-back", files={"numbers": (None, typed)})
     assert back.json()["equal"], back.text
+    assert back.json()["faults"] == answer.json()["faults"]
     found["read-back"] = _of(back, stage, None, [])
     return found | _clouds(client, place)
 

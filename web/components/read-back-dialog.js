@@ -70,7 +70,7 @@ export function readBackDialog(sessionId) {
 }
 
 /** @param {ToolComparison} found */
-function shown({ equal, words, position_mm: position, rotation_deg: rotation }) {
+function shown({ equal, words, position_mm: position, rotation_deg: rotation, faults }) {
   const apart = position === null || rotation === null ? "" : t("read_back.apart", { position: fixed(position, 3), rotation: fixed(rotation, 4) });
-  return [h("p", {}, mark(equal ? "pass" : "fail", words)), h("p", { class: "soft" }, apart)];
+  return [h("p", {}, mark(!equal ? "fail" : faults.length ? "warn" : "pass", words)), h("p", { class: "soft" }, apart)];
 }

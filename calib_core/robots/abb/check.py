@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from calib_core.exports.check_programs import NamedCheck, check_export
+from calib_core.exports.check_programs import NamedCheck, Sides, check_export
 from calib_core.exports.writing import fixed
 
 _NONE = "[9E9,9E9,9E9,9E9,9E9,9E9]"
@@ -13,9 +13,7 @@ def _target(pose: list[float]) -> str:
     return f"[[{position}],[{rotation}],[0,0,0,0],{_NONE}]"
 
 
-def _program(
-    comments: Sequence[str], sides: Sequence[tuple[list[float], list[float]]], settings: NamedCheck
-) -> list[str]:
+def _program(comments: Sequence[str], sides: Sides, settings: NamedCheck) -> list[str]:
     lines = ["MODULE ScancellCheck", *(f"  ! {line}" for line in comments)]
     speed = f"[{settings.speed_mm_s:g},20,{settings.speed_mm_s:g},20]"
     for number, (approach, target) in enumerate(sides, start=1):

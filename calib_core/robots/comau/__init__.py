@@ -34,9 +34,10 @@ class Comau(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame lines that it writes."""
+        from calib_core.robots.comau.check import CHECK
         from calib_core.robots.comau.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return poses, joints, tools and frames of a program."""

@@ -33,9 +33,10 @@ class Denso(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame lines that it writes."""
+        from calib_core.robots.denso.check import CHECK
         from calib_core.robots.denso.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return poses, joints, tools and frames of a program."""

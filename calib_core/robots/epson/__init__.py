@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from calib_core.robots.controller_file import Found
 
 _MARKS = re.compile(
-    r"""^\s*(?:TLSet\s+\d+\s*,|Local\s+\d+\s*,|P\d+\s*=\s*XY\s*\()""", re.IGNORECASE | re.MULTILINE
+    r"""^\s*(?:TLSet\s+\d+\s*,|Local\s+\d+\s*,|P\d+\s*=\s*XY\s*\(|(?:Go|Move|Jump3?)\s+XY\s*\()""",
+    re.IGNORECASE | re.MULTILINE,
 )
 
 
@@ -33,9 +34,10 @@ class Epson(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame lines that it writes."""
+        from calib_core.robots.epson.check import CHECK
         from calib_core.robots.epson.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return poses, joints, tools and frames of a program."""

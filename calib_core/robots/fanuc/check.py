@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from calib_core.exports.check_programs import NumberedCheck, check_export
+from calib_core.exports.check_programs import NumberedCheck, Sides, check_export
 from calib_core.exports.writing import fixed, remarks
 
 
@@ -18,9 +18,7 @@ def _position(index: int, pose: list[float], tool: int) -> list[str]:
     ]
 
 
-def _program(
-    comments: Sequence[str], sides: Sequence[tuple[list[float], list[float]]], settings: NumberedCheck
-) -> list[str]:
+def _program(comments: Sequence[str], sides: Sides, settings: NumberedCheck) -> list[str]:
     steps = [f"  !{piece}" for line in comments for piece in remarks(line)]
     steps += ["  UFRAME_NUM=0", f"  UTOOL_NUM={settings.tool}"]
     positions: list[str] = []

@@ -42,9 +42,10 @@ class Kawasaki(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame data that it writes."""
+        from calib_core.robots.kawasaki.check import CHECK
         from calib_core.robots.kawasaki.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return transformations, joints, tools and bases of a saved file."""

@@ -41,9 +41,10 @@ class Staubli(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame data that it writes."""
+        from calib_core.robots.staubli.check import CHECK
         from calib_core.robots.staubli.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return tools, frames, points and joints of VAL 3 data."""

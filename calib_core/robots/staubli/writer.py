@@ -23,7 +23,8 @@ _HEAD = """<?xml version="1.0" encoding="utf-8"?>
   <Datas>"""
 
 
-def _attributes(pose: list[float]) -> str:
+def pose_attributes(pose: list[float]) -> str:
+    """Return a pose as the attributes of a value in .dtx data."""
     return " ".join(
         f'{n}="{fixed(v, 9 if i < 3 else 11)}"' for i, (n, v) in enumerate(zip(_NAMES, pose, strict=True))
     )
@@ -34,9 +35,14 @@ def _data(name: str, kind: str, pose: list[float], father: str) -> str:
     size = int(key or 0) + 1
     return (
         f'    <Data name="{plain}" access="public" xsi:type="array" type="{kind}" size="{size}">\n'
-        f'      <Value key="{key or 0}" {_attributes(pose)} fatherId="{father}" />\n'
+        f'      <Value key="{key or 0}" {pose_attributes(pose)} fatherId="{father}" />\n'
         "    </Data>"
     )
+
+
+def tool_data(name: str, pose: list[float]) -> str:
+    """Return a tool in the flange as .dtx data."""
+    return _data(name, "tool", pose, "flange[0]")
 
 
 def write(answer: Answer, settings: NamedSettings) -> str:
@@ -44,7 +50,7 @@ def write(answer: Answer, settings: NamedSettings) -> str:
     with_tool, with_table = wanted(answer, settings.part, "both")
     lines = [_HEAD, *(f"    <!-- {line.replace('--', '-')} -->" for line in provenance(answer))]
     if with_tool:
-        lines.append(_data(settings.tool, "tool", tool_pose(answer, "staubli"), "flange[0]"))
+        lines.append(tool_data(settings.tool, tool_pose(answer, "staubli")))
     if with_table:
         lines.append(_data(settings.frame, "frame", table_pose(answer, "staubli"), "world[0]"))
     return "\n".join([*lines, "  </Datas>", "</Database>"]) + "\n"
@@ -70,7 +76,7 @@ def _put(text: str, name: str, kind: str, pose: list[float], father: str) -> str
     kept = re.sub(r'\s+(?:x|y|z|rx|ry|rz)="[^"]*"', "", value[1])
     first = re.match(r'(\s*key="[^"]*")?', kept)
     at = first.end() if first else 0
-    new = f"{kept[:at]} {_attributes(pose)}{kept[at:]}"
+    new = f"{kept[:at]} {pose_attributes(pose)}{kept[at:]}"
     return replaced(text, data.start(1) + value.start(1), data.start(1) + value.end(1), new)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from calib_core.exports.check_move import CheckSettings
-from calib_core.exports.check_programs import check_export
+from calib_core.exports.check_programs import Sides, check_export
 from calib_core.exports.writing import fixed
 
 
@@ -11,9 +11,7 @@ def _pose(pose: list[float]) -> str:
     return "p[" + ", ".join(fixed(v, 9) for v in pose) + "]"
 
 
-def _program(
-    comments: Sequence[str], sides: Sequence[tuple[list[float], list[float]]], settings: CheckSettings
-) -> list[str]:
+def _program(comments: Sequence[str], sides: Sides, settings: CheckSettings) -> list[str]:
     lines = ["def scancell_check():", *(f"  # {line}" for line in comments)]
     lines.append("  # the TCP is the active one: enter it and make it active first")
     speed = f"a=0.1, v={settings.speed_mm_s / 1000:.3f}"

@@ -11,7 +11,9 @@ from dataclasses import replace
 
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.text import Source, closing, number, numbers, source_of, split_top, without_comments
-from calib_core.robots.xml_file import Element, elements, is_gzip, unzipped
+from calib_core.robots.ur.packed import found_in, scripts_in
+from calib_core.robots.ur.values import degrees, plausible
+from calib_core.robots.xml_file import is_gzip, unzipped
 
 _LITERAL = re.compile(r"(?:(\w+)\s*(=|\()\s*)?(?<![\w])p\s*(?=\[)")
 _JOINTS = re.compile(r"^[ \t]*(?:global\s+|local\s+)?(\w+)\s*=\s*(?=\[)", re.MULTILINE)
@@ -23,7 +25,6 @@ _CALL = re.compile(
     r"\b(set_tcp|move[jlpc]|servoj|servoc|get_inverse_kin)\s*\(\s*(?:get_inverse_kin\s*\(\s*)?(\w+)\s*[,)]"
 )
 _MOVES = ("movej", "movel", "movep", "movec", "servoj", "servoc", "servol", "get_inverse_kin")
-_FARTHEST_M = 10.0
 
 
 def find(data: bytes, name: str) -> Found:
@@ -124,7 +125,7 @@ class _Script:
         try:
             if end < 0:
                 raise ValueError("its brackets do not match: is the file cut or damaged?")
-            joints = _degrees(numbers(self._text[match.end() + 1 : end - 1], 6))
+            joints = degrees(numbers(self._text[match.end() + 1 : end - 1], 6))
         except ValueError as error:
             self._found.skip(line, f"{match[1]}: {error}", match[1])
             return
@@ -141,57 +142,26 @@ def _pose(text: str) -> tuple[float, ...]:
     parts = [part for _, part in split_top(text)]
     if len(parts) != 6:
         raise ValueError(f"{len(parts)} numbers instead of 6")
-    return _plausible(tuple(_radians(part) for part in parts))
+    return plausible(tuple(_radians(part) for part in parts))
 
 
 def _radians(text: str) -> float:
     """Return a number, or the radians of ``d2r(…)``."""
-    degrees = re.fullmatch(r"\s*d2r\s*\(([^()]*)\)\s*", text)
-    return math.radians(number(degrees[1])) if degrees else number(text)
-
-
-def _plausible(pose: tuple[float, ...]) -> tuple[float, ...]:
-    if max(abs(v) for v in pose[:3]) > _FARTHEST_M:
-        raise ValueError(f"{max(map(abs, pose[:3])):g} m from the base: are these millimetres? UR writes metres")
-    if math.hypot(*pose[3:]) > 2 * math.pi + 1e-6:
-        raise ValueError("a rotation vector longer than a full turn: are these degrees? UR writes radians")
-    return pose
-
-
-def _degrees(joints_rad: tuple[float, ...]) -> tuple[float, ...]:
-    if max(map(abs, joints_rad)) > 4 * math.pi + 1e-6:
-        raise ValueError("joints beyond two turns: are these degrees? UR writes radians")
-    return tuple(math.degrees(v) for v in joints_rad)
+    in_degrees = re.fullmatch(r"\s*d2r\s*\(([^()]*)\)\s*", text)
+    return math.radians(number(in_degrees[1])) if in_degrees else number(text)
 
 
 def _xml(data: bytes, name: str) -> Found:
-    found = Found(name)
-    for element in elements(data, name):
-        try:
-            _element(element, found)
-        except ValueError as error:
-            found.skip(element.line, f"{element.name}: {error}")
+    """Return what stands in a program or an installation, and in the scripts that a program keeps copies of."""
+    found = found_in(data, name)
+    for text, line in scripts_in(data, name):
+        part = _Script(source_of(text.encode(), name)).found()
+        for own, more in ((found.poses, part.poses), (found.tools, part.tools), (found.skipped, part.skipped)):
+            own.extend(replace(one, line=one.line + line - 1) for one in more)  # type: ignore[misc, type-var]
+        found.moves.update(part.moves)
+        found.wanted.update({key: (wanted, at + line - 1) for key, (wanted, at) in part.wanted.items()})
+        found.unread |= part.unread
     return found
-
-
-def _element(element: Element, found: Found) -> None:
-    if element.name == "JointAngles":
-        waypoint = next((e for e in reversed(element.path) if e.name == "Waypoint"), None)
-        name = (waypoint.attributes.get("name") if waypoint else None) or f"line {element.line}"
-        joints = _degrees(numbers(element.attributes.get("angles", ""), 6))
-        found.poses.append(Taught(name, None, "ur", element.line, joints, file=found.file))
-        return
-    text = element.attributes.get("pose", element.text).strip()
-    is_tool = "tcp" in element.name.lower() and element.name != "TCPOffset"
-    if is_tool and text.count(",") == 5:
-        pose = _plausible(numbers(text.strip("p[] "), 6))
-        around = [element, *reversed(element.path)]
-        name = next(
-            (e.attributes["name"] for e in around if e.attributes.get("name")), f"TCP {len(found.tools) + 1}"
-        )
-        found.tools.append(Frame(name, name, pose, "ur", element.line, found.file))
-    elif element.name == "tcpTransform":
-        raise ValueError(f"'{text[:40]}' instead of six numbers")
 
 
 def _recording(source: Source) -> Found:
@@ -212,9 +182,9 @@ def _recording(source: Source) -> Found:
             if offset is not None:
                 tool = "tcp_offset " + " ".join(f"{v:g}" for v in offset)
                 if all(t.number != tool for t in found.tools):
-                    found.tools.append(Frame(tool, "tcp_offset", _plausible(offset), "ur", line, source.name))
-            degrees = None if joints is None else _degrees(joints)
-            taught = Taught(name, pose and _plausible(pose), "ur", line, degrees, None, tool, "base", source.name)
+                    found.tools.append(Frame(tool, "tcp_offset", plausible(offset), "ur", line, source.name))
+            turned = None if joints is None else degrees(joints)
+            taught = Taught(name, pose and plausible(pose), "ur", line, turned, None, tool, "base", source.name)
             found.poses.append(taught)
         except ValueError as error:
             found.skip(line, f"{name}: {error}")

@@ -1,6 +1,5 @@
 """Universal Robots: set_tcp and a feature in a script; the TCP of an installation."""
 
-import gzip
 import re
 
 from pydantic import Field
@@ -22,8 +21,8 @@ from calib_core.exports.writing import (
     tool_pose,
     wanted,
 )
-from calib_core.robots.ur.reader import find
-from calib_core.robots.xml_file import is_gzip, unzipped
+from calib_core.robots.ur.packed import tcps, with_tcp
+from calib_core.robots.xml_file import elements, gzipped_as, is_gzip, unzipped
 
 
 class UrSettings(Settings):
@@ -49,32 +48,34 @@ def _table(answer: Answer, settings: UrSettings) -> list[str]:
 def patch(backup: bytes, answer: Answer, settings: UrSettings) -> bytes:
     """Return a script or an installation with its TCP changed; an installation stays packed as it was."""
     wanted(answer, settings.part, "tool")
-    packed = is_gzip(backup)
     plain = unzipped(backup, "into")
-    text, encoding = as_bytes_kept(plain)
     numbers = _list(tool_pose(answer, "ur"))
     if plain.lstrip()[:1] == b"<":
-        new = put_back(_in_installation(text, plain, settings.tool, numbers), encoding)
-    else:
-        call = r"^[^#\r\n]*?\bset_tcp\s*\(\s*p\s*\[([^\]\r\n]*)\][ \t]*\)([^\r\n]*)"
-        literal = only_match(call, text, "set_tcp(p[…])")
-        kept = re.sub(r"[ \t]*# (?:NOT TO BE USED|scancell).*", "", literal[2])
-        noted = f"{kept} # {'; '.join(provenance(answer))}"
-        text = replaced(text, literal.start(2), literal.end(2), noted)
-        new = put_back(replaced(text, literal.start(1), literal.end(1), numbers), encoding)
-    return gzip.compress(new, mtime=0) if packed else new
+        new = _in_installation(plain, settings.tool, numbers)
+        return gzipped_as(backup, new) if is_gzip(backup) else new
+    text, encoding = as_bytes_kept(plain)
+    call = r"^[^#\r\n]*?\bset_tcp\s*\(\s*p\s*\[([^\]\r\n]*)\][ \t]*\)([^\r\n]*)"
+    literal = only_match(call, text, "set_tcp(p[…])")
+    kept = re.sub(r"[ \t]*# (?:NOT TO BE USED|scancell).*", "", literal[2])
+    noted = f"{kept} # {'; '.join(provenance(answer))}"
+    text = replaced(text, literal.start(2), literal.end(2), noted)
+    new = put_back(replaced(text, literal.start(1), literal.end(1), numbers), encoding)
+    return gzipped_as(backup, new) if is_gzip(backup) else new
 
 
-def _in_installation(text: str, plain: bytes, name: str, numbers: str) -> str:
-    tools = find(plain, "into").tools
-    chosen = [i for i, tool in enumerate(tools) if not name or tool.name == name]
-    places = list(re.finditer(r"<(?:\w+:)?\w*tcp\w*\b[^<>]*>([^<>]*,[^<>]*)<", text, re.IGNORECASE))
-    places = [place for place in places if place[1].count(",") == 5]
-    if len(chosen) != 1 or len(places) != len(tools):
-        names = ", ".join(str(tool.name) for tool in tools) or "none"
-        raise InputError("one TCP of the installation", f"these: {names}", "Name one with --tool.", "into")
-    place = places[chosen[0]]
-    return replaced(text, place.start(1), place.end(1), numbers)
+def _in_installation(plain: bytes, name: str, numbers: str) -> bytes:
+    known = tcps(elements(plain, "into"))
+    chosen = [tcp for tcp in known if not name or tcp.name == name]
+    if len(chosen) != 1:
+        names = ", ".join(tcp.name for tcp in known)
+        got = f"these: {names}" if known else "none"
+        raise InputError("one TCP of the installation", got, "Name one with --tool.", "into")
+    new = with_tcp(plain, chosen[0], numbers)
+    after = [] if new is None else [(tcp.name, tcp.text) for tcp in tcps(elements(new, "into"))]
+    if new is None or after != [(tcp.name, numbers if tcp is chosen[0] else tcp.text) for tcp in known]:
+        got = f"another layout in line {chosen[0].element.line}"
+        raise InputError("the TCP's numbers in its element", got, "Enter the TCP on the pendant.", "into")
+    return new
 
 
 EXPORT = program_export(

@@ -46,9 +46,10 @@ class Yaskawa(Brand):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return the tool and frame data that it writes."""
+        from calib_core.robots.yaskawa.check import CHECK
         from calib_core.robots.yaskawa.writer import EXPORT
 
-        return (EXPORT,)
+        return (EXPORT, CHECK)
 
     def find(self, data: bytes, name: str) -> "Found":
         """Return positions of a job, or the tools or user frames of a condition file."""
