@@ -52,3 +52,12 @@ def with_file_replaced(archive: bytes, name: str, content: bytes, where: str) ->
         for entry in old.infolist():
             new.writestr(entry, content if entry.filename == name else old.read(entry), entry.compress_type)
     return target.getvalue()
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Return files by their names as a zip, the same for the same files."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
+    return packed.getvalue()

@@ -1,13 +1,12 @@
 """Stäubli VAL 3: the check move as an application, in a zip: its project, data and programs."""
 
-import io
-import zipfile
 from collections.abc import Sequence
 
 from calib_core.exports.answer import Answer
 from calib_core.exports.check_programs import NamedCheck, check_parts
 from calib_core.exports.entry import Export
 from calib_core.exports.writing import tool_pose
+from calib_core.formats.zip_files import zipped
 from calib_core.robots.staubli.writer import pose_attributes, tool_data
 
 _NAME = "scancheck"
@@ -74,11 +73,7 @@ def _write(answer: Answer, settings: NamedCheck) -> bytes:
         "start.pgx": _program_file("start", code),
         "stop.pgx": _program_file("stop", ["resetMotion()"]),
     }
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in files.items():
-            archive.writestr(zipfile.ZipInfo(f"{_NAME}/{name}"), text.encode())
-    return packed.getvalue()
+    return zipped({f"{_NAME}/{name}": text.encode() for name, text in files.items()})
 
 
 CHECK = Export(
