@@ -233,10 +233,10 @@ def install(app: FastAPI) -> None:
         return problem_response(problem_of_status(400, "a request whose connection ended before it was whole"))
 
     async def unexpected(_: Request, error: Exception) -> JSONResponse:
-        # The server logs it: it is raised again after this answer.
+        # The server logs it, and hangs up: it is raised again after this answer.
         got = f"an error of the program itself ({type(error).__name__})"
         to_do = "Nothing that was stored is touched; look into the server's log and report it."
-        return problem_response(problem_of_status(500, got, to_do))
+        return problem_response(problem_of_status(500, got, to_do), {"Connection": "close"})
 
     app.add_exception_handler(CalibrationError, calibration)
     app.add_exception_handler(RequestValidationError, validation)

@@ -1,6 +1,7 @@
 """The simulated cell through live sources: nothing at a move, the clocks' offset, and sweeps once it is known."""
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import httpx
@@ -59,19 +60,29 @@ def test_the_clocks_offset_is_measured_over_the_protocols(client: httpx.Client) 
         refused = client.post(f"/sessions/{session}/live/sweep", json={"seconds": 1.0})
         assert_problem(refused, 409, "offset between the clocks", "Measure")
         time.sleep(1.0)
-        answer = client.post(f"/sessions/{session}/live/clock-offset")
+        answer = recorded(lambda: client.post(f"/sessions/{session}/live/clock-offset"))
         assert answer.status_code == 200, answer.text
         told = answer.json()
         assert abs(told["offset_s"] - 0.037) < 0.001
         assert told["sigma_s"] < 0.001
         assert told["clocks"] == "scanner: device, robot: device"
-        taken = client.post(f"/sessions/{session}/live/sweep", json={"id": "p07", "seconds": 1.0})
+        sweep = {"id": "p07", "seconds": 1.0}
+        taken = recorded(lambda: client.post(f"/sessions/{session}/live/sweep", json=sweep))
         assert taken.status_code == 201, taken.text
         assert_poses_belong_to_their_exposures(client, session, made)
         for name in made.sources():
             client.delete(f"/sessions/{session}/devices/{name}")
     finally:
         made.stop()
+
+
+def recorded(post: Callable[[], httpx.Response]) -> httpx.Response:
+    """Do what the refusal of a recording with a gap asks for: on a busy machine the robot may send late."""
+    for _ in range(10):
+        answer = post()
+        if answer.status_code != 422 or "without a gap" not in answer.text:
+            break
+    return answer
 
 
 def assert_poses_belong_to_their_exposures(client: httpx.Client, session: str, made: SimulatedDevices) -> None:
