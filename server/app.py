@@ -96,7 +96,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         sender = app.state.webhooks = WebhookSender(settings, store)
         hub.wake_at_events(sender.wake)
         app.state.metrics.watch_store(store, settings.data)
-        measuring = Measuring(settings.measuring_processes, settings.measuring_timeout_s, settings.warm_up)
+        measuring = Measuring(
+            settings.measuring_processes,
+            settings.measuring_timeout_s,
+            settings.warm_up,
+            settings.blob_place.observations,
+        )
         measuring_queue = MeasuringQueue(store, measuring)
         jobs = Jobs(settings, store, hub, measuring_queue.wake)
         past_scenes = PastScenes(store)

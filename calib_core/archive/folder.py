@@ -9,8 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from calib_core.archive.kept_observations import OWN_FOLDER, KeptObservations
 from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
+from calib_core.captures.kept import KeepingReader
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
 from calib_core.formats.shared.writing import write_atomically
@@ -23,6 +25,8 @@ MAX_SESSION_BYTES = 32_000_000
 
 def load_session(path: Path) -> tuple[Session, ReadFile]:
     """Return the session in a folder, and the function that reads its captures' files.
+
+    What is seen in them is kept in the folder's `.scancell/`, so that it is measured once.
 
     Parameters
     ----------
@@ -45,7 +49,7 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     record = to_present_format(cast("dict[str, Any]", data), str(file))
     session = parse_session(record, str(file))
     require_plain(record, str(file))
-    return session, _reader(folder)
+    return session, KeepingReader(_reader(folder), KeptObservations(folder / OWN_FOLDER))
 
 
 def folder_of(path: Path) -> Path:

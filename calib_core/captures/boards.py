@@ -1,12 +1,10 @@
 """The board in a capture's frame, found once: as the frame comes in, for the camera and for the plane of light."""
 
-import hashlib
-import threading
-
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.errors import InputError, MeasurementError
+from calib_core.captures.kept import seen_once
+from calib_core.errors import InputError
 from calib_core.formats.shared.images import decode_image
 from calib_core.optics.board import BoardView, find_board
 from calib_core.optics.stripe import StripeCenters, find_stripe
@@ -15,10 +13,7 @@ from calib_core.stages.stage import ReadFile
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
-_REMEMBERED = 256
 _DARK_SHARE = 0.15  # of the brightest pixel: a frame whose median is below shows no lit board
-_lock = threading.Lock()
-_found: dict[str, BoardView | MeasurementError] = {}
 
 
 def board_of(cell: Cell) -> Board:
@@ -55,7 +50,7 @@ def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:
 
 
 def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
-    """Return the board in a capture's first frame, from memory where the same bytes were searched for it before.
+    """Return the board in a capture's first frame, searched for once.
 
     Raises
     ------
@@ -67,23 +62,8 @@ def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
         If the frame does not show the board.
     """
     name = capture.files[0]
-    data = read(name)
-    key = hashlib.sha256(data).hexdigest() + board.model_dump_json()
-    with _lock:
-        found = _found.get(key)
-    if found is None:
-        image = decode_image(data, name)
-        try:
-            found = find_board(image, board)
-        except MeasurementError as error:
-            found = error
-        with _lock:
-            while len(_found) >= _REMEMBERED:
-                _found.pop(next(iter(_found)))
-            _found[key] = found
-    if isinstance(found, MeasurementError):
-        raise MeasurementError(found.need, found.got, found.to_do, found.where)
-    return found
+    told = board.model_dump(mode="json")
+    return seen_once(BoardView, [name], read, told, lambda: find_board(decode_image(read(name), name), board))
 
 
 def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
@@ -105,6 +85,10 @@ def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
             "Give each pose of the board its own capture.",
             capture.id,
         )
+    return seen_once(StripeCenters, capture.files, read, None, lambda: _stripe(capture, read))
+
+
+def _stripe(capture: Capture, read: ReadFile) -> StripeCenters:
     frame = read_frame(capture, read, -1)
     if len(capture.files) == 1:
         return find_stripe(frame)

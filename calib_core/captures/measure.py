@@ -53,28 +53,27 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
         assert capture.center_mm is not None
         return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
     try:
+        if shows_sphere(capture):
+            return _measured(session.cell, capture, see_sphere(session, capture, read))
         points = points_of(session, capture, read)
-    except MeasurementError as error:  # a frame without a stripe
-        reason = f"Need {error.need}, got {error.got}."
-        return Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do)
-    if not shows_sphere(capture):
-        return Measured(
-            capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)
-        )
-    try:
-        seen = see_sphere(session.cell, capture, points)
     except MeasurementError as error:
-        return Measured(
-            capture=capture.id,
-            kind=capture.kind,
-            verdict="fail",
-            reason=f"Need {error.need}, got {error.got}.",
-            to_do=error.to_do,
-            points=len(points),
-            preview=thinned(points),
-            preview_on_sphere=[False] * len(thinned(points)),
-        )
-    return _measured(session.cell, capture, seen)
+        return _nothing_seen(session, capture, read, error)
+    return Measured(
+        capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)
+    )
+
+
+def _nothing_seen(session: Session, capture: Capture, read: ReadFile, error: MeasurementError) -> Measured:
+    """Return why the sphere is not seen in a capture's points, or why there are none: a frame without a stripe."""
+    reason = f"Need {error.need}, got {error.got}."
+    nothing = Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do)
+    try:
+        points = points_of(session, capture, read)
+    except MeasurementError:
+        return nothing
+    preview = thinned(points)
+    update = {"points": len(points), "preview": preview, "preview_on_sphere": [False] * len(preview)}
+    return nothing.model_copy(update=update)
 
 
 def _waits_for_calibration(session: Session, capture: Capture) -> bool:

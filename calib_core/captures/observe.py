@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.content import pose_of, read_points, sphere_of
+from calib_core.captures.kept import seen_once
+from calib_core.captures.raw_frames import of_frames
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
@@ -52,7 +54,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
             point_sigma_mm=sigma_mm or CENTER_SIGMA_MM,
         )
     with _named(capture):
-        seen = see_sphere(session.cell, capture, points_of(session, capture, read))
+        seen = see_sphere(session, capture, read)
     fit, points = seen.fit, seen.points[seen.on_sphere]
     if isinstance(fit, ArcFit):
         return arc_observation(session.cell, capture, pose, points, fit)
@@ -99,14 +101,32 @@ def points_of(session: Session, capture: Capture, read: ReadFile) -> FloatArray:
     return read_profile_frame(session, capture, read)
 
 
-def see_sphere(cell: Cell, capture: Capture, points: FloatArray) -> Seen:
-    """Return the circle or sphere in a capture's points (N, 2 or 3), L, mm; raises as `observe_capture`."""
-    diameter_mm = cell.sphere_diameter_mm
+def see_sphere(session: Session, capture: Capture, read: ReadFile) -> Seen:
+    """Return the circle or sphere in a capture's points; raises as `observe_capture`."""
+    cell = session.cell
+    sphere_of(cell, [capture])
+    told = point_settings(session, capture, read)
+    return seen_once(
+        Seen, capture.files, read, told, lambda: _look(cell, capture, points_of(session, capture, read))
+    )
+
+
+def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[object]:
+    """Return all but its files' bytes that the sphere in a capture's points depends on, as JSON data."""
+    cell = session.cell
+    told = [capture.kind, capture.format, capture.format_settings, cell.sphere_diameter_mm, cell.scanner.z_axis]
+    if of_frames(capture):
+        from calib_core.captures.stripe_frames import calibration_of
+
+        told.append(calibration_of(session, read).digest)
+    return told
+
+
+def _look(cell: Cell, capture: Capture, points: FloatArray) -> Seen:
     if capture.kind in ("profile", "frame"):
-        sphere_of(cell, [capture])
-        arc = fit_arc(points, diameter_mm, cell.scanner.z_axis)
+        arc = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
         return Seen(points, arc.inliers, arc)
-    sphere = fit_sphere(points, diameter_mm)
+    sphere = fit_sphere(points, cell.sphere_diameter_mm)
     return Seen(points, sphere.inliers, sphere)
 
 

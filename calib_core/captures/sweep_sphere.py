@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.content import shows_sphere, sphere_of, thinned, thinning
-from calib_core.captures.observe import arc_observation
+from calib_core.captures.kept import seen_once
+from calib_core.captures.observe import arc_observation, point_settings
 from calib_core.captures.standstill import doubt_of, still_of
 from calib_core.captures.sweep import sweep_poses, sweep_profile
 from calib_core.chain.observations import SphereObservation
@@ -146,10 +147,17 @@ def _profiles(session: Session, capture: Capture, read: ReadFile) -> Iterator[_P
         points: FloatArray = np.empty((0, 2))
         try:
             points = sweep_profile(session, capture, name, read, may_be_blank=True)
-            found = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
+            found = _arc_in(session, capture, name, points, read)
         except MeasurementError as error:
             found = error
         yield _Profile(pose, points, found)
+
+
+def _arc_in(session: Session, capture: Capture, name: str, points: FloatArray, read: ReadFile) -> ArcFit:
+    """Return the arc in one profile of a sweep; raises MeasurementError where there is none."""
+    told = point_settings(session, capture, read)
+    diameter_mm, z_axis = session.cell.sphere_diameter_mm, session.cell.scanner.z_axis
+    return seen_once(ArcFit, [name], read, told, lambda: fit_arc(points, diameter_mm, z_axis))
 
 
 def _arcs(profiles: list[_Profile]) -> list[_Arc]:

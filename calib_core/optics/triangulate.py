@@ -1,5 +1,6 @@
 """Pixels of the stripe to points of L: undistort, cut the ray with the plane of light."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -62,6 +63,17 @@ class ProfileCalibration:
                 "Leave camera_from_laser out; it follows from the plane.",
             )
         return cls(camera.with_laser_plane(n, d) if camera.segments else camera, n, d, frame)
+
+    @cached_property
+    def digest(self) -> str:
+        """The SHA-256 of its numbers: what else makes a profile of a frame."""
+        camera, frame = self.camera, self.camera_from_laser
+        bands = [part for band in camera.segments for part in ((band.near_mm, band.far_mm), band.distortion)]
+        numbers = (camera.camera_matrix, camera.distortion, camera.image_size, self.normal, self.distance_mm)
+        digest = hashlib.sha256()
+        for part in (*numbers, frame.rotation, frame.translation_mm, *bands):
+            digest.update(np.asarray(part, dtype=float).tobytes())
+        return digest.hexdigest()
 
     @cached_property
     def _axes(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -7,6 +7,7 @@ from typing import Any, Final, cast
 from pydantic import Field
 
 from calib_core.archive.folder import result_data
+from calib_core.captures.kept import plain
 from calib_core.errors import CalibrationError, InputError
 from calib_core.records import Record, Session
 from calib_core.stages.graph import Graph
@@ -92,6 +93,7 @@ def replay(
     """
     if not results:
         raise InputError("stored results to compare with", "none", "Solve the session, then pack it.", where)
+    read = plain(read)  # afresh: what was kept may be what was wrong
     stages = [_stage(session, read, stage, stored, progress, fresh) for stage, stored in results.items()]
     equal = all(stage.equal for stage in stages)
     return Replay(session=session.name, software=SOFTWARE, tolerance=TOLERANCE, equal=equal, stages=stages)

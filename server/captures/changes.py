@@ -56,7 +56,7 @@ def corrected_capture(
     capture = _changed(record, changes)
     check_poses(stored.session, capture)
     try:
-        measured = Measurer(measure, stored.session, lambda: calibrated(stored)).measure(capture, stored.read)
+        measured = Measurer(measure, stored.session, lambda: calibrated(stored)).measure(capture, stored.reader)
     except DamagedError:
         if set(changes) != {"excluded"}:
             raise

@@ -11,8 +11,11 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
+from calib_core.archive.kept_observations import KeptObservations
+from calib_core.captures.kept import Keeper, keeping
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from server.http.json_text import JsonText
@@ -37,9 +40,14 @@ class Measuring:
         What takes longer is given up; the capture is kept all the same.
     warm : bool
         Whether what solves need is loaded along.
+    observations : Path, optional
+        The folder that keeps what was seen.
     """
 
-    def __init__(self, processes: int, timeout_s: float, warm: bool = False) -> None:
+    def __init__(
+        self, processes: int, timeout_s: float, warm: bool = False, observations: Path | None = None
+    ) -> None:
+        self._observations = observations
         self._timeout_s = timeout_s
         self._context = WorkerContext(warm)
         self._turns = threading.BoundedSemaphore(processes)
@@ -116,7 +124,7 @@ class Measuring:
             with self._lock:
                 if self._idle:
                     return self._idle.pop()
-            process = _Process(self._context)
+            process = _Process(self._context, self._observations)
             with self._lock:
                 self._all.add(process)
             if self._closed:
@@ -143,9 +151,9 @@ class Measuring:
 class _Process:
     """One process that measures one capture at a time."""
 
-    def __init__(self, context: Any) -> None:
+    def __init__(self, context: Any, observations: Path | None) -> None:
         self._connection, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other,), daemon=True)
+        self._process = context.Process(target=_serve, args=(other, observations), daemon=True)
         self._process.start()
         other.close()
         self.usable = self._started()
@@ -180,25 +188,28 @@ def _text_of(measured: Measured) -> JsonText:
     return JsonText(measured.model_dump_json(exclude_unset=True))
 
 
-def _serve(connection: "Connection[Any, Any]") -> None:
+def _serve(connection: "Connection[Any, Any]", observations: Path | None) -> None:
     """Measure what comes until the service hangs up."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         warm_up()
     except Exception:  # the capture itself will meet the fault again and say so
         log.exception("a measuring process could not be warmed up")
+    keeper = None if observations is None else KeptObservations(observations)
     with suppress(EOFError, OSError):  # the service has hung up, maybe before this process was ready
         connection.send(_READY)
         while True:
             work: tuple[dict[str, Any], dict[str, Any], Mapping[str, bytes]] = connection.recv()
-            connection.send(_answer(*work))
+            connection.send(_answer(*work, keeper))
 
 
-def _answer(cell: dict[str, Any], record: dict[str, Any], contents: Mapping[str, bytes]) -> object:
+def _answer(
+    cell: dict[str, Any], record: dict[str, Any], contents: Mapping[str, bytes], keeper: Keeper | None
+) -> object:
     try:
         session = parse_session(cell, "session")
         capture = parse_capture(record, "record")
         check_poses(session, capture)
-        return measured_with_text(session, capture, contents.__getitem__)[1]
+        return measured_with_text(session, capture, keeping(contents.__getitem__, keeper))[1]
     except CalibrationError as error:
         return error

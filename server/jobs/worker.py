@@ -12,6 +12,7 @@ from multiprocessing import parent_process
 from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from calib_core.captures.kept import keeping
 from calib_core.errors import InputError
 from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs
@@ -171,7 +172,7 @@ def _blobs() -> Blobs:
 
 def _reader(digests: Mapping[str, str]) -> Callable[[str], bytes]:
     blobs = _blobs()
-    return lambda name: blobs.read(digests[name])
+    return keeping(lambda name: blobs.read(digests[name]), blobs.observations)
 
 
 class _Outputs:

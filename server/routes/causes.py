@@ -114,4 +114,4 @@ def _causes(stored: Loaded) -> list[RootCause]:
 
     results = stored.results_with_stale()
     stale = [stage for stage, result in results.items() if result.get("stale")]
-    return session_causes(stored.session, stored.read, results, stale)
+    return session_causes(stored.session, stored.reader, results, stale)

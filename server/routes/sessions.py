@@ -155,7 +155,7 @@ def check(session_id: SessionId, store: StoreDep) -> Findings:
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-    findings = check_session(stored.session, stored.read, stored.measured)
+    findings = check_session(stored.session, stored.reader, stored.measured)
     return Findings(items=findings, blocks_solving=any(finding.level == "error" for finding in findings))
 
 

@@ -109,7 +109,7 @@ def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
 def scene_of(stored: "StoredSession") -> SceneInput:
     """Return a session of the store as its scene needs it."""
     read = output_reader(stored)
-    scene = scene_input(stored.session, stored.read, stored.measured.values(), stored.results, read)
+    scene = scene_input(stored.session, stored.reader, stored.measured.values(), stored.results, read)
     outputs = tuple(f"{name} {output.sha256}" for name, output in stored.outputs.items())
     stale = Graph(stored.session, stored.digests.__getitem__).stale(stored.results)
     return replace(scene, outputs=outputs, stale=stale)

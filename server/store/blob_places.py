@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from calib_core.archive.kept_observations import KeptObservations
 from calib_core.errors import InputError
 from server.store.blobs import Blobs
 
@@ -20,6 +21,11 @@ class BlobPlace:
     bucket: str | None = None
     endpoint: str | None = None
 
+    @property
+    def observations(self) -> Path:
+        """The folder of what was seen in the captures: on this machine's disk, wherever the blobs are."""
+        return self.folder.parent / "observations"
+
 
 def open_blobs(place: BlobPlace, make: bool = True) -> Blobs:
     """Return the blobs at a place; a folder that is missing is made, where that is wanted.
@@ -29,6 +35,12 @@ def open_blobs(place: BlobPlace, make: bool = True) -> Blobs:
     InputError
         If the place is of no known kind, or there is no such bucket.
     """
+    blobs = _opened(place, make)
+    blobs.observations = KeptObservations(place.observations)
+    return blobs
+
+
+def _opened(place: BlobPlace, make: bool) -> Blobs:
     if place.bucket is None:
         from server.store.blob_folder import FolderBlobs
 

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from typing import IO
 
+from calib_core.captures.kept import Keeper
 from calib_core.errors import DamagedError, NotFoundError
 
 Pieces = Iterable[bytes | memoryview]
@@ -17,7 +18,15 @@ AT_ONCE = 16
 
 
 class Blobs(ABC):
-    """Blobs, whole or not there, whatever happens to the power: what `put` returned for is on the disk."""
+    """Blobs, whole or not there, whatever happens to the power: what `put` returned for is on the disk.
+
+    Attributes
+    ----------
+    observations : Keeper, optional
+        Keeps beside them what was seen in captures' files.
+    """
+
+    observations: Keeper | None = None
 
     @abstractmethod
     def put(self, content: bytes) -> str:

@@ -1,7 +1,7 @@
 """Sessions: made, listed, read as a whole, changed, removed."""
 
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,6 +9,7 @@ from sqlalchemy import Text, cast, delete, func, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
+from calib_core.captures.kept import keeping
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.records import Measured, Session, parse_session
 from calib_core.review.answer import cell_id_of
@@ -53,6 +54,11 @@ class StoredSession:
                 f"a file named {name}", "none in this session", "Check the capture's `files`.", name
             )
         return self.blobs.read(self.digests[name])
+
+    @property
+    def reader(self) -> Callable[[str], bytes]:
+        """`read`, and what is seen in the files is kept."""
+        return keeping(self.read, self.blobs.observations)
 
     def results_with_stale(self) -> dict[str, Data]:
         """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""

@@ -67,5 +67,6 @@ def _manifest(entries: list[Entry], base: str) -> bytes:
 
 
 def tree(folder: Path) -> dict[str, bytes]:
-    """Return all files below a folder by name."""
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    """Return all files below a folder by name, but for what is no part of the session."""
+    names = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
+    return {name: p.read_bytes() for name, p in names.items() if not name.startswith(".scancell/")}

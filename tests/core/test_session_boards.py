@@ -2,21 +2,33 @@
 
 import pytest
 
-from calib_core.captures.boards import board_in, board_of
+from calib_core.captures import boards
+from calib_core.captures.boards import Image, board_in, board_of
 from calib_core.errors import MeasurementError
+from calib_core.optics.board import BoardView, find_board
 from calib_core.records import Board
 from calib_core.simulation import simulate
 
 
-def test_the_same_bytes_give_the_same_view_another_board_another_search() -> None:
+def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched: list[Board] = []
+
+    def searching(image: Image, board: Board) -> BoardView:
+        searched.append(board)
+        return find_board(image, board)
+
+    monkeypatch.setattr(boards, "find_board", searching)
     simulated = simulate("laser-plane", 1)
     capture, read = simulated.session.captures[0], simulated.files.__getitem__
     board = board_of(simulated.session.cell)
     view = board_in(capture, board, read)
-    assert board_in(capture, board, read) is view
+    again = board_in(capture, board, read)
+    assert again.points_px.tobytes() == view.points_px.tobytes()
+    assert again.notes == view.notes
     wider = board_in(capture, board.model_copy(update={"pitch_mm": 18.0}), read)
     assert wider.points_in_board_mm.max() == 2 * view.points_in_board_mm.max()
     other = Board(kind="chessboard", columns=7, rows=5, pitch_mm=9.0)
     for _ in range(2):  # a refusal is remembered too
         with pytest.raises(MeasurementError, match="7 × 5 inner corners"):
             board_in(capture, other, read)
+    assert [b.columns for b in searched] == [board.columns, board.columns, 7]
