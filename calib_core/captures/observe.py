@@ -114,7 +114,8 @@ def see_sphere(session: Session, capture: Capture, read: ReadFile) -> Seen:
 def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[object]:
     """Return all but its files' bytes that the sphere in a capture's points depends on, as JSON data."""
     cell = session.cell
-    told = [capture.kind, capture.format, capture.format_settings, cell.sphere_diameter_mm, cell.scanner.z_axis]
+    diameter_mm, z_axis = cell.sphere_diameter_mm, cell.scanner.z_axis
+    told: list[object] = [capture.kind, capture.format, capture.format_settings, diameter_mm, z_axis]
     if of_frames(capture):
         from calib_core.captures.stripe_frames import calibration_of
 
