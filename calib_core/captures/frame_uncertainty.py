@@ -1,10 +1,10 @@
 """What an uncertain camera and plane of light add to the TCP that frames of the sphere give.
 
 The error is common to all captures, so that no residual shows it.  Its covariance is carried through by moving
-camera and plane together along each of its principal directions, by one standard deviation, and solving again.
+camera and plane together along each of its principal directions, by one standard deviation, and fitting again.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import calibration_of, plane_of
+from calib_core.chain.moved import shift_by
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import TcpSolution
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel
@@ -31,7 +32,6 @@ def with_calibration_uncertainty(
     read: ReadFile,
     observations: Sequence[SphereObservation],
     solution: TcpSolution,
-    solve: Callable[[list[SphereObservation]], TcpSolution],
 ) -> TcpSolution:
     """Return the solution with the covariance that camera and plane of light add; unchanged if they were brought.
 
@@ -42,8 +42,6 @@ def with_calibration_uncertainty(
     observations : sequence of SphereObservation
         Those that the solution was found from.
     solution : TcpSolution
-    solve : callable
-        Gives the solution of other observations.
     """
     frames = {capture.id for capture in session.captures if of_frames(capture)}
     if session.cell.known.laser_plane is not None or not any(o.capture in frames for o in observations):
@@ -51,13 +49,8 @@ def with_calibration_uncertainty(
     calibration = calibration_of(session, read)
     added = np.zeros((9, 9))
     for moved in _moved_calibrations(calibration, plane_of(session, read)):
-        again = solve([_moved(o, calibration, moved) if o.capture in frames else o for o in observations])
-        shift = np.concatenate(
-            [
-                solution.joint.tool0_from_laser.difference(again.joint.tool0_from_laser),
-                again.joint.center_in_base_mm - solution.joint.center_in_base_mm,
-            ]
-        )
+        seen = [_moved(o, calibration, moved) if o.capture in frames else o for o in observations]
+        shift = shift_by(solution, seen)
         added += np.outer(shift, shift)
     whole = solution.held.covariance.copy()
     whole[:9, :9] += added
