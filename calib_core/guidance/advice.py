@@ -19,7 +19,7 @@ _OPEN_MM = 20.0  # beyond it ± is no figure yet
 _PLENTY, _LITTLE = 10, 0.95
 _WEAK = 0.2  # of the limits of what is undetermined: what a result warns of
 _HISTORY = 24
-_OF_CAPTURE = ("id", "step", "kind", "files", "pose", "side", "excluded")
+_OF_CAPTURE = ("id", "step", "kind", "files", "center_mm", "pose", "side", "excluded")
 _OF_MEASURED = (
     "capture",
     "kind",

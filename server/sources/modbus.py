@@ -1,5 +1,6 @@
 """Modbus TCP: a table's angle from a register."""
 
+import logging
 import time
 from typing import Any, Literal
 
@@ -35,6 +36,8 @@ class Modbus:
     def __init__(self, settings: ModbusSettings) -> None:
         from pymodbus.client import ModbusTcpClient
 
+        # It would write a line into the log at every attempt; what is wrong is said once, of the device.
+        logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         self._settings = settings
         self._client: Any = ModbusTcpClient(settings.host, port=settings.port, timeout=1.0, retries=0)
         if not self._client.connect():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.captures.measure import measure_capture
 from calib_core.frames import RigidTransform, rotation_from_vector, vector_from_rotation
 from calib_core.records import Guide, Measured, Session
 from calib_core.robots import parse_pose, to_pose
@@ -230,3 +231,15 @@ def test_the_nearest_of_many_turns_is_the_smallest_angle_between_them() -> None:
     one_by_one = [vector_from_rotation(rotation_from_vector(turn).T @ rotation_from_vector(o)) for o in others]
     assert nearest_turn_rad(turn, others) == pytest.approx(min(np.linalg.norm(v) for v in one_by_one), abs=1e-9)
     assert nearest_turn_rad(turn, []) == np.pi
+
+
+@pytest.mark.parametrize("scenario", ["tcp-centers", "tcp-mixed"])
+def test_captures_of_every_kind_are_guided(scenario: str) -> None:
+    cell = simulate(scenario, 1)
+    measured = [
+        measure_capture(cell.session, capture, cell.files.__getitem__) for capture in cell.session.captures
+    ]
+    for count in (0, 3, 7):
+        first = cell.session.model_copy(update={"captures": cell.session.captures[:count]})
+        assert guide(first, measured[:count], {}).current.action == "capture"
+    assert guide(cell.session, measured, {}).current.action == "solve"
