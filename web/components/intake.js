@@ -33,6 +33,8 @@ export class IntakeElement extends StateElement {
   #timer = 0;
   #reading = 0;
   #restored = false;
+  #isKnown = () => {};
+  #known = new Promise((/** @type {(value?: unknown) => void} */ resolve) => { this.#isKnown = resolve; });
   #picker = h("input", { type: "file", multiple: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
   #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
   #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
@@ -99,7 +101,9 @@ export class IntakeElement extends StateElement {
     if (this.#restored) return;
     this.#restored = true;
     this.#step.replaceChildren(...this.state.captureSteps.map((step) => h("option", { value: step }, stepName(this.state, step))));
+    if (!this.#panel.hidden) this.#step.value = this.#likelyStep();
     this.#restore();
+    this.#isKnown();
     this.#wait(takeWaiting(this.state.id));
     const brought = takeBrought(this.state.id);
     if (brought.length) void this.#take(brought);
@@ -176,6 +180,7 @@ export class IntakeElement extends StateElement {
 
   /** @param {Found[]} found */
   async #take(found) {
+    await this.#known; // the steps: files may be dropped before they have come
     let endings = "";
     if (!await attempt(async () => { endings = (await knowFormats()).join(" "); })) return;
     const folder = await sessionFolder(found).catch(() => undefined);

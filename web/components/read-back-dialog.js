@@ -23,6 +23,7 @@ export function readBackDialog(sessionId) {
   const which = h("div", { class: "field", hidden: true }, h("label", { for: "read-back-tool" }, t("read_back.tool")), tool);
   const dialog = h("dialog", { "aria-labelledby": "read-back-title" });
 
+  let latest = 0; // answers may come in another order than they were asked for
   const listTools = async () => {
     outcome.replaceChildren();
     which.hidden = true;
@@ -42,12 +43,17 @@ export function readBackDialog(sessionId) {
     const asked = found.length ? { tool: tool.value } : { numbers: numbers.value, convention: convention.value };
     numbers.setCustomValidity(found.length || numbers.value.trim() ? "" : t("read_back.need"));
     if (!numbers.reportValidity()) return;
+    outcome.replaceChildren(h("p", { class: "soft" }, t("comparison.wait")));
+    const comparison = ++latest;
+    /** @type {HTMLElement[]} */
+    let said;
     try {
-      outcome.replaceChildren(...shown(await api.readBack(sessionId, found, asked)));
+      said = shown(await api.readBack(sessionId, found, asked));
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
-      outcome.replaceChildren(h("p", { class: "form-problem" }, error.message));
+      said = [h("p", { class: "form-problem" }, error.message)];
     }
+    if (comparison === latest) outcome.replaceChildren(...said);
   };
   files.addEventListener("change", () => void listTools());
   numbers.addEventListener("input", () => numbers.setCustomValidity(""));

@@ -16,6 +16,8 @@ const SIDES = /** @type {const} */ (["left", "right"]);
 export class ComparePage extends HTMLElement {
   /** @type {HTMLElement | null} */ top = null;
   #query = new URLSearchParams(window.location.search);
+  /** Answers may come in another order than they were asked for: only the latest counts. */
+  #asked = 0;
   #answer = h("div", { class: "comparison", "aria-live": "polite" });
   #stage = h("select", { id: "compare-stage", onchange: () => void this.#changed("stage", this.#stage.value) });
   /** @type {Record<"left" | "right", { session: HTMLSelectElement, solve: HTMLSelectElement }>} */
@@ -72,17 +74,19 @@ export class ComparePage extends HTMLElement {
   }
 
   async #refresh() {
+    const asked = ++this.#asked;
     const stage = this.#stage.value;
     await Promise.all(SIDES.map((side) => this.#offerSolves(side, stage)));
+    if (asked !== this.#asked) return;
     const [left, right] = SIDES.map((side) => this.#value(side));
     this.#answer.replaceChildren(h("p", { class: "soft" }, t("comparison.wait")));
     if (!left || !right) return this.#answer.replaceChildren(h("p", { class: "soft" }, t("comparison.two")));
     try {
       const comparison = await api.compare(stage, left, right);
-      this.#answer.replaceChildren(...comparisonSections(comparison, names(comparison)));
+      if (asked === this.#asked) this.#answer.replaceChildren(...comparisonSections(comparison, names(comparison)));
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
-      this.#answer.replaceChildren(h("p", { class: "reason reason-fail", role: "alert" }, error.message));
+      if (asked === this.#asked) this.#answer.replaceChildren(h("p", { class: "reason reason-fail", role: "alert" }, error.message));
     }
   }
 
