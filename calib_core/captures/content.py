@@ -39,8 +39,8 @@ def read_as(capture: Capture, name: str, read: ReadFile, kind: PointKind) -> Rea
     return read_file(read(name), name, kind, capture.format, capture.format_settings)
 
 
-def read_points(capture: Capture, read: ReadFile) -> FloatArray:
-    """Return the points of a profile or cloud capture, (N, 2) or (N, 3), in L.
+def reading_of(capture: Capture, read: ReadFile) -> Reading:
+    """Return the reading of a profile or cloud capture's one file.
 
     Raises
     ------
@@ -52,13 +52,18 @@ def read_points(capture: Capture, read: ReadFile) -> FloatArray:
         raise InputError(f"one file in a {capture.kind} capture", got, "Give each its own capture.", capture.id)
     name = capture.files[0]
     if capture.kind in ("profile", "cloud"):
-        return known_points(read_as(capture, name, read, capture.kind), name)
+        return read_as(capture, name, read, capture.kind)
     raise InputError(
         "a capture of kind profile, cloud or center",
         f"kind '{capture.kind}', which this version cannot turn into points",
         "Export the scanner's calibrated profiles or clouds.",
         capture.id,
     )
+
+
+def read_points(capture: Capture, read: ReadFile) -> FloatArray:
+    """Return the points of a profile or cloud capture, (N, 2) or (N, 3), in L; raises as `reading_of`."""
+    return known_points(reading_of(capture, read), capture.files[0])
 
 
 def pose_of(cell: Cell, capture: Capture) -> RigidTransform:

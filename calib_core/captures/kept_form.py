@@ -19,13 +19,13 @@ _NUMBERS = "fiub"
 
 @cache
 def _kinds() -> dict[str, Any]:
-    from calib_core.captures.observe import Seen
+    from calib_core.captures.observe import Doubts, Seen
     from calib_core.optics.board import BoardView
     from calib_core.optics.stripe import StripeCenters
     from calib_core.sphere.arc import ArcFit
     from calib_core.sphere.cloud import SphereFit
 
-    return {kind.__name__: kind for kind in (Seen, ArcFit, SphereFit, BoardView, StripeCenters)}
+    return {kind.__name__: kind for kind in (Seen, Doubts, ArcFit, SphereFit, BoardView, StripeCenters)}
 
 
 def to_bytes(seen: object) -> bytes:

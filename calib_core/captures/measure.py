@@ -1,5 +1,7 @@
 """What one capture says about the sphere: measured when it arrives, shown, and given to the solvers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib_core.captures.advice import advise
@@ -10,7 +12,7 @@ from calib_core.captures.content import (
     thinned,
     thinning,
 )
-from calib_core.captures.observe import Seen, points_of, see_sphere
+from calib_core.captures.observe import Seen, doubts_of, points_of, see_sphere
 from calib_core.errors import MeasurementError
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.sphere.arc import ArcFit
@@ -52,6 +54,12 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     if capture.kind == "center":
         assert capture.center_mm is not None
         return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
+    measured = _of_points(session, capture, read)
+    doubts = doubts_of(capture, read) if capture.kind in ("profile", "cloud") else []
+    return _doubted(measured, doubts) if doubts else measured
+
+
+def _of_points(session: Session, capture: Capture, read: ReadFile) -> Measured:
     try:
         if shows_sphere(capture):
             return _measured(session.cell, capture, see_sphere(session, capture, read))
@@ -61,6 +69,14 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     return Measured(
         capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)
     )
+
+
+def _doubted(measured: Measured, doubts: Sequence[str]) -> Measured:
+    """Return what was measured with what its reader doubts: the file should be looked at before it is used."""
+    reason = " ".join(filter(None, ["The file is doubtful:", *doubts, measured.reason]))
+    to_do = measured.to_do or "Look at what was read; say otherwise in the capture's format and format_settings."
+    verdict = "fail" if measured.verdict == "fail" else "warn"
+    return measured.model_copy(update={"verdict": verdict, "reason": reason, "to_do": to_do})
 
 
 def _nothing_seen(session: Session, capture: Capture, read: ReadFile, error: MeasurementError) -> Measured:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.captures.content import pose_of, read_points, sphere_of
+from calib_core.captures.content import pose_of, read_points, reading_of, sphere_of
 from calib_core.captures.kept import seen_once
 from calib_core.captures.raw_frames import of_frames
 from calib_core.chain.observations import SphereObservation
@@ -99,6 +99,21 @@ def points_of(session: Session, capture: Capture, read: ReadFile) -> FloatArray:
     from calib_core.captures.stripe_frames import read_profile_frame
 
     return read_profile_frame(session, capture, read)
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """Why a file should be looked at before it is used."""
+
+    sentences: list[str]
+
+
+def doubts_of(capture: Capture, read: ReadFile) -> list[str]:
+    """Return what the reader of a profile or cloud capture's file doubts; raises as `reading_of`."""
+    told = [capture.kind, capture.format, capture.format_settings]
+    return seen_once(
+        Doubts, capture.files, read, told, lambda: Doubts(list(reading_of(capture, read).doubts))
+    ).sentences
 
 
 def see_sphere(session: Session, capture: Capture, read: ReadFile) -> Seen:

@@ -8,10 +8,9 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.errors import InputError
-from calib_core.frames import vector_from_rotation
+from calib_core.frames import RigidTransform, vector_from_rotation
 from calib_core.records import Capture, Cell
-
-_JOINTS_AGREE_MM, _JOINTS_AGREE_DEG = 5.0, 1.0  # nominal lengths differ from a calibrated controller's by less
+from calib_core.robots.identity import AGREE_DEG, AGREE_MM, identity_by_joints
 
 
 def require_arrangement(cell: Cell) -> None:
@@ -59,27 +58,53 @@ def _minority(captures: Sequence[Capture], field: str) -> dict[str, tuple[Any, A
     return {name: (value, usual) for name, value in values.items() if value != usual}
 
 
+def told_by_joints(cell: Cell, captures: Sequence[Capture]) -> str | None:
+    """Return whose the poses are where the arm's joints say that they are not the flange's in its base.
+
+    Raises
+    ------
+    InputError
+        If the arm is unknown, or a capture lacks a joint.
+    """
+    pairs = list(_with_joints(cell, captures).values())
+    found = identity_by_joints([pose for pose, _ in pairs], [by_joints for _, by_joints in pairs])
+    if found is None or found.of_flange:
+        return None
+    to_do = (
+        "The answer is of these poses: give those of the flange, or enter the tool in the controller as they do."
+    )
+    return f"{found.sentence} {to_do}"
+
+
 def _not_by_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
     """Return the captures whose joints give another pose than theirs; none where that is so of most."""
+    told = _with_joints(cell, captures)
+    found: dict[str, str] = {}
+    for name, (pose, by_joints) in told.items():
+        shift_mm = float(np.linalg.norm(pose.translation_mm - by_joints.translation_mm))
+        turn = vector_from_rotation(by_joints.rotation.T @ pose.rotation)
+        turn_deg = float(np.rad2deg(np.linalg.norm(turn)))
+        if shift_mm > AGREE_MM or turn_deg > AGREE_DEG:
+            found[name] = (
+                f"its joints put the flange {shift_mm:.0f} mm and {turn_deg:.1f}° from its pose: "
+                "one of the two is another capture's"
+            )
+    return found if 2 * len(found) <= len(told) else {}
+
+
+def _with_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, tuple[RigidTransform, RigidTransform]]:
+    """Return by capture its pose, and the flange's by its joints; nothing where no arm is named."""
     if cell.robot.arm is None:
         return {}
     from calib_core.arms.kinematics import arm_of, flange_of_joints
 
     arm = arm_of(cell.robot.arm)
-    told = [c for c in captures if (c.joints_deg or c.joints_mm) and c.pose is not None]
-    found: dict[str, str] = {}
-    for capture in told:
-        try:
-            by_joints = flange_of_joints(arm, capture.joints_deg or [], capture.joints_mm)
-        except InputError as error:
-            raise error.at(capture.id) from None
-        pose = pose_of(cell, capture)
-        shift_mm = float(np.linalg.norm(pose.translation_mm - by_joints.translation_mm))
-        turn = vector_from_rotation(by_joints.rotation.T @ pose.rotation)
-        turn_deg = float(np.rad2deg(np.linalg.norm(turn)))
-        if shift_mm > _JOINTS_AGREE_MM or turn_deg > _JOINTS_AGREE_DEG:
-            found[capture.id] = (
-                f"its joints put the flange {shift_mm:.0f} mm and {turn_deg:.1f}° from its pose: "
-                "one of the two is another capture's"
-            )
-    return found if 2 * len(found) <= len(told) else {}
+    found: dict[str, tuple[RigidTransform, RigidTransform]] = {}
+    for capture in captures:
+        if (capture.joints_deg or capture.joints_mm) and capture.pose is not None:
+            try:
+                by_joints = flange_of_joints(arm, capture.joints_deg or [], capture.joints_mm)
+            except InputError as error:
+                raise error.at(capture.id) from None
+            found[capture.id] = (pose_of(cell, capture), by_joints)
+    return found

@@ -13,7 +13,7 @@ from calib_core.captures.poses import (
 )
 from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.sweep import sweep_poses
-from calib_core.captures.unfit import unfit
+from calib_core.captures.unfit import told_by_joints, unfit
 from calib_core.errors import CalibrationError
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell, Finding, Measured, Record, Session
@@ -40,7 +40,8 @@ def check_session(
         What was measured in each capture, by id; what is left out is measured now.
     """
     captures = [capture for capture in stage_captures(session, "tcp") if not capture.excluded]
-    findings = [*_names(session), *_unfit(session)]
+    used = [capture for capture in session.captures if not capture.excluded]
+    findings = [*_names(session), *_unfit(session), *_doubtful(used, read)]
     if session.cell.known.tool0_from_laser is not None:
         findings.append(_note("cell.known", "tool0_from_laser is given: the stage tcp is not solved."))
     elif not captures:
@@ -102,7 +103,6 @@ def _captures(
     if usable < _LEAST_CAPTURES:
         sentence = f"{usable} captures show the sphere, {_LEAST_CAPTURES} are needed at least, 10 to 15 are good."
         yield _error("captures", sentence)
-    yield from _doubtful(captures, read)
     yield from _duplicates(captures, read)
 
 
@@ -163,6 +163,8 @@ def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
     if angles_look_like_radians(session.cell, captures):
         sentence = "All angles are below 3.15: if they are radians, convert them to degrees."
         yield _warning("captures: pose", sentence)
+    if whose := told_by_joints(session.cell, captures):
+        yield _warning("captures: pose", whose)
     motion = motion_of(poses)
     if not motion.turns_differ:
         sentence = (

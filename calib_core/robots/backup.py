@@ -55,7 +55,12 @@ def read_controller_files(
             part = Found(name)
             part.skipped.append(Skipped(1, str(error), name))
             found.append(part)
-    return resolved(chosen, found, as_written)
+    read = resolved(chosen, found, as_written)
+    if told.arm is None:
+        return read
+    from calib_core.robots.asked import asked
+
+    return asked(read, told.arm)
 
 
 def brand_of(files: Mapping[str, bytes], where: str) -> Brand:

@@ -123,7 +123,8 @@ class Found:
     unread: set[str] = field(default_factory=set)
     """Named positions that stand in the file and could not be taken, in lower case: they are in `skipped`."""
     active_tool: Reference | None = None
-    """The tool that the controller had active when the file was saved, where the file says so."""
+    active_frame: Reference | None = None
+    """What the controller had active when the file was saved, where the file says so."""
 
     def skip(self, line: int, reason: str, name: str = "") -> None:
         """Note something that is not taken, and the name of the position where it has one."""

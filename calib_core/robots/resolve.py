@@ -48,7 +48,11 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
     )
 
 
-_ACTIVE = "The program does not say with which tool it was taught: the backup's active one, %s, is taken."
+UNSAID = {
+    what: f"The file does not say with which {what} it was taught: make sure that it is {where}."
+    for what, where in (("tool", "of the flange"), ("frame", "in the robot's base"))
+}
+"""What is left open about a pose whose tool or frame no file says."""
 _ARM = "Name the arm (cell.robot.arm), or record the Cartesian pose."
 
 
@@ -69,19 +73,31 @@ def _settled(found: Sequence[Found]) -> Iterable[Taught]:
     for part in found:
         for name, pairs in part.moves.items():
             moves.setdefault(name, set()).update(pairs)
-    saved = {part.active_tool for part in found} - {None}
-    active = next(iter(saved)) if len(saved) == 1 else None
+    tool, frame = (_only({getattr(part, f"active_{what}") for part in found}) for what in ("tool", "frame"))
     for part in found:
         for taught in part.poses:
             pairs = moves.get(taught.name.lower())
-            if taught.tool is None and not pairs and taught.numbers is not None and active is not None:
-                yield replace(taught, tool=active, doubt=" ".join(filter(None, [taught.doubt, _ACTIVE % active])))
-                continue
-            if not pairs or taught.tool is not None:
+            if taught.tool is not None:
                 yield taught
-                continue
-            for tool, frame in sorted(pairs, key=str):
-                yield replace(taught, tool=tool, frame=taught.frame if frame is None else frame)
+            elif pairs:
+                for own_tool, own_frame in sorted(pairs, key=str):
+                    yield replace(taught, tool=own_tool, frame=taught.frame if own_frame is None else own_frame)
+            else:
+                yield _as_saved(_as_saved(taught, "tool", tool), "frame", frame)
+
+
+def _only(saved: set[Reference | None]) -> Reference | None:
+    """Return the one that the files agree on."""
+    known = saved - {None}
+    return next(iter(known)) if len(known) == 1 else None
+
+
+def _as_saved(taught: Taught, what: str, active: Reference | None) -> Taught:
+    """Return a pose with the backup's active tool or frame, where no program says which it was."""
+    if active is None or taught.numbers is None or getattr(taught, what) is not None:
+        return taught
+    said = f"No program says with which {what} it was taught: the one active in the backup, {active}, is taken."
+    return replace(taught, **{what: active}, doubt=" ".join(filter(None, [taught.doubt, said])))
 
 
 def _unequivocal(brand: Brand, what: str, entries: Sequence[Frame], skipped: list[Skipped]) -> dict[str, Frame]:
@@ -178,8 +194,7 @@ def _looked_up(
     """Return the tool or frame to apply, None where there is nothing to apply, and what is left open."""
     plain = brand.flange if what == "tool" else brand.base
     if number is None:
-        where = "of the flange" if what == "tool" else "in the robot's base"
-        return None, f"The file does not say with which {what} it was taught: make sure that it is {where}."
+        return None, UNSAID[what]
     entry = known.get(_key(number))
     if entry is not None:
         if entry.moving and not as_written:

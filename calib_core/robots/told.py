@@ -26,6 +26,8 @@ class Told:
         The two frames of a recording that has several.
     topic : str, optional
         The one of a recording that is to be read.
+    arm : str, optional
+        The robot's arm by its name, as in `cell.robot.arm`: joints beside the poses are asked whose these are.
     """
 
     convention: str | None = None
@@ -34,6 +36,7 @@ class Told:
     base: str | None = None
     flange: str | None = None
     topic: str | None = None
+    arm: str | None = None
 
     @classmethod
     def of(cls, words: Mapping[str, str]) -> "Told":

@@ -120,7 +120,7 @@ def test_the_active_tcp_of_the_installation_is_taken_where_a_script_names_none(a
     files = {"a.script": script, "default.installation": gzip.compress(installation(active))}
     (pose,) = read_controller_files(files).poses
     assert (pose.tool, pose.pose) == ("Greifer", pytest.approx((0.1, 0.2, 0.2, 0, 0, 0)))
-    assert "backup's active one, Greifer, is taken" in pose.doubt
+    assert "active in the backup, Greifer, is taken" in pose.doubt
     own = files | {"a.script": script.replace(b"def a():", b"def a():\n  set_tcp(p[0,0,0.05,0,0,0])")}
     assert read_controller_files(own).poses[0].pose == pytest.approx((0.1, 0.2, 0.25, 0, 0, 0))
     unknown = files | {"default.installation": gzip.compress(installation("none"))}
@@ -128,7 +128,7 @@ def test_the_active_tcp_of_the_installation_is_taken_where_a_script_names_none(a
 
 
 @pytest.mark.parametrize("name", ["Greifer", "Sänner & 2"])
-@pytest.mark.parametrize("pack", [gzip.compress, lambda data: data], ids=["gzipped", "plain"])
+@pytest.mark.parametrize("pack", [gzip.compress, bytes], ids=["gzipped", "plain"])
 def test_one_tcp_of_an_installation_changes_and_no_other_byte(name: str, pack: Callable[[bytes], bytes]) -> None:
     before = installation()
     content, _ = export(SESSION, results(), "ur", settings={"tool": name}, backup=pack(before))

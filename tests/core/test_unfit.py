@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints
-from calib_core.captures.unfit import unfit
+from calib_core.captures.unfit import told_by_joints, unfit
 from calib_core.errors import InputError
 from calib_core.records import ArmJoint, ArmTable, Capture, Session
 from calib_core.robots import to_pose
@@ -72,6 +72,30 @@ def test_where_no_joints_give_their_pose_the_arm_is_at_fault() -> None:
         update={"pose_convention": "kuka", "robot": cell.robot.model_copy(update={"arm": "ur10e"})}
     )
     assert unfit(cell, captures_of()) == {}
+
+
+def test_joints_tell_that_a_tool_was_active_and_the_answer_says_so() -> None:
+    cell = simulate("tcp", 1).session.cell
+    robot = cell.robot.model_copy(update={"arm": "ur5e"})
+    cell = cell.model_copy(update={"pose_convention": "matrix", "robot": robot})
+    tool = np.array([[0, -1, 0, 30], [1, 0, 0, 0], [0, 0, 1, 120], [0, 0, 0, 1.0]])
+
+    def posed(after: np.ndarray) -> list[Capture]:
+        arm = NAMED_ARMS["ur5e"]
+        return [
+            c.model_copy(update={"pose": (flange_of_joints(arm, joints).matrix @ after).ravel().tolist()})
+            for c, joints in zip(captures_of(), JOINTS, strict=True)
+        ]
+
+    assert told_by_joints(cell, posed(np.eye(4))) is None
+    told = told_by_joints(cell, posed(tool))
+    assert told is not None
+    assert "of a tool on it at x 30, y 0, z 120 mm, turned by 90°" in told
+    assert unfit(cell, posed(tool)) == {}
+    assert (
+        told_by_joints(cell.model_copy(update={"robot": robot.model_copy(update={"arm": None})}), posed(tool))
+        is None
+    )
 
 
 def with_captures(session: Session, **changes: dict[str, Any]) -> Session:

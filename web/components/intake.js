@@ -214,7 +214,7 @@ export class IntakeElement extends StateElement {
     const maybe = await controllerFiles(found).catch(() => []);
     if (!maybe.length) return new Set();
     try {
-      const used = await this.#poseFile.take(this.state.id, maybe);
+      const used = await this.#poseFile.take(this.state.id, maybe, this.state.session?.cell.robot?.arm);
       if (this.#poseFile.convention) {
         this.#columns.choose(this.#poseFile.convention);
         this.#text.value = this.#poseFile.lines;

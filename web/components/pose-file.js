@@ -19,10 +19,11 @@ export class PoseFileElement extends HTMLElement {
    * Read files and show what they hold.
    * @param {string} sessionId
    * @param {readonly Found[]} found
+   * @param {unknown} [arm] the cell's: joints beside the poses are asked whose these are where it is known by name
    * @returns {Promise<Set<string>>} the paths of those that are a controller's
    */
-  async take(sessionId, found) {
-    this.#read = await api.readControllerFiles(found);
+  async take(sessionId, found, arm) {
+    this.#read = await api.readControllerFiles(found, typeof arm === "string" ? arm : "");
     this.#poses = new Map();
     for (const pose of this.#read.poses) if (pose.pose) this.#poses.set(freeName(this.#poses, pose.name), pose);
     const packed = found.filter(({ path }) => path.toLowerCase().endsWith(".zip")).map(({ path }) => path);

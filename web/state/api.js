@@ -115,8 +115,12 @@ export const api = {
   /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<ParsedPose[]>} */
   readPoseLines: async (id, text, convention) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json()).items,
 
-  /** What stands in a controller's files; nothing is stored. @param {readonly { path: string, file: File }[]} found @returns {Promise<ControllerFile>} */
-  readControllerFiles: async (found) => (await request("/controller-files", { method: "POST", body: filesForm(found, "files") })).json(),
+  /** What stands in a controller's files; nothing is stored. @param {readonly { path: string, file: File }[]} found @param {string} [arm] whose joints are asked whose the poses are @returns {Promise<ControllerFile>} */
+  readControllerFiles: async (found, arm) => {
+    const form = filesForm(found, "files");
+    if (arm) form.append("told", JSON.stringify({ arm }));
+    return (await request("/controller-files", { method: "POST", body: form })).json();
+  },
 
   /** What a reader takes from a scanner's file; nothing is stored. @param {{ path: string, file: File }} found @param {string} kind @param {string} format @param {Record<string, unknown>} settings @returns {Promise<FileReading>} */
   readScannerFile: async (found, kind, format, settings) => {

@@ -43,6 +43,8 @@ class _Saved:
                 self._tool = self._base = None
             elif section in ("TRANS", "JOINTS"):
                 self._row(section, content, line)
+            elif section == "SYSDATA":
+                self._saved(content, line)
             elif section == "PROGRAM":
                 self._step(content, line)
         if section in ("TRANS", "JOINTS"):
@@ -75,6 +77,26 @@ class _Saved:
             raise ValueError(f"{len(values)} numbers instead of 6")
         external = {f"JT{i}": v for i, v in enumerate(values[6:], start=7)} or None
         return Taught(name, values[:6], "kawasaki", line, None, external, file=self._source.name)
+
+    def _saved(self, content: str, line: int) -> None:
+        """Take the tool and the base that were active when a whole backup was saved."""
+        saved = _FRAME.match(content)
+        if not saved or saved[1].upper() not in ("TOOL", "BASE"):
+            return
+        what = saved[1].upper()
+        name = f"{what} of .SYSDATA"
+        try:
+            self._source.require_ended(line)
+            frame = Frame(name, name, numbers(saved[2], 6, separator=" "), "kawasaki", line, self._source.name)
+        except ValueError as error:
+            self._found.skip(line, f"{name}: {error}")
+            return
+        if what == "TOOL":
+            self._found.tools.append(frame)
+            self._found.active_tool = name
+        else:
+            self._found.frames.append(frame)
+            self._found.active_frame = name
 
     def _step(self, content: str, line: int) -> None:
         if point := _POINT.match(content):

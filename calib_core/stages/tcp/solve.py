@@ -9,7 +9,7 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.captures.sweep_rows import mark_sweeps, one_row_each
-from calib_core.captures.unfit import unfit
+from calib_core.captures.unfit import told_by_joints, unfit
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.evidence.words import not_used
@@ -45,6 +45,9 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         raise (error.adding(doubt) if doubt else error) from None
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
     result = _with_causes(with_unused(result, given.captures, solved.unused), given, solved)
+    if whose := told_by_joints(given.session.cell, [c for c in given.captures if c.id not in solved.unused]):
+        verdict = "warn" if result.verdict == "pass" else result.verdict
+        result = result.model_copy(update={"verdict": verdict, "warnings": [whose, *result.warnings]})
     doubt = _doubt_of_pitch(given) if result.verdict == "fail" else None
     return result.model_copy(update={"warnings": [*result.warnings, doubt]}) if doubt else result
 
