@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from calib_core.errors import InputError
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.controller_file import ControllerFile
+from calib_core.robots.told import NOTHING_TOLD, Told
 
 Numbers = tuple[str, ...]
 
@@ -18,7 +19,7 @@ Numbers = tuple[str, ...]
 class Entry:
     """One position: its name as the reader gives it, its numbers, its text, and whether that is well formed.
 
-    `may_be`: it may be read all the same; `told`: it may be left out, aloud.
+    `may_be`: it may be read all the same; `told`: it may be left out, aloud; `factor`: from its unit to ours.
     """
 
     name: str
@@ -27,6 +28,11 @@ class Entry:
     sound: bool = True
     may_be: bool = True
     told: bool = False
+    factor: float = 1.0
+
+    def taken(self, count: int) -> tuple[float, ...]:
+        """Return its first numbers as the reader gives them."""
+        return tuple(float(v) * (self.factor if k < 3 else 1.0) for k, v in enumerate(self.numbers[:count]))
 
 
 @dataclass
@@ -88,6 +94,21 @@ def _staubli(name: str, n: Numbers) -> str:
     )
 
 
+def _nachi(name: str, n: Numbers) -> str:
+    return f"MOVEX A=1P,AC=0,SM=0,M1X,L,({', '.join(n)}),S=100.0,H=0,MS,CONF=0000\n"
+
+
+def _ros(name: str, n: Numbers) -> str:
+    place = "".join(f"    {axis}: {v}\n" for axis, v in zip("xyz", n, strict=False))
+    head = "header:\n  stamp:\n    sec: 1\n    nanosec: 0\n  frame_id: base_link\n"
+    turn = "  orientation:\n    x: 0.0\n    y: 0.0\n    z: 0.0\n    w: 1.0\n"
+    return f"{head}pose:\n  position:\n{place}{turn}---\n"
+
+
+def _table(name: str, n: Numbers) -> str:
+    return f"{name},{','.join(n)}\n"
+
+
 def _statement(before: str, after: str) -> Callable[[str, Numbers], str]:
     """Return how a line-by-line dialect writes a position."""
     return lambda name, n: f"{name}{before}{', '.join(n)}{after}\n"
@@ -109,8 +130,14 @@ BRANDS: dict[str, tuple[str, str, str, Callable[[str, Numbers], str], Callable[[
     "epson": ("a.prg", "Function main\n", "Fend\n", _statement(" = XY(", ") /R"), lambda i: f"P{i}", 1.0),
     "comau": ("a.pdl", "PROGRAM a NOHOLD\nBEGIN\n", "END a\n", _statement(" := POS(", ", '')"), lambda i: f"p{i}",
               1.0),
+    "nachi": ("a.src", "REM a\n", "END\n", _nachi, lambda i: f"line {i}", 1.0),
+    "ros": ("a.yaml", "# a\n", "# b\n", _ros, lambda i: f"line {i}", 1e-3),
+    "table": ("a.csv", "name,x_mm,y_mm,z_mm,A_deg,B_deg,C_deg\n", "# end\n", _table, lambda i: f"p{i}", 1.0),
     "doosan": ("a.drl", "# a\n", "# b\n", _statement(" = posx(", ")"), lambda i: f"p{i}", 1.0),
 }  # fmt: skip
+_UNNAMED = ("nachi", "ros")  # a pose is known by its line: by its numbers here
+_PLACES_ALONE = ("abb", "ros")  # whose rotation is the same everywhere here
+_TOLD = {"table": Told(convention="kuka")}
 _GARBAGE = ("", "nan", "1e999", "--5", "0x1F", "1.2.3", "abc", "5mm", "1_000", "٣", "inf", "+", "1e", "$5")
 
 
@@ -165,7 +192,7 @@ def _drop(file: File, brand: str, chance: random.Random) -> None:
 def _spoil_number(file: File, brand: str, chance: random.Random) -> None:
     i = chance.randrange(len(file.entries))
     entry = file.entries[i]
-    k = chance.randrange(3 if brand == "abb" else 6)
+    k = chance.randrange(3 if brand in _PLACES_ALONE else 6)
     numbers = (*entry.numbers[:k], chance.choice(_GARBAGE), *entry.numbers[k + 1 :])
     text = BRANDS[brand][3](entry.name, numbers)
     file.entries[i] = Entry(entry.name, entry.numbers, text, sound=False, may_be=False)
@@ -193,6 +220,15 @@ def _other_encoding(file: File, brand: str, chance: random.Random) -> None:
 
 
 def _units(file: File, brand: str, chance: random.Random) -> None:
+    if brand == "table":  # the header says another unit: positions come in millimetres, angles not at all
+        old, new = chance.choice((("_mm", "_m"), ("_mm", ""), ("x_mm", "x_m"), ("_deg", "_rad"), ("y_mm", "y_cm")))
+        file.head = file.head.replace(old, new)
+        units = {word[1:] for word in file.head.strip().split(",")[1:4]}
+        for one in file.entries:
+            one.factor = 1000.0 if "_m" in units else 1.0
+            if len(units) > 1 or units == {"_cm"} or "_rad" in file.head:
+                one.may_be = one.sound = False
+        return
     i = chance.randrange(len(file.entries))
     entry = file.entries[i]
     if brand == "fanuc":
@@ -217,36 +253,54 @@ def judged(brand: str, file: File) -> str | None:
     except UnicodeEncodeError:
         return None  # there is no such file
     try:
-        read = read_controller_files({BRANDS[brand][0]: data}, brand)
+        read = read_controller_files({BRANDS[brand][0]: data}, brand, told=_TOLD.get(brand, NOTHING_TOLD))
     except InputError as error:
         unharmed = file.cut_at is None and all(e.sound for e in file.entries)
         return f"refused whole: {error}" if unharmed else None
-    surely: dict[str, set[Numbers]] = {}
-    perhaps: dict[str, set[Numbers]] = {}
+    surely: dict[str, set[tuple[float, ...]]] = {}
+    perhaps: dict[str, set[tuple[float, ...]]] = {}
     position = len(file.head)
+    count = 3 if brand in _PLACES_ALONE else 6
     for entry in file.entries:
         position += len(entry.text)
         whole = entry.sound and not entry.told and position <= kept
         if whole or (entry.may_be and position - len(entry.text) < kept):
-            (surely if whole else perhaps).setdefault(entry.name.lower(), set()).add(entry.numbers)
-    return _wrong(brand, read, surely, perhaps)
+            taken = entry.taken(count)
+            name = str(taken) if brand in _UNNAMED else entry.name.lower()
+            (surely if whole else perhaps).setdefault(name, set()).add(taken)
+    poses = [
+        (str(taken) if brand in _UNNAMED else pose.name.lower(), taken)
+        for pose in read.poses
+        if "make sure that it is whole" not in pose.doubt  # the last line of a cut file, told as such
+        if (taken := (pose.as_written or ())[:count]) is not None
+    ]
+    told = {pose.name.lower() for pose in read.poses if "make sure that it is whole" in pose.doubt}
+    return _wrong(read, poses, told, surely, perhaps)
 
 
 def _wrong(
-    brand: str, read: ControllerFile, surely: dict[str, set[Numbers]], perhaps: dict[str, set[Numbers]]
+    read: ControllerFile,
+    poses: list[tuple[str, tuple[float, ...]]],
+    told: set[str],
+    surely: dict[str, set[tuple[float, ...]]],
+    perhaps: dict[str, set[tuple[float, ...]]],
 ) -> str | None:
-    count = 3 if brand == "abb" else 6  # its rotation is the same everywhere
-    for pose in read.poses:
-        name = pose.name.lower()
+    for name, taken in poses:
         whole = surely.get(name, set())
         wanted = set() if len(whole) > 1 else whole | perhaps.get(name, set())
-        taken = (pose.as_written or ())[:count]
-        if not any(taken == tuple(map(float, n[:count])) for n in wanted):
-            return f"silently wrong: {pose.name} {pose.as_written}, expected {sorted(wanted)}"
-    names = {pose.name.lower() for pose in read.poses}
+        if not any(_same(taken, one) for one in wanted):
+            return f"silently wrong: {name} {taken}, expected {sorted(wanted)}"
+    names = {name for name, _ in poses} | told
     reasons = " ".join(row.reason.lower() for row in read.skipped if row.line > 0)
     for name, whole in surely.items():
         lost = name not in names and (len(whole) > 1 or name not in perhaps)
         if lost and name not in reasons and not (len(whole) == 1 and reasons):
             return f"lost without a word: {name}"
     return None
+
+
+def _same(taken: tuple[float, ...], expected: tuple[float, ...]) -> bool:
+    return taken == expected or (
+        len(taken) == len(expected)
+        and all(abs(a - b) <= 1e-12 * abs(b) for a, b in zip(taken, expected, strict=True))
+    )

@@ -130,3 +130,18 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert (told["brand"], told["poses"][0]["pose"]) == ("table", [1000.5, 0, 500.1, 0, 1, 2])
     assert main(["poses", str(file), "--set", "convention"]) == 2
     assert "NAME=VALUE" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ("name,x_mm,y_m,z_mm,A,B,C", "one unit for x, y and z"),
+        ("name,x_m,y,z,A,B,C", "got m and none|got none and m"),
+        ("name,x_deg,y_deg,z_deg,A,B,C", "one unit for x, y and z"),
+        ("name,x_mm,y_mm,z_mm,A_rad,B_rad,C_rad", "angles in deg, as of 'kuka'"),
+    ],
+)
+def test_a_header_whose_units_contradict_is_refused(head: str, words: str) -> None:
+    file = {"a.csv": f"{head}\np1,1,2,3,4,5,6\n".encode()}
+    with pytest.raises(InputError, match=words):
+        read_controller_files(file, told=Told.of({"convention": "kuka"}))

@@ -34,12 +34,7 @@ def find(data: bytes, name: str, told: Told) -> Found:
     convention, roles = _columns(head if has_head else [], len(head), told, name)
     body = rows[1:] if has_head else rows
     found = Found(name)
-    units = (
-        {unit_of(cell) for cell, role in zip(head, roles, strict=True) if role in ("x", "y", "z")}
-        if has_head
-        else set()
-    )
-    stated = units.pop() if len(units) == 1 else ""
+    stated = _unit_stated(head, roles, convention, name) if has_head else ""
     table = _Table(source, found, convention, roles)
     for line, text in body:
         table.row(line, _cells(text, separator))
@@ -98,6 +93,24 @@ def _columns(head: list[str], width: int, told: Told, where: str) -> tuple[str, 
     to_do = "Say columns=name,x,y,z,A,B,C and convention=kuka, or the like; '-' for one to be left aside."
     got = f"the columns {', '.join(head[:10])}" if head else f"{width} columns without names"
     raise InputError("what each column is", got, to_do, where)
+
+
+def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, where: str) -> str:
+    """Return the unit of the positions that the header states, or nothing; refuses units that contradict."""
+    known = CONVENTIONS[convention]
+    names = [n.lower() for n in known.numbers.split()]
+    units = {role: unit_of(cell) for cell, role in zip(head, roles, strict=True) if role in names}
+    places = {units[axis] for axis in "xyz"}
+    angles = {unit.replace("°", "deg") for role, unit in units.items() if role not in ("x", "y", "z")} - {""}
+    right = "rad" if known.form == "rotation-vector" else "deg"
+    if len(places) > 1 or not places <= {"", "mm", "m"}:
+        got = " and ".join(unit or "none" for unit in sorted(places))
+        raise InputError("one unit for x, y and z in the header", got, "Correct the header.", where)
+    if angles - {right} and known.form != "quaternion":
+        got = f"a header that says {' and '.join(sorted(angles))}"
+        to_do = f"Convert them, or name another convention than '{convention}'."
+        raise InputError(f"angles in {right}, as of '{convention}'", got, to_do, where)
+    return next(iter(places), "")
 
 
 class _Table:
