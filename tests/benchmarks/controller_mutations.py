@@ -268,13 +268,12 @@ def judged(brand: str, file: File) -> str | None:
             taken = entry.taken(count)
             name = str(taken) if brand in _UNNAMED else entry.name.lower()
             (surely if whole else perhaps).setdefault(name, set()).add(taken)
-    poses = [
-        (str(taken) if brand in _UNNAMED else pose.name.lower(), taken)
-        for pose in read.poses
-        if "make sure that it is whole" not in pose.doubt  # the last line of a cut file, told as such
-        if (taken := (pose.as_written or ())[:count]) is not None
-    ]
-    told = {pose.name.lower() for pose in read.poses if "make sure that it is whole" in pose.doubt}
+    whole_ones = [pose for pose in read.poses if "make sure that it is whole" not in pose.doubt]
+    told = {pose.name.lower() for pose in read.poses} - {
+        pose.name.lower() for pose in whole_ones
+    }  # cut, and so told
+    numbers = [(pose.name.lower(), (pose.as_written or ())[:count]) for pose in whole_ones]
+    poses = [(str(taken) if brand in _UNNAMED else name, taken) for name, taken in numbers]
     return _wrong(read, poses, told, surely, perhaps)
 
 

@@ -287,3 +287,28 @@ def test_brands_of_programs_that_say_one_thing_a_line(brand: str) -> None:
 def test_a_mutated_file_is_read_right_or_says_what_is_wrong(brand: str) -> None:
     wrong = {seed: found for seed in range(120) if (found := judged(brand, mutated(brand, random.Random(seed))))}
     assert wrong == {}
+
+
+SAVED = """.SYSDATA
+BASE           -120.000   143.000     0.000     0.000     0.000     0.000
+TOOL              0.000     0.000   100.000     0.000     0.000     0.000
+.END
+.PROGRAM go()
+  LMOVE out
+.END
+.TRANS
+out 10 20 300 0 0 0
+.END
+"""
+
+
+def test_a_kawasaki_backup_has_the_tool_and_base_that_were_active() -> None:
+    found = read_controller_files({"robot.as": SAVED.encode()}, "kawasaki")
+    (pose,) = found.poses
+    assert pose.pose == pytest.approx((-110, 163, 200, 0, 0, 0))
+    assert "active in the backup" in pose.doubt
+    own = SAVED.replace("  LMOVE out", "  TOOL NULL\n  BASE NULL\n  LMOVE out")
+    assert read_controller_files({"robot.as": own.encode()}, "kawasaki").poses[0].pose == (10, 20, 300, 0, 0, 0)
+    cut = SAVED.replace(" 143.000 ", " abc ")
+    found = read_controller_files({"robot.as": cut.encode()}, "kawasaki")
+    assert [(row.line, "BASE of .SYSDATA" in row.reason) for row in found.skipped] == [(2, True)]
