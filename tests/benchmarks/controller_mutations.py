@@ -19,7 +19,7 @@ Numbers = tuple[str, ...]
 class Entry:
     """One position: its name as the reader gives it, its numbers, its text, and whether that is well formed.
 
-    `may_be`: it may be read all the same; `told`: it may be left out, aloud; `factor`: from its unit to ours.
+    `may_be`: it may be read all the same; `told`: it may be left out, aloud.
     """
 
     name: str
@@ -28,11 +28,6 @@ class Entry:
     sound: bool = True
     may_be: bool = True
     told: bool = False
-    factor: float = 1.0
-
-    def taken(self, count: int) -> tuple[float, ...]:
-        """Return its first numbers as the reader gives them."""
-        return tuple(float(v) * (self.factor if k < 3 else 1.0) for k, v in enumerate(self.numbers[:count]))
 
 
 @dataclass
@@ -45,6 +40,8 @@ class File:
     ends: str = "\n"
     encoding: str = "utf-8"
     cut_at: float | None = None
+    head_sound: bool = True  # of a table: what its header says of units can be obeyed
+    factor: float = 1.0  # from its unit to the reader's
 
     def data(self) -> tuple[bytes, int]:
         """Return the bytes, and how many of the text's characters are kept."""
@@ -224,10 +221,8 @@ def _units(file: File, brand: str, chance: random.Random) -> None:
         old, new = chance.choice((("_mm", "_m"), ("_mm", ""), ("x_mm", "x_m"), ("_deg", "_rad"), ("y_mm", "y_cm")))
         file.head = file.head.replace(old, new)
         units = {word[1:] for word in file.head.strip().split(",")[1:4]}
-        for one in file.entries:
-            one.factor = 1000.0 if "_m" in units else 1.0
-            if len(units) > 1 or units == {"_cm"} or "_rad" in file.head:
-                one.may_be = one.sound = False
+        file.factor = 1000.0 if "_m" in units else 1.0
+        file.head_sound = len(units) == 1 and units != {"_cm"} and "_rad" not in file.head
         return
     i = chance.randrange(len(file.entries))
     entry = file.entries[i]
@@ -255,7 +250,7 @@ def judged(brand: str, file: File) -> str | None:
     try:
         read = read_controller_files({BRANDS[brand][0]: data}, brand, told=_TOLD.get(brand, NOTHING_TOLD))
     except InputError as error:
-        unharmed = file.cut_at is None and all(e.sound for e in file.entries)
+        unharmed = file.cut_at is None and file.head_sound and all(e.sound for e in file.entries)
         return f"refused whole: {error}" if unharmed else None
     surely: dict[str, set[tuple[float, ...]]] = {}
     perhaps: dict[str, set[tuple[float, ...]]] = {}
@@ -263,9 +258,9 @@ def judged(brand: str, file: File) -> str | None:
     count = 3 if brand in _PLACES_ALONE else 6
     for entry in file.entries:
         position += len(entry.text)
-        whole = entry.sound and not entry.told and position <= kept
-        if whole or (entry.may_be and position - len(entry.text) < kept):
-            taken = entry.taken(count)
+        whole = entry.sound and file.head_sound and not entry.told and position <= kept
+        if whole or (entry.may_be and file.head_sound and position - len(entry.text) < kept):
+            taken = tuple(float(v) * (file.factor if k < 3 else 1.0) for k, v in enumerate(entry.numbers[:count]))
             name = str(taken) if brand in _UNNAMED else entry.name.lower()
             (surely if whole else perhaps).setdefault(name, set()).add(taken)
     whole_ones = [pose for pose in read.poses if "make sure that it is whole" not in pose.doubt]
