@@ -5,7 +5,7 @@ from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from functools import partial
 
-from fastapi import APIRouter, FastAPI
+from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware.gzip import GZipMiddleware
@@ -159,49 +159,45 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         separate_input_output_schemas=False,
-        responses=openapi.ERRORS,
-        generate_unique_id_function=openapi.operation_id,
     )
     app.state.settings, app.state.hub, app.state.refusals = settings, hub, Refusals()
     app.state.metrics = Metrics()
     app.state.upload_memory = UploadMemory(_UPLOADS_IN_MEMORY * settings.max_upload_bytes)
     errors.install(app)
     openapi.install(app)
-    api = APIRouter(prefix="/api/v1")
-    for module in (
-        sessions,
-        captures,
-        batches,
-        folders,
-        devices,
-        live_preview,
-        robot,
-        robot_programs,
-        solves,
-        answers,
-        cells,
-        history,
-        clouds,
-        merged,
-        archives,
-        archived_files,
-        tokens,
-        registries,
-        machines,
-        truth,
-        guidance,
-        webhooks,
-        causes,
-        health,
+    for router in (
+        sessions.router,
+        captures.router,
+        batches.router,
+        folders.router,
+        devices.router,
+        live_preview.router,
+        robot.router,
+        robot_programs.router,
+        solves.router,
+        answers.router,
+        cells.router,
+        history.router,
+        clouds.router,
+        merged.router,
+        archives.router,
+        archived_files.router,
+        tokens.router,
+        registries.router,
+        machines.router,
+        truth.router,
+        guidance.router,
+        webhooks.router,
+        causes.router,
+        health.router,
+        health.probes,
+        pages.router,
+        scenes_router,
+        controls_router,
+        trials_router,
+        cloud_router,
     ):
-        api.include_router(module.router)
-    app.include_router(api)
-    app.include_router(health.probes)
-    app.include_router(pages.router)
-    app.include_router(scenes_router)
-    app.include_router(controls_router)
-    app.include_router(trials_router)
-    app.include_router(cloud_router)
+        app.router.routes.extend(router.routes)
     app.mount("/web", GZipMiddleware(StaticFiles(directory=settings.web, check_dir=False), minimum_size=500))
     app.add_middleware(HeadRequests)
     app.add_middleware(Timeouts, settings=settings)

@@ -79,8 +79,4 @@ def _id_of(scope: Scope) -> str:
 
 def _route(scope: Scope) -> str:
     """Return the route's template: there are few of them, and endless paths."""
-    path = getattr(scope.get("route"), "path", None)
-    if path is None:
-        return "none"
-    root = scope["path"]
-    return path if root.startswith(path.split("{", 1)[0]) else f"/api/v1{path}"
+    return getattr(scope.get("route"), "path", "none")

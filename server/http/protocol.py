@@ -30,6 +30,11 @@ class LimitedHttp(HttpToolsProtocol):
         if self._since_body > MOST_HEAD_BYTES and not self.transport.is_closing():
             self.send_400_response("Request head too large.")
 
+    @property
+    def head_begun(self) -> bool:
+        """Whether anything came since the last request was whole."""
+        return self._since_body > 0
+
     def send_400_response(self, msg: str) -> None:
         """Refuse what no route ever sees, and hang up."""
         body = json.dumps(problem_of_status(400, msg.rstrip(".").lower())).encode()

@@ -2,17 +2,18 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import Path, Query, Response
 from fastapi.responses import JSONResponse
 
 from calib_core.errors import InputError
 from calib_core.review.answer import SessionAnswer
+from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
-from server.http.strict_json import StrictRoute, plain_json
+from server.http.strict_json import plain_json
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["answers"], route_class=StrictRoute)
+router = api_router("answers", f"{API}/sessions/{{session_id}}")
 
 _FAULTS = ("stale", "fail")
 _HEADERS = {

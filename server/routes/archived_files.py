@@ -5,19 +5,19 @@ from pathlib import PurePosixPath
 from typing import Annotated, Final
 from urllib.parse import quote
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import Path, Query, Response
 from fastapi.responses import HTMLResponse
 
 from calib_core.archive.archive import REPORT_FILE
 from calib_core.errors import InputError, NotFoundError
+from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import KeptFile, KeptFiles
-from server.http.strict_json import StrictRoute
 from server.store.archived_files import archived_files
 from server.store.sessions import session_row
 
-router = APIRouter(prefix="/sessions/{session_id}/kept", tags=["archives"], route_class=StrictRoute)
+router = api_router("archives", f"{API}/sessions/{{session_id}}/kept")
 
 # An archive comes from anywhere. What is shown of it runs no script and has neither this server's login nor its
 # addresses; and since a page may follow its own links whatever its policy says, it is shown within a page of ours,

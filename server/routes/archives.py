@@ -4,7 +4,7 @@ from collections.abc import AsyncGenerator, Mapping
 from contextlib import suppress
 from typing import IO, Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from fastapi.responses import HTMLResponse
 from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
@@ -15,18 +15,18 @@ from calib_core.archive.folder import to_json_bytes
 from calib_core.errors import CalibrationError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.review.answer import ANSWER_FILE, answer_record
+from server.http.api_router import api_router
 from server.http.created import created
 from server.http.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredSession
-from server.http.strict_json import StrictRoute
 from server.store.archived_files import archived_files
 from server.store.models import Data
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
 
-router = APIRouter(tags=["archives"], route_class=StrictRoute)
+router = api_router("archives")
 
 _BYTES: dict[str, Any] = {"type": "string", "format": "binary"}
 _ZIP: dict[str, Any] = {"schema": _BYTES}

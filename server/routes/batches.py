@@ -4,20 +4,20 @@ from collections.abc import AsyncIterator
 from hashlib import sha256
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError
 from server.captures.batch_body import bunches
+from server.http.api_router import API, api_router
 from server.http.dependencies import IdempotencyDep, IntakeDep, MeasuringQueueDep, SessionId, SettingsDep, StoreDep
 from server.http.errors import problem
 from server.http.schemas import BatchAnswer
-from server.http.strict_json import StrictRoute
 from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import session_row
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
+router = api_router("captures", f"{API}/sessions/{{session_id}}")
 
 MEDIA_TYPE = "application/octet-stream"
 _EXAMPLE = (

@@ -4,13 +4,14 @@ from pathlib import PurePosixPath
 from typing import Annotated
 from urllib.parse import quote
 
-from fastapi import APIRouter, File, Form, Path, Response, UploadFile
+from fastapi import File, Form, Path, Response, UploadFile
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.records import StepName, parse_capture
 from server.captures.changes import corrected_capture
+from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.dependencies import (
     Again,
@@ -29,7 +30,7 @@ from server.http.dependencies import (
 from server.http.downloads import Download
 from server.http.known_fields import require_known_fields
 from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
-from server.http.strict_json import StrictRoute, parse_json
+from server.http.strict_json import parse_json
 from server.http.uploads import named_files
 from server.sources.simulated import SOURCE as SIMULATED
 from server.sources.simulated import SimulatedSettings
@@ -45,7 +46,7 @@ from server.store.captures import (
 from server.store.database import Store
 from server.store.sessions import empty_session, etag, locked_session, require_revision, session_row, unused
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["captures"], route_class=StrictRoute)
+router = api_router("captures", f"{API}/sessions/{{session_id}}")
 
 FileName = Annotated[str, Path(examples=["captures/p01.csv"])]
 

@@ -2,21 +2,21 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import Path, Response
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
 from calib_core.records import Changes, RootCause
 from server.captures.applying import apply_changes
+from server.http.api_router import API, api_router
 from server.http.dependencies import IdempotencyDep, MeasuringQueueDep, SessionId, StoreDep
 from server.http.schemas import StoredSession
-from server.http.strict_json import StrictRoute
 from server.store.models import Data
 from server.store.sessions import StoredSession as Loaded
 from server.store.sessions import load_session, locked_session
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["results"], route_class=StrictRoute)
+router = api_router("results", f"{API}/sessions/{{session_id}}")
 
 CauseId = Annotated[
     str, Path(description="A cause's `id`.", max_length=64, examples=["pose-reading-written-as-kuka-or-nachi"])

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session as Transaction
@@ -10,9 +10,10 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.records import Record, Verdict
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.drift import CellDrift
+from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.http.known_fields import require_known_fields
-from server.http.strict_json import StrictRoute, plain_json
+from server.http.strict_json import plain_json
 from server.routes.answers import allowed_faults
 from server.store.models import Data
 from server.store.releases import (
@@ -27,7 +28,7 @@ from server.store.releases import (
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 
-router = APIRouter(tags=["cells"], route_class=StrictRoute)
+router = api_router("cells")
 
 CellId = Annotated[str, Path(description="A cell's `id`.", max_length=64, examples=["cell-4"])]
 

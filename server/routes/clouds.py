@@ -3,18 +3,18 @@
 from pathlib import PurePosixPath
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import Path, Query, Response
 from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
+from server.http.api_router import api_router
 from server.http.dependencies import SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredCloudFile, StoredCloudFiles
-from server.http.strict_json import StrictRoute
 from server.store.session_answer import stage_headers
 from server.store.sessions import StoredSession, load_session
 
-router = APIRouter(tags=["clouds"], route_class=StrictRoute)
+router = api_router("clouds")
 
 CloudName = Annotated[
     str,

@@ -5,7 +5,7 @@ import time
 from collections.abc import AsyncIterator
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import Depends, Path, Request, Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
@@ -13,9 +13,9 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import NotFoundError
 from calib_core.records import Finite, Identifier, Record
+from server.http.api_router import API, api_router
 from server.http.dependencies import HubDep, IdempotencyDep, SessionId, StoreDep
 from server.http.known_fields import require_known_fields
-from server.http.strict_json import StrictRoute
 from server.live.manager import LiveCells, require_live
 from server.live.preview import device_data, live_data
 from server.live.shots import CaptureSettings, Shot
@@ -23,7 +23,7 @@ from server.routes.sessions import existing_session
 from server.sources.device import host_now_s
 from server.store.audit import acting
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["live"], route_class=StrictRoute)
+router = api_router("live", f"{API}/sessions/{{session_id}}")
 
 DeviceName = Annotated[
     str, Path(description="A device's `name`.", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", examples=["robot"])

@@ -2,16 +2,16 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import Depends, Request
 from pydantic import ConfigDict
 
 from calib_core.records import Record, StepName
+from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
-from server.http.strict_json import StrictRoute
 from server.sources.folder_watcher import Watcher
 from server.store.sessions import session_row
 
-router = APIRouter(prefix="/sessions/{session_id}/sources/folder", tags=["captures"], route_class=StrictRoute)
+router = api_router("captures", f"{API}/sessions/{{session_id}}/sources/folder")
 
 
 class WatchedFolder(Record):

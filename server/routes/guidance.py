@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import Field
 
 from calib_core.errors import InputError
@@ -10,11 +10,11 @@ from calib_core.guidance.at_part import BudgetAtPart
 from calib_core.guidance.cell_plan import CellPlan, CellToPlan
 from calib_core.guidance.pose_list import PoseList
 from calib_core.stages.recheck.guide import RecheckPlan
+from server.http.api_router import api_router
 from server.http.dependencies import SessionId, StoreDep
-from server.http.strict_json import StrictRoute
 from server.store.sessions import load_session
 
-router = APIRouter(tags=["guidance"], route_class=StrictRoute)
+router = api_router("guidance")
 
 Millimetres = Annotated[float | None, Query(ge=-1e5, le=1e5, allow_inf_nan=False, examples=[25.0])]
 

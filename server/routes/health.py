@@ -2,20 +2,20 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 
 from calib_core import __version__
 from server.health import HealthWatch
+from server.http.api_router import api_router
 from server.http.dependencies import HealthDep, HubDep, JobsDep, MetricsDep
 from server.http.events import Hub
 from server.http.schemas import Health
-from server.http.strict_json import StrictRoute
 from server.jobs.jobs import Jobs
 
-router = APIRouter(tags=["server"], route_class=StrictRoute)
-probes = APIRouter(tags=["server"], route_class=StrictRoute)
+router = api_router("server")
+probes = api_router("server", prefix="")
 
 _EXAMPLE: dict[int | str, dict[str, Any]] = {
     200: {"content": {"text/plain": {"example": "scancell_sessions 3.0\n"}}}

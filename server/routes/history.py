@@ -3,24 +3,24 @@
 import json
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import Path, Query, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError
 from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
+from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, JobId, JobsDep, SessionId, StageName, StoreDep
 from server.http.schemas import Job
 from server.http.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
 from server.http.schemas_results import StageResult
-from server.http.strict_json import StrictRoute
 from server.store.history import PastResult, latest_numbers, moment, past_result, stage_history, timeline
 from server.store.models import Data
 from server.store.sessions import StoredSession, load_session, locked_session
 from server.store.solves import REPLAY, create_job, job_answer, job_data
 
-router = APIRouter(tags=["history"], route_class=StrictRoute)
+router = api_router("history")
 
 ResultNumber = Annotated[int, Path(ge=1, lt=2**53, description="A `number` in the history.", examples=[1])]
 _SIDE = "SESSION or SESSION:NUMBER, a session's `id` with a result's `number`; without it the latest."

@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocketDisconnect
 
 from calib_core.errors import NotFoundError
+from server.http.api_router import API
 from server.http.same_origin import is_same_origin
 from server.live.live_cell import LiveCell
 from server.live.manager import LiveCells
@@ -18,7 +19,7 @@ from server.live.pictures import preview_jpeg
 from server.live.preview import live_data
 from server.routes.sessions import existing_session
 
-router = APIRouter()
+router = APIRouter(prefix=API)
 
 _LOOK_EVERY_S = 0.01
 _QUIET_S = 0.5

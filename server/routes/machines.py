@@ -4,20 +4,21 @@ import json
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
-from fastapi import APIRouter, File, Form, Path, Response, UploadFile
+from fastapi import File, Form, Path, Response, UploadFile
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.robots.told import Told
+from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
-from server.http.strict_json import StrictRoute, parse_json, plain_json
+from server.http.strict_json import parse_json, plain_json
 from server.routes.answers import allowed_faults
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 
-router = APIRouter(tags=["machines"], route_class=StrictRoute)
+router = api_router("machines")
 
 _MOST_FILES, _MOST_BYTES = 2000, 256_000_000
 _BINARY = {"*/*": {"schema": {"type": "string", "format": "binary"}}}

@@ -3,14 +3,14 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from fastapi import APIRouter, File, Query, Response, UploadFile
+from fastapi import File, Query, Response, UploadFile
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
 from calib_core.stages.merge.record import MergeResult
+from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
 from server.http.schemas import CloudDeviations, CloudSection, ReferenceMesh
-from server.http.strict_json import StrictRoute
 from server.scenes.cloud_view import Against
 from server.scenes.deviation import CloudDeviation, cloud_deviation
 from server.scenes.deviation import ReferenceMesh as Reference
@@ -20,7 +20,7 @@ from server.store.references import set_reference
 from server.store.session_answer import stage_headers
 from server.store.sessions import Output, StoredSession, load_session, locked_session, unused
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["clouds"], route_class=StrictRoute)
+router = api_router("clouds", f"{API}/sessions/{{session_id}}")
 
 _MOST_POINTS = 4000
 _METRES = 0.02  # a reference this much smaller than what was scanned is in another unit

@@ -6,13 +6,12 @@ The page builds its choices, its accepted file endings and its forms from these 
 from pathlib import Path
 from typing import Any
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
+from server.http.api_router import api_router
 from server.http.dependencies import SettingsDep
-from server.http.strict_json import StrictRoute
 
-router = APIRouter(tags=["registries"], route_class=StrictRoute)
+router = api_router("registries")
 
 _NO_SETTINGS: dict[str, Any] = {"type": "object", "properties": {}, "additionalProperties": False}
 

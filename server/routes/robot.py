@@ -2,19 +2,19 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import TooLargeError
+from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
 from server.http.known_fields import require_known_fields
-from server.http.strict_json import StrictRoute
 from server.live.dialogue import LONGEST_MESSAGE
 from server.live.robot_port import RobotPorts, RobotPortSettings, acting_now
 from server.routes.sessions import existing_session
 
-router = APIRouter(prefix="/sessions/{session_id}", tags=["live"], route_class=StrictRoute)
+router = api_router("live", f"{API}/sessions/{{session_id}}")
 _ANSWER = "OK p07 good 0.71"
 _POSE = "p07 -195.8 1363.305 524.812 -179.924 0.889 179.635"
 

@@ -4,18 +4,18 @@ import io
 import zipfile
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Response
+from fastapi import Path, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Finite, Identifier, Record, StepName
+from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.http.known_fields import require_known_fields
-from server.http.strict_json import StrictRoute
 from server.store.sessions import StoredSession, load_session
 
-router = APIRouter(tags=["live"], route_class=StrictRoute)
+router = api_router("live")
 
 ProgramName = Annotated[str, Path(description="A `name` of the list.", max_length=64, examples=["krl"])]
 

@@ -3,7 +3,7 @@
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
@@ -11,6 +11,7 @@ from calib_core.errors import InputError
 from calib_core.records import Guide, parse_session
 from server.captures.changes import corrected_session
 from server.captures.known import require_rigid
+from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.dependencies import (
     Cursor,
@@ -37,7 +38,7 @@ from server.http.schemas import (
     SessionPage,
     StoredSession,
 )
-from server.http.strict_json import StrictRoute, plain_json
+from server.http.strict_json import plain_json
 from server.sources.simulated import simulated_session
 from server.store.models import Data
 from server.store.sessions import (
@@ -55,7 +56,7 @@ from server.store.sessions import (
 )
 from server.store.solves import unfinished_jobs
 
-router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=StrictRoute)
+router = api_router("sessions", f"{API}/sessions")
 
 
 @router.post("", status_code=201, response_model=StoredSession)

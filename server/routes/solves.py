@@ -4,13 +4,14 @@ import json
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import NotFoundError
+from server.http.api_router import api_router
 from server.http.dependencies import (
     Cursor,
     HubDep,
@@ -27,7 +28,6 @@ from server.http.events import ended_job, follow, to_sse
 from server.http.idempotency import Idempotency
 from server.http.schemas import Job, JobPage, JobStatus
 from server.http.schemas_results import StoredResult
-from server.http.strict_json import StrictRoute
 from server.jobs.jobs import Jobs
 from server.store.database import Store
 from server.store.history import latest_numbers
@@ -37,7 +37,7 @@ from server.store.solves import ALL, ENDED, create_job, job_data, job_row, list_
 
 Wait = Annotated[float, Query(ge=0, le=120, description="Answer when it has ended, or after so many s.")]
 
-router = APIRouter(tags=["solves"], route_class=StrictRoute)
+router = api_router("solves")
 
 
 @router.post(

@@ -4,7 +4,7 @@ import json
 from datetime import timedelta
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import Depends, Path, Request, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
@@ -12,14 +12,14 @@ from server.auth.logins import Identity, Logins
 from server.auth.middleware import cookie_name
 from server.auth.refusals import Refusals
 from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecords
+from server.http.api_router import api_router
 from server.http.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep
 from server.http.errors import LoginError
-from server.http.strict_json import StrictRoute
 from server.store.audit import acting, list_audit
 from server.store.models import Data
 from server.store.tokens import list_tokens, revoke_token, token_data
 
-router = APIRouter(tags=["access"], route_class=StrictRoute)
+router = api_router("access")
 
 
 def _identity(request: Request) -> Identity:

@@ -1,16 +1,16 @@
 """What a simulated cell knows of itself: how far its results lie from the truth."""
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from fastapi.responses import JSONResponse
 
 from calib_core.errors import ConflictError
 from calib_core.records import Record
 from calib_core.review.compare import FrameDifference
+from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StageName, StoreDep
-from server.http.strict_json import StrictRoute
 from server.store.sessions import load_session, session_row
 
-router = APIRouter(prefix="/sessions/{session_id}/truth", tags=["results"], route_class=StrictRoute)
+router = api_router("results", f"{API}/sessions/{{session_id}}/truth")
 
 
 class OffTheTruth(Record):

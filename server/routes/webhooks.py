@@ -4,7 +4,7 @@ import json
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
-from fastapi import APIRouter, Path, Response
+from fastapi import Path, Response
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session as Transaction
@@ -12,10 +12,10 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import InputError
 from calib_core.records import Record
 from server.auth.secrets import load_key
+from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep, WebhooksDep
 from server.http.known_fields import require_known_fields
-from server.http.strict_json import StrictRoute
 from server.store.models import Data
 from server.store.webhooks import (
     KINDS,
@@ -30,7 +30,7 @@ from server.store.webhooks import (
 )
 from server.webhooks.signing import secret_of
 
-router = APIRouter(prefix="/webhooks", tags=["webhooks"], route_class=StrictRoute)
+router = api_router("webhooks", f"{API}/webhooks")
 
 Kind = Literal["capture", "result", "verdict", "job", "session", "release"]
 WebhookId = Annotated[str, Path(description="A webhook's `id`.", max_length=64, examples=["5f1c0a92e6b37d58"])]

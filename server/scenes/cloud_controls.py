@@ -2,13 +2,14 @@
 
 from typing import Literal
 
-from fastapi import APIRouter
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 
+from server.http.api_router import api_router
 from server.scenes.cloud_view import Against, CloudColors, CloudView, Section
 from server.scenes.router import Scenes, SessionId
 
-cloud_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
+cloud_router = api_router("scenes", "/scenes/{session}", APIRoute)
 
 
 class CloudSectionShown(BaseModel):

@@ -2,11 +2,13 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Request, Response, WebSocket
+from fastapi import Path, Query, Request, Response, WebSocket
 from fastapi.responses import HTMLResponse, StreamingResponse
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 
 from calib_core.errors import InputError, NotFoundError
+from server.http.api_router import api_router
 from server.scenes.bridge import bridge
 from server.scenes.layers import LAYERS
 from server.scenes.live import LiveScene
@@ -15,7 +17,7 @@ from server.scenes.router import Past, Scenes, SessionId, client_answer, legend_
 from server.scenes.stories import Side
 from server.scenes.views import VIEWS
 
-controls_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
+controls_router = api_router("scenes", "/scenes/{session}", APIRoute)
 
 Viewer = Annotated[
     str,

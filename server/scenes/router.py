@@ -3,18 +3,20 @@
 from typing import Annotated
 from zlib import crc32
 
-from fastapi import APIRouter, Depends, Path, Request, Response, WebSocket
+from fastapi import Depends, Path, Request, Response, WebSocket
 from fastapi.requests import HTTPConnection
 from fastapi.responses import HTMLResponse, RedirectResponse
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 
 from calib_core.errors import NotFoundError
+from server.http.api_router import api_router
 from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
 from server.scenes.page import client_page, content_security_policy, page_tag
 from server.scenes.past import PastScenes
 
-scenes_router = APIRouter(prefix="/scenes", tags=["scenes"])
+scenes_router = api_router("scenes", "/scenes", APIRoute)
 
 SessionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", examples=["4c1f0a92e6b37d58"])]
 

@@ -2,13 +2,14 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 
 from calib_core.frames import RigidTransform
+from server.http.api_router import api_router
 from server.scenes.router import Scenes, SessionId
 
-trials_router = APIRouter(prefix="/scenes/{session}", tags=["scenes"])
+trials_router = api_router("scenes", "/scenes/{session}", APIRoute)
 
 _MOST = 300
 
