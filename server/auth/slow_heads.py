@@ -11,8 +11,8 @@ _NO_HTTP = object()
 class SlowHeads:
     """Watches a server's connections.
 
-    uvicorn itself closes a connection that rests between two requests, but not one whose first request, or whose
-    next one's head, never becomes whole.
+    uvicorn itself closes a connection that rests between two requests for longer than clients keep it, but not one
+    whose first request, or whose next one's head, never becomes whole.
 
     Parameters
     ----------
@@ -32,12 +32,15 @@ class SlowHeads:
         Parameters
         ----------
         connections : iterable of uvicorn's protocols
-            Those of WebSockets have no `cycle` (the request that is being answered) and are let be.
+            Those of WebSockets have no `cycle` (the request that is being answered) and are let be; `head_begun`
+            says of the others whether anything of the next request is there.
         """
         now_s = self._clock()
         for connection in connections:
             cycle: Any = getattr(connection, "cycle", _NO_HTTP)
-            if cycle is _NO_HTTP or (cycle is not None and not cycle.response_complete):
+            if cycle is _NO_HTTP or (
+                cycle is not None and not (cycle.response_complete and connection.head_begun)
+            ):
                 self._waiting.pop(connection, None)
                 continue
             before, since_s = self._waiting.get(connection, (None, now_s))
