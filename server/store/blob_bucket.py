@@ -5,6 +5,7 @@ import threading
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import IO, Any, Final
@@ -182,6 +183,7 @@ def _is_absent(error: Any) -> bool:
     return error.response.get("Error", {}).get("Code") in ("404", "NoSuchKey", "NoSuchBucket", "NotFound")
 
 
+@cache  # it may be used by many threads, and takes a quarter of a second to make
 def _client(endpoint: str | None, timeout_s: float = _TIMEOUT_S, attempts: int = _ATTEMPTS) -> Any:
     try:
         import boto3

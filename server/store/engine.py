@@ -73,8 +73,9 @@ def reading(engine: Engine) -> Engine:
 def _read_only(address: URL) -> URL:
     path = Path(address.database or "")
     log = path.with_name(path.name + "-wal")
-    # Without a log there is nothing to share with a writer, and the folder may be one that cannot be written to.
-    mode = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
+    # Without a log nobody writes, and the folder may be one that cannot be written to; an empty one is a server's
+    # that is about to.
+    mode = "mode=ro" if log.exists() else "mode=ro&immutable=1"
     return make_url(f"sqlite:///{path.resolve().as_uri()}?{mode}&uri=true")
 
 

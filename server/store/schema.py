@@ -1,5 +1,6 @@
 """The tables' form: its revisions, and how a database gets from one to another."""
 
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,8 @@ def upgrade(connection: Connection, revision: str = "heads") -> None:
     from alembic import command
     from alembic.util import CommandError
 
+    if revision == "heads" and stored_revision(connection) == head_revision():
+        return
     config = _config()
     config.attributes["connection"] = connection
     try:
@@ -38,6 +41,7 @@ def stored_revision(connection: Connection) -> str | None:
     return MigrationContext.configure(connection).get_current_revision()
 
 
+@cache
 def head_revision() -> str:
     """Return the revision of this version's tables."""
     from alembic.script import ScriptDirectory
