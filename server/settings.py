@@ -51,6 +51,9 @@ class Settings(BaseSettings):
     watch_root: Path | None = Field(
         default=None, description="Sessions may watch folders below it for captures; left out: none."
     )
+    watch_rest_s: Annotated[float, Field(ge=0.05, le=3600)] = Field(
+        default=1.0, description="A file in a watched folder counts as whole once it has not changed for so long."
+    )
 
     max_json_bytes: Annotated[int, Field(gt=0)] = 4 * MEBIBYTE
     max_upload_bytes: Annotated[int, Field(gt=0)] = 128 * MEBIBYTE

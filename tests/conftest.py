@@ -12,6 +12,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import shutil
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,10 @@ if TYPE_CHECKING:  # most tests need no browser
     from playwright.sync_api import Browser
 
     from tests.web.browsing import Watch
+
+# Else each process that a test starts compiles all sources again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 settings.register_profile("scancell", deadline=None, derandomize=True, database=None)
 settings.load_profile("scancell")

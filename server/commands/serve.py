@@ -27,6 +27,7 @@ def serve(options: argparse.Namespace) -> int:
     if not 0 <= port <= 65535:
         raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
     _require_free(host, port)
+    from server.jobs.child_processes import end_loading
     from server.logs import set_up
     from server.serve import WorkbenchServer
     from server.settings import Settings
@@ -41,6 +42,7 @@ def serve(options: argparse.Namespace) -> int:
         signal.signal(ending, server.handle_exit)
     threading.Thread(target=_announce, args=(options, server), daemon=True).start()
     server.run()
+    end_loading()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C comes too late to hurry anything
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if not options.json:

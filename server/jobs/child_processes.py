@@ -4,10 +4,11 @@ Where the system can, they are forked from one that has imported and loaded what
 tenth of a second then, also the one that takes the place of a cancelled job's.
 """
 
+import os
 import signal
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from typing import Any
 
@@ -60,6 +61,24 @@ class WorkerContext(_Context):
         process = _UninterruptedProcess(*args, **named)
         self.started.append(process)
         return process
+
+    def load(self) -> None:
+        """Wait until what processes are forked from has loaded; who starts one before that waits for it."""
+        if sys.platform != "win32":
+            process = self.Process(target=int)  # does nothing
+            process.start()
+            process.join()
+
+
+def end_loading() -> None:
+    """End at once what processes are forked from, for a program that ends: it may still load."""
+    if sys.platform != "win32":
+        from multiprocessing import forkserver
+
+        pid: int | None = getattr(forkserver._forkserver, "_forkserver_pid", None)  # pyright: ignore[reportAttributeAccessIssue]
+        if pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
 
 class _UninterruptedProcess(_Process):

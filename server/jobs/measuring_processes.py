@@ -105,8 +105,12 @@ class Measuring:
         return _text_of(unmeasured(capture, got, "The capture is kept; report this with its file."))
 
     def warm_up(self) -> None:
-        """Have one process ready."""
-        self._give_back(self._take())
+        """Have one process ready, unless all is ended meanwhile."""
+        try:
+            self._give_back(self._take())
+        except (EOFError, OSError):
+            if not self._closed:
+                raise
 
     def stop(self) -> None:
         """End all processes."""

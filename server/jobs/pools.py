@@ -43,6 +43,7 @@ class ProcessPool(Pool):
 
         def start() -> None:
             try:
+                self._context.load()  # the executor would hold its lock for as long, and could not be closed
                 ready.set_result(self.executor.submit(worker.ready).result())
             except Exception as error:  # the pool was closed meanwhile, or is broken
                 ready.set_exception(error)

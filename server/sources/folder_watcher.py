@@ -21,7 +21,6 @@ from server.sources.folder import Resting, Signature, capture_of, files_in, meas
 
 log = logging.getLogger("scancell")
 
-_LOOK_EVERY_S = 0.5
 _MOST_FOLDERS = 200
 
 Load = Callable[[str], tuple[Session, set[str]]]
@@ -70,12 +69,17 @@ class Watcher:
     load, take : callable
     max_bytes : int
         Of one measurement file.
+    rest_s : float
+        A file that has not changed for so long is whole.
     """
 
-    def __init__(self, root: Path | None, memory: Path, load: Load, take: Take, max_bytes: int) -> None:
+    def __init__(
+        self, root: Path | None, memory: Path, load: Load, take: Take, max_bytes: int, rest_s: float = 1.0
+    ) -> None:
         self._root = root.resolve() if root is not None else None
         self._memory = memory
         self._load, self._take_in, self._max_bytes = load, take, max_bytes
+        self._rest_s = rest_s
         self._watches: dict[str, WatchedFolder] = {}
         self._lock = threading.Lock()
         self._stopped = threading.Event()
@@ -88,7 +92,7 @@ class Watcher:
         if self._memory.is_file():
             for session_id, kept in json.loads(self._memory.read_text(encoding="utf-8")).items():
                 taken = {name: (size, time_ns) for name, (size, time_ns) in kept["taken"].items()}
-                self._watches[session_id] = WatchedFolder(kept["folder"], kept["step"], taken)
+                self._watches[session_id] = self._watched(kept["folder"], kept["step"], taken)
         self._thread.start()
 
     def stop(self) -> None:
@@ -117,7 +121,7 @@ class Watcher:
             raise _not_there(folder)
         self._inside(folder)
         with self._lock:
-            self._watches[session_id] = WatchedFolder(folder, step)
+            self._watches[session_id] = self._watched(folder, step, {})
             self._remember()
 
     def end(self, session_id: str) -> None:
@@ -137,8 +141,11 @@ class Watcher:
                 log.exception("the folder %s, watched for session %s", watch.folder, session_id)
                 watch.problem = "Looking at it failed; the server's log says more."
 
+    def _watched(self, folder: str, step: StepName, taken: dict[str, Signature]) -> WatchedFolder:
+        return WatchedFolder(folder, step, taken, resting=Resting(self._rest_s))
+
     def _run(self) -> None:
-        while not self._stopped.wait(_LOOK_EVERY_S):
+        while not self._stopped.wait(self._rest_s / 2):
             self.look(time.monotonic())
 
     def _look_at(self, session_id: str, watch: WatchedFolder, now_s: float) -> None:

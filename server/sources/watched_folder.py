@@ -42,4 +42,5 @@ def session_watcher(settings: Settings, store: Store, intake: Intake) -> Watcher
     def take(session_id: str, capture: Capture, contents: Mapping[str, bytes]) -> None:
         asyncio.run(intake.take(session_id, capture, contents))
 
-    return Watcher(settings.watch_root, settings.data / "watched.json", load, take, settings.max_upload_bytes)
+    memory, most = settings.data / "watched.json", settings.max_upload_bytes
+    return Watcher(settings.watch_root, memory, load, take, most, settings.watch_rest_s)

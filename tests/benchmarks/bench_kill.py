@@ -3,7 +3,9 @@
 import shutil
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from calib_core.archive.folder import save_session, write_result
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
 
+Serve = Callable[[Path], ServerProcess]
 _MIGRATIONS_PER_LOAD = 4  # of five kills, one falls into a start that migrates an old store
 
 
@@ -52,7 +55,7 @@ def run(full: bool) -> list[Row]:
     ]
 
 
-def kill_rounds(kills: int, seed: int, longest_s: float = 2.0) -> Counts:
+def kill_rounds(kills: int, seed: int, longest_s: float = 2.0, forked: bool = False) -> Counts:
     """Kill a server under load, and starts that migrate, at random moments; look at what is left each time.
 
     Parameters
@@ -62,30 +65,34 @@ def kill_rounds(kills: int, seed: int, longest_s: float = 2.0) -> Counts:
         Of the moments.
     longest_s : float
         Load lasts at most so long.
+    forked : bool
+        Whether each server is forked from a process that has imported it, which saves seconds a start.
     """
+    serve = partial(ServerProcess, forked=forked)
     random = np.random.default_rng(seed)
     counts = Counts()
     archive, captures = _archive()
     with tempfile.TemporaryDirectory(prefix="scancell-kill-") as folder:
         data = Path(folder) / "data"
-        server = ServerProcess(data).wait()
+        server = serve(data).wait()
         try:
             while counts.kills < kills:
                 if counts.kills % (_MIGRATIONS_PER_LOAD + 1) == _MIGRATIONS_PER_LOAD:
-                    _migration_round(counts, Path(folder) / "old", random)
+                    _migration_round(serve, counts, Path(folder) / "old", random)
                 else:
-                    server = _load_round(counts, server, data, archive, captures, random.uniform(0.05, longest_s))
+                    moment_s = random.uniform(0.05, longest_s)
+                    server = _load_round(serve, counts, server, data, archive, captures, moment_s)
                 if counts.kills % 20 == 0:
                     wrong = len(counts.found.lost), len(counts.found.half), counts.starts_failed
                     print(f"    {counts.kills} kills, {counts.acknowledged} captures; wrong: {wrong}", flush=True)
         finally:
             server.kill()
-        counts.found.half += _leftovers(data)
+        counts.found.half += _leftovers(serve, data)
     return counts
 
 
 def _load_round(
-    counts: Counts, server: ServerProcess, data: Path, archive: bytes, captures: int, moment_s: float
+    serve: Serve, counts: Counts, server: ServerProcess, data: Path, archive: bytes, captures: int, moment_s: float
 ) -> ServerProcess:
     number = counts.kills
     with load(server.client, number, archive, captures) as known:
@@ -94,7 +101,7 @@ def _load_round(
         time.sleep(moment_s)
         server.kill()
     counts.kills += 1
-    server = _started(counts, data)
+    server = _started(serve, counts, data)
     with server.client() as client:
         counts.acknowledged += len(known.acknowledged)
         counts.unanswered += len(known.sent) - len(known.acknowledged)
@@ -104,11 +111,11 @@ def _load_round(
     return server
 
 
-def _started(counts: Counts, data: Path) -> ServerProcess:
+def _started(serve: Serve, counts: Counts, data: Path) -> ServerProcess:
     start_s = time.monotonic()
     while True:
         try:
-            server = ServerProcess(data).wait()
+            server = serve(data).wait()
         except AssertionError as error:
             counts.starts_failed += 1
             counts.found.half.append(str(error))
@@ -119,9 +126,9 @@ def _started(counts: Counts, data: Path) -> ServerProcess:
             return server
 
 
-def _migration_round(counts: Counts, data: Path, random: np.random.Generator) -> None:
+def _migration_round(serve: Serve, counts: Counts, data: Path, random: np.random.Generator) -> None:
     sessions = old_store(data, 4000)
-    server = ServerProcess(data)
+    server = serve(data)
     log = data / "scancell.db-wal"
     end_s = time.monotonic() + 30
     while not (log.exists() and log.stat().st_size) and time.monotonic() < end_s:
@@ -130,7 +137,7 @@ def _migration_round(counts: Counts, data: Path, random: np.random.Generator) ->
     server.kill()
     counts.kills += 1
     counts.migrations += 1
-    server = _started(counts, data)
+    server = _started(serve, counts, data)
     try:
         with server.client() as client:
             for session in sessions[:: len(sessions) // 20]:
@@ -145,9 +152,9 @@ def _migration_round(counts: Counts, data: Path, random: np.random.Generator) ->
         shutil.rmtree(data)
 
 
-def _leftovers(data: Path) -> list[str]:
+def _leftovers(serve: Serve, data: Path) -> list[str]:
     """Return what interrupted uploads left, after one more start has cleaned up."""
-    ServerProcess(data).wait().kill()
+    serve(data).wait().kill()
     return [f"left behind: {path.name}" for path in (data / "blobs" / "arriving").iterdir()]
 
 

@@ -5,26 +5,16 @@ import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from functools import cache
 from typing import Any
 
 import httpx
 
-from server.jobs.child_processes import WorkerContext
 from server.serve import WorkbenchServer
 from server.settings import Settings
+from tests.server.forked_commands import fork_from_one
 
 API = "/api/v1"
-# The server closes a connection that rests for 5 s: the client must not use one that is about to go.
 _LIMITS = httpx.Limits(keepalive_expiry=2.0)
-
-
-@cache
-def fork_from_one() -> None:
-    """Have the workers of all servers forked from one process, which loads what they need once."""
-    process = WorkerContext(warm=True).Process(target=int)  # does nothing, once all is loaded
-    process.start()
-    process.join()
 
 
 @contextmanager

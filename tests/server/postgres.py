@@ -3,6 +3,7 @@
 import os
 import pwd
 import shutil
+import signal
 import socket
 import subprocess
 import tempfile
@@ -10,61 +11,67 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import psycopg
 
 _UNPRIVILEGED = ("postgres", "nobody")  # it refuses to run as root
 
 
+class Postgres:
+    """A server in a folder of its own, which can be ended and started again.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._programs = _programs()
+        user = _user()
+        if user:
+            shutil.chown(folder, user)
+        self._run: dict[str, Any] = {"cwd": folder, **({"user": user} if user else {})}
+        words = ["-D", folder / "data", "-U", "scancell", "-A", "trust", "-E", "UTF8", "--locale=C.UTF-8", "-N"]
+        subprocess.run([self._programs / "initdb", *words], check=True, capture_output=True, **self._run)
+        self._port = free_port()
+        self.address = f"postgresql://scancell@127.0.0.1:{self._port}/postgres"
+        """Of its first database, to which others may be added."""
+
+    def start(self) -> None:
+        """Start it, and wait until it answers."""
+        settings = ("listen_addresses=127.0.0.1", "unix_socket_directories=", "fsync=off", "max_connections=60")
+        options = [part for setting in settings for part in ("-c", setting)]
+        command = [self._programs / "postgres", "-D", self._folder / "data", "-p", str(self._port), *options]
+        with (self._folder / "log").open("ab") as log:
+            self._process = subprocess.Popen(command, stdout=log, stderr=log, **self._run)
+        _wait(self._process, self.address, self._folder / "log")
+
+    def end(self, number: int = signal.SIGTERM) -> None:
+        """End it by a signal: SIGTERM waits for connections, SIGINT cuts them, SIGQUIT is a crash."""
+        self._process.send_signal(number)
+        self._process.wait(timeout=20)
+
+
 @contextmanager
 def running_postgres() -> Generator[str]:
     """Run a server; gives the address of its first database, to which others may be added."""
-    programs = _programs()
-    user = _user()
+    with restartable_postgres() as server:
+        yield server.address
+
+
+@contextmanager
+def restartable_postgres() -> Generator[Postgres]:
+    """Run a server."""
     folder = Path(tempfile.mkdtemp(prefix="scancell-pg-"))
-    data = folder / "data"
-    if user:
-        shutil.chown(folder, user)
-    run = {"user": user} if user else {}
     try:
-        subprocess.run(
-            [
-                programs / "initdb",
-                "-D",
-                data,
-                "-U",
-                "scancell",
-                "-A",
-                "trust",
-                "-E",
-                "UTF8",
-                "--locale=C.UTF-8",
-                "-N",
-            ],
-            check=True,
-            capture_output=True,
-            cwd=folder,
-            **run,
-        )
-        port = free_port()
-        settings = ("listen_addresses=127.0.0.1", "unix_socket_directories=", "fsync=off", "max_connections=60")
-        options = [part for setting in settings for part in ("-c", setting)]
-        log = (folder / "log").open("wb")
-        with log:
-            process = subprocess.Popen(
-                [programs / "postgres", "-D", data, "-p", str(port), *options],
-                stdout=log,
-                stderr=log,
-                cwd=folder,
-                **run,
-            )
+        server = Postgres(folder)
+        server.start()
         try:
-            address = f"postgresql://scancell@127.0.0.1:{port}/postgres"
-            _wait(process, address, folder / "log")
-            yield address
+            yield server
         finally:
-            process.terminate()
-            process.wait(timeout=20)
+            server.end(signal.SIGINT)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

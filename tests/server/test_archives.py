@@ -3,6 +3,7 @@
 import io
 import json
 import zipfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,7 @@ def test_verify_says_what_is_in_it_and_stores_nothing(client: httpx.Client, arch
     assert session_ids(client) == before
 
 
+@cache
 def hostile(archive: bytes) -> dict[str, tuple[bytes, list[str]]]:
     """Return archives that must be refused, each with words of the reason."""
     entries = entries_of(archive)

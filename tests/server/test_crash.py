@@ -1,42 +1,17 @@
 """A server that is killed: what it acknowledged is there, what it ran says so, nothing of it stays behind."""
 
-import os
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
+from kill_server import ServerProcess
 
 from calib_core.errors import ConflictError, InputError
 from server.serve import WorkbenchServer
 from server.settings import Settings
 from tests.server.live_server import make_session, simulated_session
-
-SERVER = """
-import sys, threading, time
-from pathlib import Path
-import server.jobs.worker
-from server.serve import WorkbenchServer
-from server.settings import Settings
-from tests.server.slow_work import slow_solve
-
-if __name__ == "__main__":
-    server.jobs.worker.solve = slow_solve
-    running = WorkbenchServer(Settings(data=Path(sys.argv[1]), port=0, warm_up=False))
-
-    def announce():
-        while not running.started:
-            time.sleep(0.01)
-        print(running.address, flush=True)
-
-    threading.Thread(target=announce, daemon=True).start()
-    running.run()
-"""
 
 
 def is_alive(process: int) -> bool:
@@ -47,29 +22,17 @@ def is_alive(process: int) -> bool:
 
 
 def test_a_killed_server_has_lost_nothing_that_it_acknowledged(start: Callable[..., Any], tmp_path: Path) -> None:
-    script = tmp_path / "serve.py"
-    script.write_text(SERVER)
-    root = str(Path(__file__).resolve().parents[2])
-    process = subprocess.Popen(
-        [sys.executable, str(script), str(tmp_path / "data")],
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": root},
-    )
+    process = ServerProcess(tmp_path / "data", program=["tests.server.slow_server"], forked=True).wait()
     try:
-        assert process.stdout is not None
-        address = process.stdout.readline().strip()
-        with httpx.Client(base_url=f"{address}/api/v1", timeout=30, trust_env=False) as client:
+        with process.client() as client:
             session = simulated_session(client)
             job = client.post(f"/sessions/{make_session(client)}/solve/tcp").json()["id"]
             while not (told := client.get(f"/jobs/{job}").json()["message"]).startswith("worker "):
                 time.sleep(0.02)
             take = f"/sessions/{session}/sources/simulated/capture"
             acknowledged = [client.post(take).json() for _ in range(5)]
-            process.send_signal(signal.SIGKILL)
     finally:
         process.kill()
-        process.communicate()
 
     worker = int(told.split()[1])
     end_s = time.monotonic() + 10

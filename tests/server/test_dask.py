@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import dask.config
 import pytest
 from distributed import LocalCluster
 
@@ -13,6 +14,7 @@ import server.jobs.worker
 from calib_core.errors import InputError
 from server.jobs.dask_pool import DaskPool
 from server.settings import Settings
+from tests.server.forked_commands import fork_from_one
 from tests.server.live_server import make_session, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
 from tests.server.test_jobs import wait_until_it_runs
@@ -22,6 +24,8 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # of the cluster's own parts,
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
+    fork_from_one()
+    dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"})
     with LocalCluster(
         n_workers=2,
         threads_per_worker=1,

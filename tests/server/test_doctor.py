@@ -1,7 +1,11 @@
 """`scancell doctor`, `backup` and `restore`, on both kinds of store: what is damaged is named, and comes back."""
 
+import itertools
 import json
+import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from pathlib import Path
 
@@ -149,6 +153,41 @@ def test_a_backup_is_restored_also_into_the_other_kind_of_store(
             assert job.status_code == 202
         with pytest.raises(ConflictError, match="without a store"):
             restore(backup, other)
+
+
+def test_a_backup_under_load_restores_to_the_last_acknowledged_capture(settings: Settings, tmp_path: Path) -> None:
+    backup, other = tmp_path / "backup", Settings(data=tmp_path / "other", port=0, warm_up=False)
+    acknowledged: list[tuple[str, int]] = []
+    stop = threading.Event()
+
+    def send(address: str, session: str) -> None:
+        with httpx.Client(base_url=address, timeout=60, trust_env=False) as sender:
+            for number in itertools.count():
+                if stop.is_set():
+                    return
+                answer = upload(sender, session, {"id": f"p{number}", **RECORD}, rows(number))
+                assert answer.status_code == 201, answer.text
+                acknowledged.append((session, number))
+
+    with serving(settings) as client, ThreadPoolExecutor() as pool:
+        senders = [pool.submit(send, str(client.base_url), make_session(client)) for _ in range(2)]
+        try:
+            for count in (1, 20):  # the second goes into the folder of the first
+                while len(acknowledged) < count and not any(sender.done() for sender in senders):
+                    time.sleep(0.01)
+                before = list(acknowledged)
+                back_up(settings, backup)
+        finally:
+            stop.set()
+        for sender in senders:
+            sender.result()
+    assert len(acknowledged) > len(before) >= 20
+    restore(backup, other)
+    assert told(examine(other)) == []
+    with serving(other) as client:
+        for session, number in before:
+            file = client.get(f"/sessions/{session}/captures/p{number}/files/p{number}.csv")
+            assert file.content == rows(number)
 
 
 def test_a_damaged_backup_is_not_restored(settings: Settings, session: str, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ import resource
 import socket
 import sqlite3
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +21,7 @@ from kill_server import ServerProcess
 
 from server.settings import Settings
 from server.store.doctor import examine
+from tests.server.forked_commands import ForkedCommand
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload, wait_for
 
 RECORD = {"step": "tcp", "kind": "profile", "pose": [0, 0, 0, 0, 0, 0]}
@@ -52,7 +52,7 @@ def assert_sound(data: Path) -> None:
 
 @contextmanager
 def server(data: Path, *program: str, **environment: str) -> Iterator[httpx.Client]:
-    process = ServerProcess(data, environment, program or ("-m", "server.cli")).wait()
+    process = ServerProcess(data, environment, program or ("server.cli",), forked=True).wait()
     try:
         with process.client() as client:
             yield client
@@ -140,7 +140,7 @@ def test_a_clock_set_back_changes_no_order_and_loses_nothing(tmp_path: Path) -> 
     count = 0
     sessions: list[str] = []
     for shift_s in (2 * DAY_S, -2 * DAY_S):
-        with server(data, "-m", "tests.server.shifted_clock", str(shift_s)) as client:
+        with server(data, "tests.server.shifted_clock", str(shift_s)) as client:
             sessions.append(make_session(client, name=f"at {shift_s}"))
             for _ in range(2):
                 assert add(client, sessions[0], count).status_code == 201
@@ -225,7 +225,7 @@ def test_a_damaged_file_fails_the_solve_with_its_name_and_doctor_names_the_captu
 
 def _tried(data: Path) -> str:
     """Return what a server says that does not start, nothing where it does."""
-    tried = ServerProcess(data)
+    tried = ServerProcess(data, forked=True)
     try:
         tried.wait()
     except AssertionError as error:
@@ -244,14 +244,10 @@ def _pages(client: httpx.Client) -> Iterator[str]:
 
 
 def _doctor(data: Path) -> dict[str, Any]:
-
-    done = subprocess.run(
-        [sys.executable, "-m", "server.cli", "doctor", "--data", str(data), "--json"],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 1, done.stderr
-    return json.loads(done.stdout)
+    doctor = ForkedCommand(["server.cli", "doctor", "--data", str(data), "--json"])
+    printed, said = doctor.communicate(timeout=60)
+    assert doctor.returncode == 1, said
+    return json.loads(printed)
 
 
 def _form(record: dict[str, Any], content: bytes) -> tuple[bytes, str]:

@@ -4,7 +4,7 @@ from bench_kill import kill_rounds
 
 
 def test_kills_lose_nothing_that_was_acknowledged_and_leave_nothing_half() -> None:
-    counts = kill_rounds(kills=5, seed=20, longest_s=1.0)
+    counts = kill_rounds(kills=5, seed=20, longest_s=1.0, forked=True)
     assert (counts.kills, counts.migrations) == (5, 1)
     assert counts.acknowledged > 0
     assert counts.found.lost == []

@@ -4,8 +4,6 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -17,11 +15,10 @@ import httpx
 import pytest
 
 from server.jobs import worker
+from tests.server.forked_commands import ForkedCommand
 from tests.server.live_server import make_session, upload
 from tests.server.slow_work import ready_once_there
 from tests.server.test_captures import arc_csv, record
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def site(client: httpx.Client) -> str:
@@ -75,20 +72,10 @@ def test_metrics_count_requests_by_route_and_what_is_stored(start: Callable[...,
     assert not any(session in name for name in found for session in sessions)
 
 
-def serve(data: Path, **settings: str) -> tuple["subprocess.Popen[str]", str]:
-    command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--data", str(data)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "SCANCELL_WARM_UP": "false", "SCANCELL_LOG": "json"}
-    environment |= settings
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-        env=environment,
-        start_new_session=True,
-    )
-    assert process.stdout is not None
+def serve(data: Path, shared_workers: bool = True, **settings: str) -> tuple[ForkedCommand, str]:
+    words = ["server.cli", "serve", "--port", "0", "--data", str(data)]
+    environment = {"SCANCELL_WARM_UP": "false", "SCANCELL_LOG": "json", **settings}
+    process = ForkedCommand(words, environment, own_group=True, shared_workers=shared_workers)
     address = next(word for word in process.stdout.readline().split() if word.startswith("http"))
     return process, address
 
@@ -158,7 +145,7 @@ def test_a_server_told_to_stop_finishes_what_it_has_begun(tmp_path: Path) -> Non
 def test_ctrl_c_while_processes_get_ready_ends_all_with_one_sentence(
     tmp_path: Path, after_s: float, times: int
 ) -> None:
-    process, _ = serve(tmp_path / "data", SCANCELL_WARM_UP="true")
+    process, _ = serve(tmp_path / "data", shared_workers=False, SCANCELL_WARM_UP="true")
     try:
         time.sleep(after_s)
         for _ in range(times):

@@ -1,12 +1,9 @@
 """Outages: what the server rests on goes away and comes back; nothing acknowledged is lost, nothing is a 500."""
 
-import os
-import socket
-import subprocess
-import sys
-import time
+import fcntl
+import termios
+from array import array
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +17,11 @@ from server.store.database import Store
 from server.store.engine import engine_of
 from server.store.store_lock import store_lock
 from tests.server.live_server import make_session, serving, simulated_session, upload, wait_for
+from tests.server.outages import gated, start_scheduler, start_worker, until_health, until_there
 from tests.server.postgres import free_port, new_database, running_postgres
 from tests.server.s3 import running_s3, s3_client
 from tests.server.test_captures import arc_csv, record
 from tests.server.test_operation import serve
-
-HEALED_S = 30.0
 
 
 @pytest.fixture(scope="module")
@@ -38,69 +34,6 @@ def postgres() -> Iterator[str]:
 def place(postgres: str, tmp_path: Path) -> dict[str, Any]:
     name = f"outage{abs(hash(tmp_path)) % 10**9}"
     return {"data": tmp_path / "data", "database_url": new_database(postgres, name), "port": 0, "warm_up": False}
-
-
-class Gate:
-    """A way to another server that can be shut, as when that one is restarted."""
-
-    def __init__(self, target: str) -> None:
-        self._host, _, port = target.rpartition(":")
-        self._target = (self._host, int(port))
-        self.port = free_port()
-        self._process: subprocess.Popen[bytes] | None = None
-
-    def open(self) -> None:
-        code = _RELAY.format(port=self.port, target=self._target)
-        self._process = subprocess.Popen([sys.executable, "-c", code])
-        _until_there(self.port)
-
-    def shut(self) -> None:
-        assert self._process is not None
-        self._process.kill()
-        self._process.wait()
-
-
-_RELAY = """
-import asyncio
-async def relay(reader, writer):
-    try:
-        there, back = await asyncio.open_connection(*{target!r})
-    except OSError:
-        writer.close()
-        return
-    async def copy(a, b):
-        try:
-            while data := await a.read(65536):
-                b.write(data)
-                await b.drain()
-        except OSError:
-            pass
-        b.close()
-    await asyncio.gather(copy(reader, back), copy(there, writer))
-async def main():
-    await (await asyncio.start_server(relay, "127.0.0.1", {port})).serve_forever()
-asyncio.run(main())
-"""
-
-
-@contextmanager
-def gated(target: str) -> Iterator[Gate]:
-    gate = Gate(target)
-    gate.open()
-    try:
-        yield gate
-    finally:
-        gate.shut()
-
-
-def until_health(client: httpx.Client, status: str, reason: str | None = None) -> dict[str, Any]:
-    end_s = time.monotonic() + HEALED_S
-    while (found := client.get("/health").json())["status"] != status or (
-        reason is not None and reason not in found["reasons"]
-    ):
-        assert time.monotonic() < end_s, found
-        time.sleep(0.1)
-    return found
 
 
 def test_a_database_that_goes_away_and_comes_back(place: dict[str, Any]) -> None:
@@ -189,50 +122,31 @@ def test_a_start_without_database_or_bucket_is_refused_in_words(lacking: dict[st
 
 def test_a_scheduler_that_is_restarted(start: Callable[..., Any]) -> None:
     port = free_port()
-    scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    scheduler = start_scheduler(port)
     address = f"tcp://127.0.0.1:{port}"
-    worker = _dask("worker", address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", "--no-nanny")
+    worker = start_worker(address)
     try:
-        _until_there(port)
+        until_there(port)
         with start(dask=address) as client:
             session = simulated_session(client, captures=14)
             assert _solved(client, session)["status"] == "done"
             for process in (scheduler, worker):
                 process.kill()
-                process.wait()
+                process.join()
             assert "Dask" in until_health(client, "degraded")["reasons"]["jobs"]
             asked = client.post(f"/sessions/{session}/solve/tcp")
             assert asked.status_code == 202, asked.text
             failed = wait_for(client, asked.json()["id"])
             assert (failed["status"], failed["error"]["status"]) == ("failed", 503)
             assert "Dask" in failed["error"]["detail"]
-            scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
-            worker = _dask(
-                "worker", address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", "--no-nanny"
-            )
+            scheduler = start_scheduler(port)
+            worker = start_worker(address)
             until_health(client, "ready")
             assert _solved(client, session)["status"] == "done"
     finally:
         for process in (scheduler, worker):
             process.kill()
-            process.wait()
-
-
-def _dask(*words: str) -> "subprocess.Popen[bytes]":
-    command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": os.getcwd()}, **quiet)  # noqa: PTH109
-
-
-def _until_there(port: int) -> None:
-    end_s = time.monotonic() + HEALED_S
-    while True:
-        try:
-            socket.create_connection(("127.0.0.1", port), 1).close()
-            return
-        except OSError:
-            assert time.monotonic() < end_s
-            time.sleep(0.1)
+            process.join()
 
 
 def _solved(client: httpx.Client, session: str) -> dict[str, Any]:
@@ -241,10 +155,15 @@ def _solved(client: httpx.Client, session: str) -> dict[str, Any]:
 
 def test_a_reader_of_the_log_that_hangs_holds_up_nobody(tmp_path: Path) -> None:
     process, address = serve(tmp_path / "data", SCANCELL_RATE_PER_S="100000", SCANCELL_RATE_BURST="100000")
-    try:  # nobody reads its standard error: a pipe holds 64 KiB, some 300 of its lines
+    assert process.stderr is not None
+    fcntl.fcntl(process.stderr, fcntl.F_SETPIPE_SZ, 4096)  # some 20 of its lines, which nobody reads
+    try:
         with httpx.Client(base_url=f"{address}/api/v1", timeout=20, trust_env=False) as client:
-            for _ in range(1500):
+            for _ in range(100):
                 assert client.get("/me").status_code == 200
+        held = array("i", [0])
+        fcntl.ioctl(process.stderr, termios.FIONREAD, held)
+        assert held[0] > 3500  # it was full, and no line had room any more
     finally:
         process.kill()
         process.communicate()

@@ -29,10 +29,10 @@ def pose_line(number: int) -> str:
 
 
 @contextmanager
-def watching(tmp_path: Path) -> Generator[httpx.Client]:
+def watching(tmp_path: Path, rest_s: float = 0.2) -> Generator[httpx.Client]:
     root = tmp_path / "scans"
     (root / "hall" / "cell 4").mkdir(parents=True, exist_ok=True)
-    settings = Settings(data=tmp_path / "data", port=0, warm_up=False, watch_root=root)
+    settings = Settings(data=tmp_path / "data", port=0, warm_up=False, watch_root=root, watch_rest_s=rest_s)
     with serving(settings) as client:
         yield client
 
@@ -63,7 +63,7 @@ def wait_for_captures(client: httpx.Client, session: str, count: int, timeout_s:
     end_s = time.monotonic() + timeout_s
     while len(found := captures(client, session)) < count:
         assert time.monotonic() < end_s, client.get(f"/sessions/{session}/sources/folder").text
-        time.sleep(0.1)
+        time.sleep(0.02)
     return found
 
 
@@ -74,7 +74,7 @@ def wait_for_refusal(client: httpx.Client, session: str, name: str, word: str, t
         if any(one["file"] == name and word in one["reason"] for one in watch["refused"]):
             return
         assert time.monotonic() < end_s, watch
-        time.sleep(0.1)
+        time.sleep(0.02)
 
 
 def test_poses_come_from_a_table_a_line_beside_it_or_a_record(client: httpx.Client, folder: Path) -> None:
@@ -100,19 +100,20 @@ def test_poses_come_from_a_table_a_line_beside_it_or_a_record(client: httpx.Clie
     }
 
 
-def test_a_file_written_in_portions_is_taken_whole(client: httpx.Client, folder: Path) -> None:
-    session = watched_session(client)
-    (folder / "slow.txt").write_text(pose_line(0))
-    content = profile(0)
-    portion = len(content) // 6 + 1
-    with (folder / "slow.csv").open("wb") as file:
-        for start in range(0, len(content), portion):
-            file.write(content[start : start + portion])
-            file.flush()
-            time.sleep(0.4)
-            assert captures(client, session) == {}
-    wait_for_captures(client, session, 1)
-    assert client.get(f"/sessions/{session}/captures/slow/files/slow.csv").content == content
+def test_a_file_written_in_portions_is_taken_whole(tmp_path: Path, folder: Path) -> None:
+    with watching(tmp_path, rest_s=1.0) as client:
+        session = watched_session(client)
+        (folder / "slow.txt").write_text(pose_line(0))
+        content = profile(0)
+        portion = len(content) // 6 + 1
+        with (folder / "slow.csv").open("wb") as file:
+            for start in range(0, len(content), portion):
+                file.write(content[start : start + portion])
+                file.flush()
+                time.sleep(0.3)  # the server looks at it in between
+                assert captures(client, session) == {}
+        wait_for_captures(client, session, 1)
+        assert client.get(f"/sessions/{session}/captures/slow/files/slow.csv").content == content
 
 
 def test_what_is_refused_says_why_and_is_tried_again_once_mended(client: httpx.Client, folder: Path) -> None:
@@ -138,15 +139,15 @@ def test_each_file_once_also_after_a_restart_and_again_when_written_anew(tmp_pat
         wait_for_captures(client, session, 1)
         client.delete(f"/sessions/{session}/captures/scan")
     with watching(tmp_path) as client:
-        time.sleep(2.5)
-        assert captures(client, session) == {}  # what a person deleted stays deleted
+        (folder / "z.csv").write_bytes(profile(3))  # taken after those that come before it by name
+        (folder / "z.txt").write_text(pose_line(3))
+        assert set(wait_for_captures(client, session, 1)) == {"z"}  # what a person deleted stays deleted
         (folder / "scan.csv").write_bytes(profile(1))
         (folder / "scan.txt").write_text(pose_line(1))
-        (found,) = wait_for_captures(client, session, 1).values()
-        assert found["pose"] == CAPTURES[1]["pose"]
+        assert wait_for_captures(client, session, 2)["scan"]["pose"] == CAPTURES[1]["pose"]
         (folder / "scan.csv").write_bytes(profile(2))
         (folder / "scan.txt").write_text(pose_line(2))
-        assert set(wait_for_captures(client, session, 2)) == {"scan", "scan-2"}
+        assert set(wait_for_captures(client, session, 3)) == {"scan", "scan-2", "z"}
 
 
 def test_only_below_the_root(client: httpx.Client, folder: Path, tmp_path: Path) -> None:
@@ -163,8 +164,9 @@ def test_only_below_the_root(client: httpx.Client, folder: Path, tmp_path: Path)
     client.put(path, json={"folder": "hall/cell 4"})
     (folder / "p1.csv").symlink_to(tmp_path / "secret.csv")
     (folder / "p1.txt").write_text(pose_line(0))
-    time.sleep(2.5)
-    assert captures(client, session) == {}
+    (folder / "z.csv").write_bytes(profile(1))
+    (folder / "z.txt").write_text(pose_line(1))
+    assert set(wait_for_captures(client, session, 1)) == {"z"}
     client.delete(path)
     assert client.get(path).json()["watch"] is None
 

@@ -1,0 +1,109 @@
+"""Parts that a server rests on, which go away and come back: databases, buckets, clusters, and the way to them."""
+
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import httpx
+
+from server.jobs.child_processes import WorkerContext
+from tests.server.forked_commands import fork_from_one, run_quietly
+from tests.server.postgres import free_port
+
+HEALED_S = 30.0
+
+
+class Gate:
+    """A way to another server that can be shut, as when that one is restarted."""
+
+    def __init__(self, target: str) -> None:
+        self._host, _, port = target.rpartition(":")
+        self._target = (self._host, int(port))
+        self.port = free_port()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def open(self) -> None:
+        code = _RELAY.format(port=self.port, target=self._target)
+        self._process = subprocess.Popen([sys.executable, "-c", code])
+        until_there(self.port)
+
+    def shut(self) -> None:
+        assert self._process is not None
+        self._process.kill()
+        self._process.wait()
+
+
+_RELAY = """
+import asyncio
+async def relay(reader, writer):
+    try:
+        there, back = await asyncio.open_connection(*{target!r})
+    except OSError:
+        writer.close()
+        return
+    async def copy(a, b):
+        try:
+            while data := await a.read(65536):
+                b.write(data)
+                await b.drain()
+        except OSError:
+            pass
+        b.close()
+    await asyncio.gather(copy(reader, back), copy(there, writer))
+async def main():
+    await (await asyncio.start_server(relay, "127.0.0.1", {port})).serve_forever()
+asyncio.run(main())
+"""
+
+
+@contextmanager
+def gated(target: str) -> Iterator[Gate]:
+    gate = Gate(target)
+    gate.open()
+    try:
+        yield gate
+    finally:
+        gate.shut()
+
+
+def until_health(client: httpx.Client, status: str, reason: str | None = None) -> dict[str, Any]:
+    end_s = time.monotonic() + HEALED_S
+    while (found := client.get("/health").json())["status"] != status or (
+        reason is not None and reason not in found["reasons"]
+    ):
+        assert time.monotonic() < end_s, found
+        time.sleep(0.1)
+    return found
+
+
+def start_scheduler(port: int) -> Any:
+    """Start the scheduler of a Dask cluster."""
+    return _start_dask("scheduler", "--port", str(port))
+
+
+def start_worker(scheduler: str) -> Any:
+    """Start a worker of a Dask cluster, with what a solve needs in memory."""
+    return _start_dask("worker", scheduler, "--nthreads", "1", "--no-nanny")
+
+
+def _start_dask(part: str, *words: str) -> Any:
+    fork_from_one()
+    arguments = (f"distributed.cli.dask_{part}", *words, "--host", "127.0.0.1", "--no-dashboard")
+    process = WorkerContext(warm=True).Process(target=run_quietly, args=arguments)
+    process.start()
+    return process
+
+
+def until_there(port: int) -> None:
+    end_s = time.monotonic() + HEALED_S
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port), 1).close()
+            return
+        except OSError:
+            assert time.monotonic() < end_s
+            time.sleep(0.1)
