@@ -75,7 +75,7 @@ def end_loading() -> None:
     if sys.platform != "win32":
         from multiprocessing import forkserver
 
-        pid: int | None = getattr(forkserver._forkserver, "_forkserver_pid", None)  # pyright: ignore[reportAttributeAccessIssue]
+        pid: int | None = getattr(forkserver._forkserver, "_forkserver_pid", None)  # pyright: ignore[reportAttributeAccessIssue, reportPrivateUsage]
         if pid is not None:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
