@@ -6,7 +6,6 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from fastapi import FastAPI
-from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware.gzip import GZipMiddleware
 
@@ -24,6 +23,7 @@ from server.http.body_draining import BodyDraining
 from server.http.disconnects import Disconnects
 from server.http.events import Hub
 from server.http.head_requests import HeadRequests
+from server.http.page_files import PageFiles
 from server.http.security_headers import SecurityHeaders
 from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
@@ -198,7 +198,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         cloud_router,
     ):
         app.router.routes.extend(router.routes)
-    app.mount("/web", GZipMiddleware(StaticFiles(directory=settings.web, check_dir=False), minimum_size=500))
+    app.state.page_files = PageFiles(settings.web)
+    app.mount("/web", GZipMiddleware(app.state.page_files, minimum_size=500))
     app.add_middleware(HeadRequests)
     app.add_middleware(Timeouts, settings=settings)
     app.add_middleware(AuthMiddleware, settings=settings)

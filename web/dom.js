@@ -75,7 +75,7 @@ export function make(type, properties = {}) {
 
 /** The styles of a part that is loaded when it is asked for. @param {string} name */
 export function style(name) {
-  document.head.append(h("link", { rel: "stylesheet", href: `/web/styles/${name}.css` }));
+  document.head.append(h("link", { rel: "stylesheet", href: new URL(`./styles/${name}.css`, import.meta.url).href }));
 }
 
 /**

@@ -1,12 +1,21 @@
 """The page's files, and the documentation of the API, all from this server: the cell may have no internet."""
 
-from fastapi import APIRouter, Response
-from fastapi.openapi.docs import get_swagger_ui_html
-from fastapi.responses import FileResponse, HTMLResponse
+from typing import Annotated
 
-from server.http.dependencies import SettingsDep
+from fastapi import APIRouter, Depends, Request, Response
+from fastapi.openapi.docs import get_swagger_ui_html
+from fastapi.responses import HTMLResponse
+
+from server.http.page_files import PageFiles
 
 router = APIRouter(include_in_schema=False)
+
+
+def _page_files(request: Request) -> PageFiles:
+    return request.app.state.page_files
+
+
+PageFilesDep = Annotated[PageFiles, Depends(_page_files)]
 
 
 @router.get("/")
@@ -14,15 +23,15 @@ router = APIRouter(include_in_schema=False)
 @router.get("/sessions/{session_id}/review")
 @router.get("/compare")
 @router.get("/access")
-def page(settings: SettingsDep) -> Response:
+def page(files: PageFilesDep) -> Response:
     """Return the page; which session it shows stands in its address."""
-    return FileResponse(settings.web / "index.html", headers={"Cache-Control": "no-cache"})
+    return files.document("index.html")
 
 
 @router.get("/login")
-def login_page(settings: SettingsDep) -> Response:
+def login_page(files: PageFilesDep) -> Response:
     """Return the page that takes a token and logs the browser in with it."""
-    return FileResponse(settings.web / "login.html", headers={"Cache-Control": "no-cache"})
+    return files.document("login.html")
 
 
 @router.get("/docs")

@@ -1,9 +1,9 @@
 """What the browser's tests share: pages that are watched, and pages without the scene."""
 
 import re
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 import pytest
@@ -17,10 +17,14 @@ BROWSER_ARGUMENTS = [
     "--disable-background-networking",
     "--disable-gpu-rasterization",
     "--disable-gpu-compositing",
+    "--process-per-site",  # a page beside another of the same server is drawn by a process that is warm
 ]
 _TOLD_ANEW = "(told) => document.querySelector('.guide-words')?.textContent !== told"
-_NO_SCENE = '<meta name="color-scheme" content="light dark"><title>no scene</title>'
-_SCENE = re.compile(r"/scenes/[^/]+/(viewers/[^/]+/)?(\?.*)?$")
+_NO_SCENE = """{
+  const address = Object.getOwnPropertyDescriptor(HTMLIFrameElement.prototype, "src");
+  const set = function (to) { if (!String(to).includes("/scenes/")) address.set.call(this, to); };
+  Object.defineProperty(HTMLIFrameElement.prototype, "src", { ...address, set });
+}"""
 
 
 class Watch:
@@ -31,6 +35,7 @@ class Watch:
         self.foreign: list[str] = []
         self._announced: list[str] = []
         self._allowed: list[str] = []
+        self._followed: list[tuple[BrowserContext, str, Callable[[Any], None]]] = []
 
     def announce(self, pattern: str) -> None:
         """Say beforehand that pages will complain like this: the browser writes down each request that fails."""
@@ -52,11 +57,24 @@ class Watch:
             if parts.netloc != own[0] or parts.hostname != "127.0.0.1":
                 self.foreign.append(url)
 
-        context.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
-        context.on("weberror", lambda error: self.complaints.append(str(error.error)))
-        context.on("request", lambda request: asked(request.url))
-        context.on("page", lambda page: page.on("websocket", lambda socket: asked(socket.url)))
+        hear: dict[str, Callable[[Any], None]] = {
+            "console": lambda m: (
+                self.complaints.append(f"{m.text} {m.location['url']}") if m.type == "error" else None
+            ),
+            "weberror": lambda error: self.complaints.append(str(error.error)),
+            "request": lambda request: asked(request.url),
+            "page": lambda page: page.on("websocket", lambda socket: asked(socket.url)),
+        }
+        for event, heard in hear.items():
+            context.on(cast(Any, event), heard)
+            self._followed.append((context, event, heard))
         return context
+
+    def leave(self) -> None:
+        """Watch no longer: the profile may serve another test."""
+        for context, event, heard in self._followed:
+            context.remove_listener(event, heard)
+        self._followed.clear()
 
     def require_quiet(self) -> None:
         """Fail where a page asked elsewhere, complained unannounced, or did not complain as announced."""
@@ -73,17 +91,66 @@ def watching(browser: Browser) -> Generator[Watch]:
     """Watch every page that is opened in a browser meanwhile, and fail at the end where one was not quiet."""
     watch = Watch()
     make = browser.new_context
+    made: list[BrowserContext] = []
 
     def context(**options: Any) -> BrowserContext:
-        return watch.follow(make(**options))
+        made.append(watch.follow(make(**options)))
+        return made[-1]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(browser, "new_context", context)
         patch.setattr(browser, "new_page", lambda **options: context(**options).new_page())
         yield watch
-        for left in browser.contexts:  # what they still have to say is heard as well
+        for left in made:  # what they still have to say is heard as well
             left.close()
+    watch.leave()
     watch.require_quiet()
+
+
+class SharedProfile:
+    """A browser profile that tests take in turn.
+
+    What it keeps of the page's files, and the process that draws them, stay; what a test leaves in it goes. A
+    profile of its own loads and compiles everything anew, which takes longer than most tests.
+
+    Parameters
+    ----------
+    browser : Browser
+    address : str
+        The server that most tests ask.
+    script : str
+        What every page runs before its own scripts.
+    """
+
+    def __init__(self, browser: Browser, address: str, script: str) -> None:
+        self.context = browser.new_context(base_url=address)
+        self.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        self.context.add_init_script(script)
+        self._home = self.context.new_page()
+        self._home.route("**/favicon.ico", lambda route: route.fulfill(status=204))
+        self._home.goto("/web/icon.svg")
+
+    def open(self, path: str = "", scene: bool = False, size: tuple[int, int] = (1280, 800), **media: Any) -> Page:
+        """Open a page in a window of its own, with the 3-D scene or without; empty without a path."""
+        self.context.set_default_timeout(30_000)
+        page = self.context.new_page()
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.emulate_media(**{"color_scheme": "light", **media})
+        if not scene:
+            leave_out_the_scene(page)
+        if path:
+            page.goto(path)
+        return page
+
+    def clear(self) -> None:
+        """Close the pages that were opened and forget what they kept."""
+        for page in self.context.pages:
+            if page is not self._home:
+                page.close()
+        self.context.unroute_all()
+        self.context.set_offline(False)
+        self.context.clear_cookies()
+        self._home.evaluate("window.localStorage.clear()")
 
 
 class Watched:
@@ -102,9 +169,32 @@ class Watched:
             self.hosts.add(urlsplit(request.url).netloc)
 
 
-def leave_out_the_scene(context: BrowserContext) -> None:
-    """Put an empty page in the scene's place: drawing it in software takes most of a test's time."""
-    context.route(_SCENE, lambda route: route.fulfill(body=_NO_SCENE, content_type="text/html"))
+class Hand:
+    """Does what a person does, and counts it."""
+
+    def __init__(self, page: Page) -> None:
+        self.page, self.actions = page, 0
+
+    def press(self, key: str) -> None:
+        self.actions += 1
+        self.page.keyboard.press(key)
+
+    def click(self, name: str) -> None:
+        self.actions += 1
+        self.page.get_by_role("button", name=re.compile(f"^{name}")).first.click()
+
+    def fill(self, label: str, text: str) -> None:
+        self.actions += 1
+        self.page.get_by_label(label).fill(text)
+
+    def choose(self, label: str, value: str) -> None:
+        self.actions += 1
+        self.page.get_by_label(label).select_option(value)
+
+
+def leave_out_the_scene(where: BrowserContext | Page) -> None:
+    """Leave the scene's frame empty: drawing it in software takes most of a test's time."""
+    where.add_init_script(_NO_SCENE)
 
 
 def go_on(page: Page) -> bool:

@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Page
 
 from server.settings import Settings
 from tests.server.live_server import serving
-from tests.web.browsing import Watched, leave_out_the_scene
+from tests.web.browsing import SharedProfile, Watch, Watched
 
 # The start page draws the simulated cell's seed by lot; here it is always 7.
 _SAME_CELL = "if (window === window.top) Math.random = () => 0.00065;"
@@ -22,27 +22,32 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield str(client.base_url).removesuffix("/api/v1/")
 
 
+@pytest.fixture(scope="session")
+def shared_profile(chromium: Browser, address: str) -> SharedProfile:
+    return SharedProfile(chromium, address, _SAME_CELL)
+
+
 @pytest.fixture
-def open_page(browser: Browser, address: str) -> Iterator[Callable[..., tuple[Page, Watched]]]:
-    """Open a page in a browser profile of its own, at a path of the server, with or without the 3-D scene."""
-    contexts = []
+def profile(shared_profile: SharedProfile, watch: Watch) -> Iterator[SharedProfile]:
+    """The profile that tests take in turn, watched and empty."""
+    watch.follow(shared_profile.context)
+    yield shared_profile
+    shared_profile.clear()
+
+
+@pytest.fixture
+def open_page(profile: SharedProfile, browser: Browser, address: str) -> Callable[..., tuple[Page, Watched]]:
+    """Open a page at a path of the server, with or without the 3-D scene; a second one in a browser of its own."""
+    lent: list[SharedProfile] = []
 
     def begin(path: str = "/", scene: bool = False, width: int = 1280, height: int = 800) -> tuple[Page, Watched]:
-        context = browser.new_context(viewport={"width": width, "height": height}, color_scheme="light")
-        if not scene:
-            leave_out_the_scene(context)
-        context.grant_permissions(["clipboard-read", "clipboard-write"])
-        context.set_default_timeout(30_000)
-        context.add_init_script(_SAME_CELL)
-        contexts.append(context)
-        page = context.new_page()
+        lent.append(profile if not lent else SharedProfile(browser, address, _SAME_CELL))
+        page = lent[-1].open(scene=scene, size=(width, height))
         watched = Watched(page)
-        page.goto(address + path)
+        page.goto(path)
         return page, watched
 
-    yield begin
-    for context in contexts:
-        context.close()
+    return begin
 
 
 @pytest.fixture(scope="session")

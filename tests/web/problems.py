@@ -12,9 +12,9 @@ from typing import Any
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page, Response, expect
+from playwright.sync_api import Locator, Page, Response, expect
 
-from tests.web.browsing import leave_out_the_scene
+from tests.web.browsing import SharedProfile
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images" / "problems"
 TAKE_PICTURES = "SCANCELL_PICTURE" in os.environ
@@ -84,14 +84,8 @@ def site_of(client: httpx.Client) -> str:
 
 
 @contextmanager
-def visiting(browser: Browser, client: httpx.Client, path: str, site: str = "") -> Iterator[Visitor]:
-    """Open a page of a server, at its own address or at another way to it, in a profile of its own."""
-    context = browser.new_context(
-        base_url=site or site_of(client), viewport={"width": 1100, "height": 720}, reduced_motion="reduce"
-    )
-    context.set_default_timeout(30_000)
-    leave_out_the_scene(context)
-    visitor = Visitor(context.new_page())
-    visitor.page.goto(path)
+def visiting(profile: SharedProfile, client: httpx.Client, path: str, site: str = "") -> Iterator[Visitor]:
+    """Open a page of a server, at its own address or at another way to it."""
+    visitor = Visitor(profile.open(size=(1100, 720), reduced_motion="reduce"))
+    visitor.page.goto((site or site_of(client)) + path)
     yield visitor
-    context.close()

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests.server.access import bearer, guarded, site_of
-from tests.web.browsing import Watch
+from tests.web.browsing import SharedProfile, Watch
 from tests.web.test_accessible import violations
 
 pytestmark = pytest.mark.browser
@@ -20,24 +20,19 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Cli
 
 
 @pytest.fixture
-def context(browser: Browser, served) -> Iterator[BrowserContext]:
-    context = browser.new_context(base_url=site_of(served[0]), bypass_csp=True, reduced_motion="reduce")
-    context.grant_permissions(["clipboard-read", "clipboard-write"])
-    yield context
-    context.close()
+def page(profile: SharedProfile) -> Page:
+    return profile.open(reduced_motion="reduce")
 
 
-def logged_in(context: BrowserContext, token: str, path: str) -> Page:
-    page = context.new_page()
-    page.goto(f"/login?next={path}")
+def log_in(page: Page, client: httpx.Client, token: str, path: str = "/access") -> None:
+    page.goto(f"{site_of(client)}/login?next={path}")
     page.get_by_label("Token").fill(token)
     page.get_by_role("button", name="Log in").click()
-    return page
 
 
-def test_a_token_is_made_used_and_revoked_by_keyboard(context: BrowserContext, served, axe: str) -> None:
+def test_a_token_is_made_used_and_revoked_by_keyboard(page: Page, served, axe: str) -> None:
     client, tokens = served
-    page = logged_in(context, tokens["admin"], "/")
+    log_in(page, client, tokens["admin"], "/")
     page.get_by_role("button", name="More", exact=True).press("Enter")
     page.get_by_role("link", name="Access").press("Enter")
     expect(page.get_by_role("heading", name="Access")).to_be_visible()
@@ -81,9 +76,9 @@ def test_a_token_is_made_used_and_revoked_by_keyboard(context: BrowserContext, s
     expect(page.locator("body")).not_to_contain_text(token)
 
 
-def test_ones_own_token_is_not_revoked(context: BrowserContext, served, watch: Watch) -> None:
+def test_ones_own_token_is_not_revoked(page: Page, served, watch: Watch) -> None:
     watch.announce("status of 409")
-    page = logged_in(context, served[1]["admin"], "/access")
+    log_in(page, served[0], served[1]["admin"])
     page.get_by_role("button", name="Revoke the token of one who may admin").first.click()
     page.get_by_role("dialog").get_by_role("button", name="Revoke").click()
     expect(page.locator(".toast.bad")).to_be_visible()
@@ -92,9 +87,9 @@ def test_ones_own_token_is_not_revoked(context: BrowserContext, served, watch: W
 
 
 @pytest.mark.parametrize("role", ["read", "capture"])
-def test_others_see_nothing_of_it(context: BrowserContext, served, axe: str, role: str) -> None:
+def test_others_see_nothing_of_it(page: Page, served, axe: str, role: str) -> None:
     client, tokens = served
-    page = logged_in(context, tokens[role], "/access")
+    log_in(page, client, tokens[role])
     expect(page.locator("main")).to_contain_text("need the role admin")
     expect(page.locator("table")).to_have_count(0)
     page.get_by_role("button", name="More", exact=True).click()
@@ -105,25 +100,23 @@ def test_others_see_nothing_of_it(context: BrowserContext, served, axe: str, rol
         assert client.get(path, headers=bearer(tokens[role])).status_code == 403
 
 
-def test_the_log_goes_back_as_far_as_one_likes(context: BrowserContext, served) -> None:
+def test_the_log_goes_back_as_far_as_one_likes(page: Page, served) -> None:
     client, tokens = served
     body, headers = {"cell": {"pose_convention": "abb"}}, bearer(tokens["capture"])
     for _ in range(130):
         assert client.post("/sessions", json=body, headers=headers).is_success
-    page = logged_in(context, tokens["admin"], "/access")
+    log_in(page, client, tokens["admin"])
     rows = page.get_by_role("region", name="Log").locator("tbody tr")
     expect(rows).to_have_count(100)
     page.get_by_role("button", name="Show earlier").click()
     expect(rows.nth(129)).to_be_visible()
 
 
-def test_without_a_login_the_page_says_so(browser: Browser, address: str) -> None:
-    page = browser.new_context(base_url=address).new_page()
-    page.goto("/access")
+def test_without_a_login_the_page_says_so(profile: SharedProfile) -> None:
+    page = profile.open("/access")
     expect(page.locator("main")).to_contain_text("asks for no login")
 
 
-def test_who_is_not_logged_in_is_asked_to(browser: Browser, served) -> None:
-    page = browser.new_context(base_url=site_of(served[0])).new_page()
-    page.goto("/access")
+def test_who_is_not_logged_in_is_asked_to(profile: SharedProfile, served) -> None:
+    page = profile.open(f"{site_of(served[0])}/access")
     expect(page).to_have_url(f"{site_of(served[0])}/login?next=%2Faccess")

@@ -14,6 +14,7 @@ from calib_core.robots.backup import read_controller_files
 from calib_core.simulation import simulate
 from tests.core.robot_dialects import CONFIG
 from tests.server.live_server import make_session
+from tests.web.browsing import Hand
 
 pytestmark = pytest.mark.browser
 
@@ -39,34 +40,11 @@ def backup(tmp_path: Path) -> Path:
     return folder
 
 
-class Hand:
-    """Counts what a person does."""
-
-    def __init__(self, page: Page) -> None:
-        self._page = page
-        self.actions = 0
-
-    def click(self, name: str) -> None:
-        self.actions += 1
-        self._page.get_by_role("button", name=name).click()
-
-    def fill(self, label: str, text: str) -> None:
-        self.actions += 1
-        self._page.get_by_label(label).fill(text)
-
-    def choose(self, label: str, value: str) -> None:
-        self.actions += 1
-        self._page.get_by_label(label).select_option(value)
-
-    def folder(self, path: Path) -> None:
-        self.actions += 1
-        self._page.locator("sc-start input[webkitdirectory]").set_input_files(path)
-
-
 def test_from_a_backup_to_a_patched_backup(open_page: Callable[..., Any], backup: Path, tmp_path: Path) -> None:
     page, watched = open_page("/")
     hand = Hand(page)
-    hand.folder(backup)
+    hand.actions += 1
+    page.locator("sc-start input[webkitdirectory]").set_input_files(backup)
     hand.fill("Sphere diameter", str(RECORD["cell"]["sphere_diameter_mm"]))
     assert page.get_by_label("Robot", exact=True).input_value() == "kuka"
     hand.click("Create session")

@@ -7,12 +7,12 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from calib_core.simulation import simulate
 from server.settings import Settings
 from tests.server.live_server import make_session, serving
-from tests.web.browsing import Watched, leave_out_the_scene
+from tests.web.browsing import SharedProfile, Watched
 
 pytestmark = pytest.mark.browser
 
@@ -132,13 +132,11 @@ def test_the_convention_that_was_looked_at_becomes_the_cells(
     expect(page.locator("sc-quality h2")).not_to_contain_text("refused")
 
 
-def test_a_watched_folder_is_followed(browser: Browser, tmp_path: Path) -> None:
+def test_a_watched_folder_is_followed(profile: SharedProfile, tmp_path: Path) -> None:
     folder = tmp_path / "scans" / "cell 4"
     folder.mkdir(parents=True)
     settings = Settings(data=tmp_path / "data", port=0, warm_up=False, watch_root=tmp_path / "scans")
-    context = browser.new_context()
-    leave_out_the_scene(context)
-    page = context.new_page()
+    page = profile.open()
     watched = Watched(page)
     with serving(settings) as client:
         session = make_session(client, cell=RECORD["cell"])
@@ -158,7 +156,6 @@ def test_a_watched_folder_is_followed(browser: Browser, tmp_path: Path) -> None:
         expect(status).to_contain_text("1 capture")
         page.get_by_role("button", name="Stop watching").click()
         expect(status).to_be_hidden()
-        context.close()
     assert watched.complaints == []
 
 

@@ -1,13 +1,13 @@
 """No text is cut off in any language: what is in sight is measured against what holds and clips it."""
 
-from collections.abc import Iterator
+import re
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests.server.live_server import simulated_session, wait_for
-from tests.web.browsing import Watch, leave_out_the_scene
+from tests.web.browsing import SharedProfile
 
 pytestmark = pytest.mark.browser
 
@@ -52,11 +52,13 @@ def session(address: str) -> str:
 
 
 @pytest.fixture(params=["en-GB", "de-DE", "zh-CN"])
-def page(request: pytest.FixtureRequest, browser: Browser, address: str, watch: Watch) -> Iterator[Page]:
-    context = browser.new_context(base_url=address, locale=request.param, reduced_motion="reduce")
-    leave_out_the_scene(context)
-    yield context.new_page()
-    context.close()
+def page(request: pytest.FixtureRequest, profile: SharedProfile) -> Page:
+    page = profile.open(reduced_motion="reduce")
+    agent = {"userAgent": page.evaluate("navigator.userAgent"), "acceptLanguage": request.param}
+    page.context.new_cdp_session(page).send("Emulation.setUserAgentOverride", agent)
+    page.goto("/")
+    expect(page.locator("html")).to_have_attribute("lang", re.compile(f"^{request.param[:2]}"))
+    return page
 
 
 def test_no_text_is_cut_off(page: Page, session: str) -> None:
@@ -68,7 +70,6 @@ def test_no_text_is_cut_off(page: Page, session: str) -> None:
             if cut := page.evaluate(_CUT):
                 found[f"{where}, {width} px"] = cut
 
-    page.goto("/")
     expect(page.locator(".session-card").first).to_be_visible()
     look("first page")
     page.goto(f"/sessions/{session}#tcp.result")

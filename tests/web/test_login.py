@@ -7,11 +7,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests.server.access import bearer, guarded, site_of
 from tests.server.live_server import simulated_session
-from tests.web.browsing import Watch, Watched, leave_out_the_scene
+from tests.web.browsing import SharedProfile, Watch, Watched
 from tests.web.test_accessible import violations
 
 pytestmark = pytest.mark.browser
@@ -27,27 +27,17 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Cli
         yield client, tokens, session
 
 
-@pytest.fixture
-def context(browser: Browser, served) -> Iterator[BrowserContext]:
-    context = browser.new_context(base_url=site_of(served[0]), bypass_csp=True, reduced_motion="reduce")
-    leave_out_the_scene(context)
-    yield context
-    context.close()
-
-
 def log_in(page: Page, token: str) -> None:
     page.get_by_label("Token").fill(token)
     page.get_by_role("button", name="Log in").click()
 
 
-def test_in_and_out(browser: Browser, served, axe: str, watch: Watch) -> None:
+def test_in_and_out(profile: SharedProfile, served, axe: str, watch: Watch) -> None:
     watch.announce("status of 401")
     client, tokens, session = served
-    context = browser.new_context(base_url=site_of(client))
-    leave_out_the_scene(context)
-    page = context.new_page()
+    page = profile.open()
     watched = Watched(page)
-    page.goto(f"/sessions/{session}")
+    page.goto(f"{site_of(client)}/sessions/{session}")
     expect(page).to_have_url(f"{site_of(client)}/login?next=%2Fsessions%2F{session}")
     expect(page.get_by_label("Token")).to_be_focused()
     log_in(page, "scancell_wrong")
@@ -65,33 +55,31 @@ def test_in_and_out(browser: Browser, served, axe: str, watch: Watch) -> None:
     expect(page.get_by_role("group", name="More")).to_contain_text("one who may capture")
     page.get_by_role("button", name="Log out").click()
     expect(page.get_by_label("Token")).to_be_visible()
-    page.goto("/")
+    page.goto(site_of(client))
     expect(page.get_by_label("Token")).to_be_visible()
     assert watched.complaints == []
     assert watched.hosts == {site_of(client).removeprefix("http://")}
-    context.close()
 
 
-@pytest.mark.parametrize(
-    "next_page", ["https://evil.example/", "//evil.example/", "javascript:alert(1)", "/login"]
-)
-def test_the_login_leads_nowhere_else(browser: Browser, served, next_page: str) -> None:
+def test_the_login_leads_nowhere_else(profile: SharedProfile, served) -> None:
     client, tokens, _ = served
-    context = browser.new_context(base_url=site_of(client))
-    page = context.new_page()
-    page.goto(f"/login?next={next_page}")
+    page = profile.open()
+    for next_page in ("https://evil.example/", "//evil.example/", "javascript:alert(1)", "/login"):
+        page.goto(f"{site_of(client)}/login?next={next_page}")
+        log_in(page, tokens["read"])
+        expect(page).to_have_url(f"{site_of(client)}/")
+        page.context.clear_cookies()
+    page.goto(f"{site_of(client)}/login")
     log_in(page, tokens["read"])
     expect(page).to_have_url(f"{site_of(client)}/")
-    page.goto("/login?next=/docs")  # who is logged in already goes on at once
+    page.goto(f"{site_of(client)}/login?next=/docs")  # who is logged in already goes on at once
     expect(page).to_have_url(f"{site_of(client)}/docs")
-    context.close()
 
 
-def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, axe: str, watch: Watch) -> None:
+def test_accessible_and_for_one_who_may_look(profile: SharedProfile, served, axe: str, watch: Watch) -> None:
     watch.announce("status of 401")
     client, tokens, session = served
-    page = context.new_page()
-    page.goto("/login")
+    page = profile.open(f"{site_of(client)}/login", reduced_motion="reduce")
     expect(page.get_by_label("Token")).to_be_visible()
     page.get_by_text("I have no token").click()
     assert violations(page, axe) == []
@@ -107,7 +95,7 @@ def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, ax
     expect(page.get_by_role("button", name="Delete session").first).to_have_attribute("aria-disabled", "true")
     page.get_by_role("button", name="More", exact=True).click()
     assert violations(page, axe) == []
-    page.goto(f"/sessions/{session}")
+    page.goto(f"{site_of(client)}/sessions/{session}")
     expect(page.locator(".captures tbody tr").first).to_be_visible()
     for name in ("Solve", "Capture", "Add files", "Paste poses"):
         button = page.locator("sc-actions").get_by_role("button", name=name).first
@@ -123,36 +111,30 @@ def test_accessible_and_for_one_who_may_look(context: BrowserContext, served, ax
     assert violations(page, axe) == []
 
 
-def test_a_revoked_token_ends_an_open_page(browser: Browser, served, watch: Watch) -> None:
+def test_a_revoked_token_ends_an_open_page(profile: SharedProfile, served, watch: Watch) -> None:
     watch.allow("status of 401")  # it may ask once more, or be told first
     client, tokens, session = served
     admin = bearer(tokens["admin"])
     made = client.post("/tokens", json={"name": "guest", "role": "read"}, headers=admin).json()
-    context = browser.new_context(base_url=site_of(client))
-    leave_out_the_scene(context)
-    page = context.new_page()
-    page.goto(f"/login?next=/sessions/{session}")
+    page = profile.open(f"{site_of(client)}/login?next=/sessions/{session}")
     log_in(page, made["token"])
     expect(page.locator("sc-live")).to_contain_text("live")
     start_s = time.monotonic()
     client.delete(f"/tokens/{made['id']}", headers=admin)
     expect(page.get_by_label("Token")).to_be_visible()
     assert time.monotonic() - start_s < 15
-    context.close()
 
 
-def test_the_scene_needs_the_login_too(browser: Browser, served, tmp_path: Path, watch: Watch) -> None:
+def test_the_scene_needs_the_login_too(profile: SharedProfile, served, tmp_path: Path, watch: Watch) -> None:
     watch.announce("status of 401")
     client, tokens, session = served
-    context = browser.new_context(base_url=site_of(client))
-    page = context.new_page()
+    page = profile.open(scene=True)
     watched = Watched(page)
-    assert page.goto(f"/scenes/{session}/").status == 401
+    assert page.goto(f"{site_of(client)}/scenes/{session}/").status == 401
     watched.complaints.clear()
-    page.goto(f"/login?next=/sessions/{session}")
+    page.goto(f"{site_of(client)}/login?next=/sessions/{session}")
     log_in(page, tokens["read"])
     scene = page.frame_locator("iframe")
     expect(scene.locator("#scancell-legend")).not_to_be_empty()
     expect(scene.locator("canvas").first).to_be_visible()
     assert [line for line in watched.complaints if "Content Security" in line] == []
-    context.close()

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, FilePayload, Locator, Page, expect
+from playwright.sync_api import FilePayload, Locator, Page, expect
 
 import server.app  # noqa: F401 (brings every error with it)
 from calib_core.simulation import simulate
 from server.http.errors import catalogue
 from tests.server.access import guarded
 from tests.server.live_server import make_session, simulated_session, upload
-from tests.web.browsing import Watch
-from tests.web.problems import PROVOKED, provokes, visiting
+from tests.web.browsing import SharedProfile, Watch
+from tests.web.problems import PROVOKED, provokes, site_of, visiting
 from tests.web.test_problems_server import WALL
 
 pytestmark = pytest.mark.browser
@@ -46,11 +46,11 @@ def test_every_problem_is_provoked() -> None:
 
 
 @provokes("problem.unreachable", "problem.unreachable_title")
-def test_the_server_cannot_be_reached(browser: Browser, api: httpx.Client, watch: Watch) -> None:
+def test_the_server_cannot_be_reached(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     watch.announce("ERR_INTERNET_DISCONNECTED")
     watch.allow("status of 404")  # the session x, once the server is there again
     session = simulated_session(api, captures=2)
-    with visiting(browser, api, f"/sessions/{session}") as visitor:
+    with visiting(profile, api, f"/sessions/{session}") as visitor:
         page = visitor.page
         expect(visitor.rows).to_have_count(2)
         page.get_by_role("button", name="Paste poses").click()
@@ -72,9 +72,11 @@ def test_the_server_cannot_be_reached(browser: Browser, api: httpx.Client, watch
 
 
 @provokes("problem.unreadable")
-def test_something_between_page_and_server_answers(browser: Browser, api: httpx.Client, watch: Watch) -> None:
+def test_something_between_page_and_server_answers(
+    profile: SharedProfile, api: httpx.Client, watch: Watch
+) -> None:
     watch.announce("status of 502")
-    with visiting(browser, api, f"/sessions/{simulated_session(api, captures=1)}") as visitor:
+    with visiting(profile, api, f"/sessions/{simulated_session(api, captures=1)}") as visitor:
         expect(visitor.rows).to_have_count(1)
         # As a proxy says it whose server is away.
         bad_gateway = {"status": 502, "content_type": "text/html", "body": "<h1>Bad Gateway</h1>"}
@@ -102,8 +104,8 @@ def drop(page: Page, files: dict[str, str]) -> None:
 
 
 @provokes("problem.lacking", "intake.bad_json", "intake.unknown", "intake.more_problems")
-def test_what_is_dropped_on_a_session(browser: Browser, api: httpx.Client) -> None:
-    with visiting(browser, api, f"/sessions/{make_session(api)}") as visitor:
+def test_what_is_dropped_on_a_session(profile: SharedProfile, api: httpx.Client) -> None:
+    with visiting(profile, api, f"/sessions/{make_session(api)}") as visitor:
         page, toast = visitor.page, visitor.toast
         expect(page.locator("sc-guide h1")).not_to_be_empty()
         drop(page, {"session.json": "{not json"})
@@ -128,8 +130,8 @@ def test_what_is_dropped_on_a_session(browser: Browser, api: httpx.Client) -> No
 
 
 @provokes("start.files_first", "start.no_session")
-def test_what_is_dropped_on_the_first_page(browser: Browser, api: httpx.Client) -> None:
-    with visiting(browser, api, "/") as visitor:
+def test_what_is_dropped_on_the_first_page(profile: SharedProfile, api: httpx.Client) -> None:
+    with visiting(profile, api, "/") as visitor:
         expect(visitor.page.get_by_role("heading", name="Calibrate a scanning cell")).to_be_visible()
         drop(visitor.page, {"a.csv": WALL})
         expect(visitor.toast).to_contain_text("measurements without a session.json. Create a session first")
@@ -147,8 +149,8 @@ def test_what_is_dropped_on_the_first_page(browser: Browser, api: httpx.Client) 
     "new.need_markers",
     "new.need_board",
 )
-def test_a_cell_that_lacks_something(browser: Browser, api: httpx.Client) -> None:
-    with visiting(browser, api, "/") as visitor:
+def test_a_cell_that_lacks_something(profile: SharedProfile, api: httpx.Client) -> None:
+    with visiting(profile, api, "/") as visitor:
         page = visitor.page
         page.get_by_role("button", name="New session").click()
         alarm = page.locator("dialog .form-problem")
@@ -181,12 +183,12 @@ def test_a_cell_that_lacks_something(browser: Browser, api: httpx.Client) -> Non
 
 
 @provokes("place.need_angle")
-def test_a_table_angle_that_is_none(browser: Browser, api: httpx.Client) -> None:
+def test_a_table_angle_that_is_none(profile: SharedProfile, api: httpx.Client) -> None:
     made = simulate("turntable", 3)
     capture = next(c for c in made.session.captures if c.step == "turntable").to_json()
     session = make_session(api, cell=made.session.to_json()["cell"])
     upload(api, session, capture, made.files[capture["files"][0]])
-    with visiting(browser, api, f"/sessions/{session}#turntable") as visitor:
+    with visiting(profile, api, f"/sessions/{session}#turntable") as visitor:
         page = visitor.page
         page.get_by_role("button", name=re.compile("Table at")).click()
         angle = page.get_by_label("Table angle in degrees")
@@ -200,20 +202,20 @@ def test_a_table_angle_that_is_none(browser: Browser, api: httpx.Client) -> None
 
 
 @provokes("watch.unavailable")
-def test_a_server_that_watches_no_folders(browser: Browser, api: httpx.Client) -> None:
-    with visiting(browser, api, f"/sessions/{make_session(api)}") as visitor:
+def test_a_server_that_watches_no_folders(profile: SharedProfile, api: httpx.Client) -> None:
+    with visiting(profile, api, f"/sessions/{make_session(api)}") as visitor:
         visitor.page.get_by_role("button", name="Watch a folder").click()
         expect(visitor.page.get_by_text("The operator can allow it with SCANCELL_WATCH_ROOT")).to_be_visible()
         visitor.picture("watch-unavailable")
 
 
 @provokes("captures.redo_failed")
-def test_what_is_taken_again_is_refused_too(browser: Browser, api: httpx.Client, tmp_path: Path) -> None:
+def test_what_is_taken_again_is_refused_too(profile: SharedProfile, api: httpx.Client, tmp_path: Path) -> None:
     made = simulate("tcp", 11)
     capture = made.session.captures[0].to_json()
     session = make_session(api, cell=made.session.to_json()["cell"])
     upload(api, session, capture, made.files[capture["files"][0]])
-    with visiting(browser, api, f"/sessions/{session}") as visitor:
+    with visiting(profile, api, f"/sessions/{session}") as visitor:
         page = visitor.page
         with page.expect_file_chooser() as chooser:
             page.get_by_role("button", name="Replace p01 with a new file").click()
@@ -225,11 +227,11 @@ def test_what_is_taken_again_is_refused_too(browser: Browser, api: httpx.Client,
 
 
 @provokes("may.capture", "may.admin")
-def test_what_a_role_may_not(browser: Browser, tmp_path: Path) -> None:
+def test_what_a_role_may_not(profile: SharedProfile, tmp_path: Path) -> None:
     with guarded(tmp_path / "data") as (client, tokens):
         client.headers["Authorization"] = f"Bearer {tokens['capture']}"
         session = simulated_session(client, captures=1)
-        with visiting(browser, client, f"/login?next=/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/login?next=/sessions/{session}") as visitor:
             page = visitor.page
             page.get_by_label("Token").fill(tokens["read"])
             page.get_by_role("button", name="Log in").click()
@@ -237,7 +239,7 @@ def test_what_a_role_may_not(browser: Browser, tmp_path: Path) -> None:
             page.keyboard.press("Space")
             expect(page.locator(".toast")).to_contain_text("need the role capture")
             visitor.picture("may-capture")
-            page.goto("/access")
+            page.goto(f"{site_of(client)}/access")
             expect(page.locator("main")).to_contain_text("need the role admin")
             visitor.picture("may-admin")
             expect(page.locator("sc-tokens")).to_have_count(0)
@@ -249,8 +251,8 @@ def said(field: Locator) -> str:
 
 
 @provokes("tokens.need_name", "tokens.need_days")
-def test_a_token_for_nobody(browser: Browser, api: httpx.Client) -> None:
-    with visiting(browser, api, "/access") as visitor:
+def test_a_token_for_nobody(profile: SharedProfile, api: httpx.Client) -> None:
+    with visiting(profile, api, "/access") as visitor:
         page = visitor.page
         name, days = page.get_by_label("Name"), page.get_by_label("Valid for (days)")
         page.get_by_role("button", name="Create token").click()

@@ -14,18 +14,18 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, FilePayload, Route, expect
+from playwright.sync_api import FilePayload, Route, expect
 
 import server.jobs.worker
 from server.settings import Settings
-from tests.server.access import bearer, guarded
+from tests.server.access import bearer, guarded, site_of
 from tests.server.live_server import make_session, serving, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
 from tests.server.test_faults import server as server_process
 from tests.server.test_faults import small_disk  # noqa: F401 (a fixture)
 from tests.server.test_jobs import wait_until_it_runs
 from tests.web.broken_line import broken_line
-from tests.web.browsing import Watch
+from tests.web.browsing import SharedProfile, Watch
 from tests.web.problems import Visitor, provokes, require_said, visiting
 
 pytestmark = pytest.mark.browser
@@ -69,9 +69,9 @@ def solve_and_fail(visitor: Visitor, client: httpx.Client, kind: str) -> None:
 
 
 @provokes("conflict")
-def test_nothing_is_left_to_capture(browser: Browser, api: httpx.Client, watch: Watch) -> None:
+def test_nothing_is_left_to_capture(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     watch.announce("status of 409")
-    with visiting(browser, api, f"/sessions/{simulated_session(api, captures=14)}") as visitor:
+    with visiting(profile, api, f"/sessions/{simulated_session(api, captures=14)}") as visitor:
         expect(visitor.rows).to_have_count(14)
         visitor.page.keyboard.press("Space")
         visitor.told("conflict")
@@ -81,10 +81,10 @@ def test_nothing_is_left_to_capture(browser: Browser, api: httpx.Client, watch: 
 
 @provokes("input")
 def test_a_file_of_no_use_is_refused_and_the_good_one_beside_it_is_kept_once(
-    browser: Browser, api: httpx.Client, watch: Watch
+    profile: SharedProfile, api: httpx.Client, watch: Watch
 ) -> None:
     watch.announce("status of 422")
-    with visiting(browser, api, f"/sessions/{make_session(api)}") as visitor:
+    with visiting(profile, api, f"/sessions/{make_session(api)}") as visitor:
         offer(visitor, file("a.csv", WALL), file("b.csv", "x_mm,z_mm\nhello,world\n"))
         visitor.page.get_by_role("button", name="Add 2 captures").click()
         visitor.told("input")
@@ -100,8 +100,8 @@ def test_a_file_of_no_use_is_refused_and_the_good_one_beside_it_is_kept_once(
 
 
 @provokes("motion")
-def test_too_few_motions(browser: Browser, api: httpx.Client) -> None:
-    with visiting(browser, api, f"/sessions/{simulated_session(api, captures=2)}") as visitor:
+def test_too_few_motions(profile: SharedProfile, api: httpx.Client) -> None:
+    with visiting(profile, api, f"/sessions/{simulated_session(api, captures=2)}") as visitor:
         expect(visitor.rows).to_have_count(2)
         solve_and_fail(visitor, api, "motion")
         visitor.picture("motion")
@@ -110,13 +110,13 @@ def test_too_few_motions(browser: Browser, api: httpx.Client) -> None:
 
 
 @provokes("measurement")
-def test_no_capture_shows_the_sphere(browser: Browser, api: httpx.Client) -> None:
+def test_no_capture_shows_the_sphere(profile: SharedProfile, api: httpx.Client) -> None:
     session = make_session(api)
     for place in range(6):
         pose = [10 * place, 0, 500, 0, 0, 20 * place]
         record = json.dumps({"id": f"w{place}", "step": "tcp", "kind": "profile", "pose": pose})
         api.post(f"/sessions/{session}/captures", data={"record": record}, files={"files": ("w.csv", WALL)})
-    with visiting(browser, api, f"/sessions/{session}") as visitor:
+    with visiting(profile, api, f"/sessions/{session}") as visitor:
         expect(visitor.rows).to_have_count(6)
         solve_and_fail(visitor, api, "measurement")
         visitor.picture("measurement")
@@ -124,10 +124,10 @@ def test_no_capture_shows_the_sphere(browser: Browser, api: httpx.Client) -> Non
 
 
 @provokes("not-found")
-def test_the_session_was_removed_meanwhile(browser: Browser, api: httpx.Client, watch: Watch) -> None:
+def test_the_session_was_removed_meanwhile(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     watch.announce("status of 404")
     session = simulated_session(api, captures=1)
-    with visiting(browser, api, f"/sessions/{session}") as visitor:
+    with visiting(profile, api, f"/sessions/{session}") as visitor:
         expect(visitor.rows).to_have_count(1)
         api.delete(f"/sessions/{session}")
         gone = visitor.page.locator("section.lost")
@@ -138,9 +138,9 @@ def test_the_session_was_removed_meanwhile(browser: Browser, api: httpx.Client, 
 
 
 @provokes("http-404", "lost.title", "lost.words")
-def test_an_address_of_nothing(browser: Browser, api: httpx.Client, watch: Watch) -> None:
+def test_an_address_of_nothing(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     watch.announce("status of 404")
-    with visiting(browser, api, "/nowhere") as visitor:
+    with visiting(profile, api, "/nowhere") as visitor:
         gone = visitor.page.locator("section.lost")
         expect(gone).to_contain_text("Page not found")
         expect(gone).to_contain_text("may be old")
@@ -155,11 +155,11 @@ def edit_diameter(visitor: Visitor, diameter: str) -> None:
 
 
 @provokes("problem.outdated")
-def test_two_change_the_cell_at_once(browser: Browser, api: httpx.Client) -> None:
+def test_two_change_the_cell_at_once(profile: SharedProfile, api: httpx.Client) -> None:
     session = make_session(api)
     with (
-        visiting(browser, api, f"/sessions/{session}") as one,
-        visiting(browser, api, f"/sessions/{session}") as other,
+        visiting(profile, api, f"/sessions/{session}") as one,
+        visiting(profile, api, f"/sessions/{session}") as other,
     ):
         edit_diameter(one, "50")
         edit_diameter(other, "60")
@@ -177,11 +177,11 @@ def test_two_change_the_cell_at_once(browser: Browser, api: httpx.Client) -> Non
 
 
 @provokes("outdated")
-def test_somebody_is_faster_by_a_moment(browser: Browser, api: httpx.Client, watch: Watch) -> None:
+def test_somebody_is_faster_by_a_moment(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     """The change of another comes between this one's look and its change: refused, looked at again, told."""
     watch.announce("status of 412")
     session = make_session(api)
-    with visiting(browser, api, f"/sessions/{session}") as visitor:
+    with visiting(profile, api, f"/sessions/{session}") as visitor:
         edit_diameter(visitor, "60")
 
         done: list[str] = []
@@ -201,9 +201,9 @@ def test_somebody_is_faster_by_a_moment(browser: Browser, api: httpx.Client, wat
         expect(visitor.page.locator("header")).to_contain_text("sphere 60 mm")
 
 
-def test_a_capture_that_comes_meanwhile_is_no_conflict(browser: Browser, api: httpx.Client) -> None:
+def test_a_capture_that_comes_meanwhile_is_no_conflict(profile: SharedProfile, api: httpx.Client) -> None:
     session = make_session(api)
-    with visiting(browser, api, f"/sessions/{session}") as visitor:
+    with visiting(profile, api, f"/sessions/{session}") as visitor:
         edit_diameter(visitor, "50")
         record = json.dumps({"id": "w", "step": "tcp", "kind": "profile", "pose": [0, 0, 500, 0, 0, 0]})
         api.post(f"/sessions/{session}/captures", data={"record": record}, files={"files": ("w.csv", WALL)})
@@ -214,11 +214,11 @@ def test_a_capture_that_comes_meanwhile_is_no_conflict(browser: Browser, api: ht
 
 
 @provokes("too-large")
-def test_more_than_the_server_takes(browser: Browser, start: Callable[..., Any], watch: Watch) -> None:
+def test_more_than_the_server_takes(profile: SharedProfile, start: Callable[..., Any], watch: Watch) -> None:
     watch.announce("status of 413")
     with start(max_upload_bytes=40_000) as client:
         session = make_session(client)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             offer(visitor, file("small.csv", WALL), file("large.csv", WALL * 10))
             visitor.page.get_by_role("button", name="Add 2 captures").click()
             visitor.told("too-large")
@@ -229,7 +229,7 @@ def test_more_than_the_server_takes(browser: Browser, start: Callable[..., Any],
 
 @provokes("login", "problem.login_ended")
 def test_the_login_ends_in_the_middle_and_nothing_typed_is_lost(
-    browser: Browser, tmp_path: Path, watch: Watch
+    profile: SharedProfile, tmp_path: Path, watch: Watch
 ) -> None:
     watch.announce("status of 401")
     with guarded(tmp_path / "data") as (client, tokens):
@@ -237,7 +237,7 @@ def test_the_login_ends_in_the_middle_and_nothing_typed_is_lost(
         client.headers.update(bearer(tokens["capture"]))
         session = make_session(client)
         made = client.post("/tokens", json={"name": "guest", "role": "capture"}, headers=admin).json()
-        with visiting(browser, client, f"/login?next=/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/login?next=/sessions/{session}") as visitor:
             page = visitor.page
             page.get_by_label("Token").fill("scancell_wrong")
             page.get_by_role("button", name="Log in").click()
@@ -258,21 +258,23 @@ def test_the_login_ends_in_the_middle_and_nothing_typed_is_lost(
 
 
 @provokes("forbidden")
-def test_a_role_that_was_taken_away(browser: Browser, tmp_path: Path, watch: Watch) -> None:
+def test_a_role_that_was_taken_away(profile: SharedProfile, tmp_path: Path, watch: Watch) -> None:
     watch.announce("status of 403")
     with guarded(tmp_path / "data") as (client, tokens):
         client.headers.update(bearer(tokens["capture"]))
         session = simulated_session(client, captures=1)
-        with visiting(browser, client, f"/login?next=/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/login?next=/sessions/{session}") as visitor:
             page = visitor.page
             page.get_by_label("Token").fill(tokens["capture"])
             page.get_by_role("button", name="Log in").click()
             expect(visitor.rows).to_have_count(1)
             # In another tab of the same browser somebody logs in who may only look.
             tab = page.context.new_page()
-            tab.goto("/")
+            tab.goto(site_of(client))
             origin = {"Origin": page.url.split("/sessions")[0]}
-            assert tab.request.post("/api/v1/login", data={"token": tokens["read"]}, headers=origin).ok
+            assert tab.request.post(
+                f"{site_of(client)}/api/v1/login", data={"token": tokens["read"]}, headers=origin
+            ).ok
             page.keyboard.press("Space")
             visitor.told("forbidden")
             visitor.picture("forbidden")
@@ -280,10 +282,10 @@ def test_a_role_that_was_taken_away(browser: Browser, tmp_path: Path, watch: Wat
 
 
 @provokes("too-many")
-def test_too_many_tries_to_log_in(browser: Browser, tmp_path: Path, watch: Watch) -> None:
+def test_too_many_tries_to_log_in(profile: SharedProfile, tmp_path: Path, watch: Watch) -> None:
     watch.announce("status of 401")
     watch.announce("status of 429")
-    with guarded(tmp_path / "data") as (client, _), visiting(browser, client, "/login") as visitor:
+    with guarded(tmp_path / "data") as (client, _), visiting(profile, client, "/login") as visitor:
         alarm = visitor.page.get_by_role("alert")
         for _ in range(9):
             client.post("/login", json={"token": "scancell_no"}, headers={"Origin": visitor.page.url[:-6]})
@@ -295,12 +297,14 @@ def test_too_many_tries_to_log_in(browser: Browser, tmp_path: Path, watch: Watch
         visitor.picture("too-many")
 
 
-def test_more_requests_than_there_is_room_for(browser: Browser, start: Callable[..., Any], watch: Watch) -> None:
+def test_more_requests_than_there_is_room_for(
+    profile: SharedProfile, start: Callable[..., Any], watch: Watch
+) -> None:
     """A flood from the same address leaves no room: who is told to wait long is told, not kept waiting."""
     watch.announce("status of 429")
     with start(rate_per_s=0.0005, rate_burst=60) as client:  # tenfold on this machine; none comes back meanwhile
         session = simulated_session(client, captures=1)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             expect(visitor.rows).to_have_count(1)
             while client.get("/health").status_code == 200:
                 pass
@@ -312,7 +316,7 @@ def test_more_requests_than_there_is_room_for(browser: Browser, start: Callable[
 
 @provokes("damaged")
 def test_a_stored_file_was_damaged(
-    browser: Browser, start: Callable[..., Any], tmp_path: Path, watch: Watch
+    profile: SharedProfile, start: Callable[..., Any], tmp_path: Path, watch: Watch
 ) -> None:
     watch.announce("status of 503")  # nor can the causes be looked for
     with start() as client:
@@ -323,7 +327,7 @@ def test_a_stored_file_was_damaged(
         content = bytearray(blob.read_bytes())
         content[100] ^= 1
         blob.write_bytes(content)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             expect(visitor.rows).to_have_count(10)
             solve_and_fail(visitor, client, "damaged")
             visitor.picture("damaged")
@@ -336,12 +340,12 @@ def test_a_stored_file_was_damaged(
 
 @provokes("http-503")
 def test_another_program_holds_the_database(
-    browser: Browser, start: Callable[..., Any], tmp_path: Path, watch: Watch
+    profile: SharedProfile, start: Callable[..., Any], tmp_path: Path, watch: Watch
 ) -> None:
     watch.announce("status of 503")
     with start(database_wait_s=0.3) as client:
         session = simulated_session(client, captures=1)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             expect(visitor.rows).to_have_count(1)
             with closing(sqlite3.connect(tmp_path / "data" / "scancell.db", isolation_level=None)) as other:
                 other.execute("BEGIN IMMEDIATE")
@@ -355,12 +359,12 @@ def test_another_program_holds_the_database(
 
 @provokes("http-504")
 def test_no_answer_in_time_and_it_may_still_end_well(
-    browser: Browser, start: Callable[..., Any], tmp_path: Path, watch: Watch
+    profile: SharedProfile, start: Callable[..., Any], tmp_path: Path, watch: Watch
 ) -> None:
     watch.announce("status of 504")
     with start(database_wait_s=30, answer_timeout_s=1.0) as client:
         session = simulated_session(client, captures=1)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             expect(visitor.rows).to_have_count(1)
             with closing(sqlite3.connect(tmp_path / "data" / "scancell.db", isolation_level=None)) as other:
                 other.execute("BEGIN IMMEDIATE")
@@ -372,10 +376,10 @@ def test_no_answer_in_time_and_it_may_still_end_well(
             expect(visitor.rows).to_have_count(2)
 
 
-def test_a_solve_that_takes_too_long(browser: Browser, start: Callable[..., Any]) -> None:
+def test_a_solve_that_takes_too_long(profile: SharedProfile, start: Callable[..., Any]) -> None:
     with start(job_timeout_s=0.01) as client:
         session = simulated_session(client, captures=10)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             expect(visitor.rows).to_have_count(10)
             solve_and_fail(visitor, client, "http-504")
             visitor.picture("http-504-solve")
@@ -383,12 +387,12 @@ def test_a_solve_that_takes_too_long(browser: Browser, start: Callable[..., Any]
 
 @provokes("http-500")
 def test_the_worker_of_a_solve_is_killed(
-    browser: Browser, start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    profile: SharedProfile, start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
     with start() as client:
         session = simulated_session(client, captures=6)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             expect(visitor.rows).to_have_count(6)
             with visitor.page.expect_response(lambda answer: answer.url.endswith("/solve/tcp")) as asked:
                 visitor.page.keyboard.press("s")
@@ -403,7 +407,7 @@ def test_the_worker_of_a_solve_is_killed(
 
 @provokes("http-507")
 def test_the_disk_is_full(
-    browser: Browser,
+    profile: SharedProfile,
     small_disk: Path,  # noqa: F811
     watch: Watch,
 ) -> None:
@@ -412,7 +416,7 @@ def test_the_disk_is_full(
     watch.announce("status of 507")
     with server_process(small_disk / "data") as client:
         session = simulated_session(client, captures=2)
-        with visiting(browser, client, f"/sessions/{session}") as visitor:
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
             expect(visitor.rows).to_have_count(2)
             ballast = small_disk / "ballast"
             space = os.statvfs(small_disk)
@@ -427,11 +431,11 @@ def test_the_disk_is_full(
 
 
 @provokes("http-408")
-def test_a_body_that_stops_on_its_way(browser: Browser, start: Callable[..., Any], watch: Watch) -> None:
+def test_a_body_that_stops_on_its_way(profile: SharedProfile, start: Callable[..., Any], watch: Watch) -> None:
     watch.announce("status of 408")
     with start(body_timeout_s=1.0) as client, broken_line(client.base_url.port or 0) as line:
         session = make_session(client)
-        with visiting(browser, client, f"/sessions/{session}", line.site) as visitor:
+        with visiting(profile, client, f"/sessions/{session}", line.site) as visitor:
             offer(visitor, file("a.csv", WALL))
             line.most_up = 4000
             visitor.page.get_by_role("button", name="Add 1 capture").click()

@@ -6,11 +6,11 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests.core.archives import changed
 from tests.server.live_server import simulated_session, wait_for
-from tests.web.browsing import Watch, leave_out_the_scene
+from tests.web.browsing import SharedProfile, Watch
 from tests.web.test_accessible import violations
 
 pytestmark = pytest.mark.browser
@@ -34,12 +34,8 @@ def session(api: httpx.Client) -> str:
 
 
 @pytest.fixture
-def page(browser: Browser, address: str) -> Iterator[Page]:
-    """A page whose security policy lets the checker in."""
-    context = browser.new_context(base_url=address, bypass_csp=True, reduced_motion="reduce")
-    leave_out_the_scene(context)
-    yield context.new_page()
-    context.close()
+def page(profile: SharedProfile) -> Page:
+    return profile.open(reduced_motion="reduce")
 
 
 def test_keys_move_through_time_and_everything_follows(open_page: Callable[..., Any], session: str) -> None:
@@ -218,7 +214,7 @@ HOSTILE = b"""<!doctype html><meta http-equiv="refresh" content="0;url=/api/v1/h
 
 
 def test_a_kept_page_runs_nothing_and_leads_nowhere(
-    browser: Browser, api: httpx.Client, session: str, watch: Watch
+    profile: SharedProfile, api: httpx.Client, session: str, watch: Watch
 ) -> None:
     watch.announce("Refused to execute the redirect")
     watch.announce("Blocked script execution")
@@ -231,10 +227,9 @@ def test_a_kept_page_runs_nothing_and_leads_nowhere(
     made = api.post("/archives", content=hostile, headers={"Content-Type": "application/zip"})
     assert made.status_code == 201, made.text
     address = str(api.base_url.join(f"sessions/{made.json()['id']}/kept/report.html?show=true"))
-    context = browser.new_context()
-    page = context.new_page()
+    page, others = profile.open(), len(profile.context.pages)
     asked: list[str] = []
-    context.on("request", lambda request: asked.append(request.url))
+    page.on("request", lambda request: asked.append(request.url))
     page.goto(address)
     shown = page.frame_locator("iframe")
     expect(shown.locator("h1")).to_have_text("Report")
@@ -242,7 +237,6 @@ def test_a_kept_page_runs_nothing_and_leads_nowhere(
         role: Any = "button" if action == "Send" else "link"
         shown.get_by_role(role, name=action).click(no_wait_after=True)
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    assert (page.url, page.title(), len(context.pages)) == (address, "report.html", 1)
+    assert (page.url, page.title(), len(profile.context.pages)) == (address, "report.html", others)
     reached = [url for url in asked if url != address]
     assert reached == []
-    context.close()

@@ -9,12 +9,12 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from calib_core.simulation import simulate
 from server.settings import Settings
 from tests.server.live_server import make_session, serving, simulated_session
-from tests.web.browsing import Watch, leave_out_the_scene
+from tests.web.browsing import SharedProfile, Watch
 
 pytestmark = pytest.mark.browser
 
@@ -253,12 +253,10 @@ def test_search_and_removal_of_sessions(open_page: Callable[..., Any], api: http
     assert watched.complaints == []
 
 
-def test_it_survives_a_restart_of_the_server(browser: Browser, tmp_path: Path, watch: Watch) -> None:
+def test_it_survives_a_restart_of_the_server(profile: SharedProfile, tmp_path: Path, watch: Watch) -> None:
     watch.allow("ERR_CONNECTION_REFUSED")
     settings: dict[str, Any] = {"data": tmp_path / "data", "warm_up": False}
-    context = browser.new_context()
-    leave_out_the_scene(context)
-    page = context.new_page()
+    page = profile.open()
     with serving(Settings(port=0, **settings)) as client:
         port = client.base_url.port
         assert port is not None
@@ -272,4 +270,3 @@ def test_it_survives_a_restart_of_the_server(browser: Browser, tmp_path: Path, w
         expect(rows(page)).to_have_count(2)
         page.keyboard.press("Space")
         expect(rows(page)).to_have_count(3)
-        context.close()

@@ -13,8 +13,13 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Locator, Page, expect
 
+from tests.web.browsing import Hand
+
 pytestmark = pytest.mark.browser
 
+MOST_ACTIONS = 30
+"""From the first visit to an accepted calibration with its truth shown."""
+TRUTH = "Compared with the truth"
 # The README's picture is taken when it is asked for.
 TAKE_PICTURE = "SCANCELL_PICTURE" in os.environ
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "images" / "session.png"
@@ -59,18 +64,21 @@ def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., A
     width, height = (1600, 1000) if TAKE_PICTURE else (1100, 640)
     page, watched = open_page(scene=True, width=width, height=height)
     expect(page.get_by_role("button", name="Start the simulated cell")).to_be_visible()
+    hand = Hand(page)
     for _ in range(8):
-        page.keyboard.press("Tab")
+        hand.press("Tab")
         if page.locator(":focus").inner_text() == "Start the simulated cell":
             break
-    page.keyboard.press("Enter")
+    hand.press("Enter")
     expect(page.locator("header")).to_contain_text("simulated cell 7")
-    taken = capture_as_told(page, lambda: page.keyboard.press("Space"))
+    taken = capture_as_told(page, lambda: hand.press("Space"))
     assert taken >= 7
-    page.keyboard.press("s")
+    hand.press("s")
 
     expect(page.get_by_role("tab", name="Result")).to_have_attribute("aria-selected", "true")
     expect(page.locator(".answer-card")).to_contain_text("accepted")
+    expect(page.get_by_role("region", name=TRUTH)).to_be_visible()
+    assert hand.actions <= MOST_ACTIONS
     frame = page.get_by_role("region", name="Scanner on the flange")
     numbers = frame.locator("dd").all_inner_texts()
     assert len(numbers) == 7  # the simulated cell speaks ABB's x y z q1 q2 q3 q4
@@ -89,9 +97,13 @@ def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., A
 
 def test_mouse_alone_and_a_pick_that_lights_up_everywhere(open_page: Callable[..., Any]) -> None:
     page, watched = open_page()
-    page.get_by_role("button", name="Start the simulated cell").click()
-    capture_as_told(page, lambda: page.locator("sc-actions .capture").click())
-    page.get_by_role("button", name=re.compile("^Solve")).click()
+    hand = Hand(page)
+    hand.click("Start the simulated cell")
+    capture_as_told(page, lambda: hand.click("Capture the"))
+    hand.click("Solve")
+    expect(page.locator(".answer-card")).to_contain_text("accepted")
+    expect(page.get_by_role("region", name=TRUTH)).to_be_visible()
+    assert hand.actions <= MOST_ACTIONS
     dot = page.locator(".plot-captures .dot").nth(1)
     with page.expect_request(lambda request: request.url.endswith("/highlight")) as lit:
         dot.click()

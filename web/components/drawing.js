@@ -8,7 +8,7 @@ const known = new Map();
 function load(name) {
   let text = known.get(name);
   if (!text) {
-    text = fetch(`/web/drawings/${encodeURIComponent(name)}.svg`).then((response) => {
+    text = fetch(new URL(`../drawings/${encodeURIComponent(name)}.svg`, import.meta.url)).then((response) => {
       if (!response.ok) throw new Error(`the drawing ${name} is missing`);
       return response.text();
     });

@@ -103,7 +103,7 @@ export class ResultElement extends StateElement {
 async function elementsOf(state, stage) {
   const info = state.stages.find(({ name }) => name === stage);
   /** @type {StageElements} */
-  const own = info?.element ? (await import(info.element)).elements : {};
+  const own = info?.element ? (await import(`../stages/${stage}/index.js`)).elements : {};
   // What must be known from the start (a board) belongs to the cell.
   const required = /** @type {string[] | undefined} */ (info?.settings["required"]);
   return info?.settings_field && !required?.length && !("timeline" in state) ? { ...own, settings: (await import("./solve-settings.js")).solveSettings(state, info) } : own;

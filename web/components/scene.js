@@ -18,8 +18,10 @@ const PICKED_KEY = "scancell-picked";
 const ASK_AGAIN_MS = 700;
 const MOST_ASKED = 60;
 
+/** @typedef {{ scancellScene?: { show(layers: Record<string, boolean>): void } }} SceneWindow */
+
 export class SceneElement extends StateElement {
-  #frame = h("iframe", { title: t("scene.title") });
+  #frame = h("iframe", { title: t("scene.title"), onload: () => void this.#tellStory() });
   #views = h("select", { "aria-label": t("scene.view"), onchange: () => this.#look() });
   #layers = h("fieldset", { class: "scene-layer-list" }, h("legend", { class: "visually-hidden" }, t("scene.layers")));
   #play = h("button", { type: "button", class: "scene-play", onclick: () => this.#toggle() });
@@ -90,12 +92,15 @@ export class SceneElement extends StateElement {
     return api.tellScene(this.#scene, what, body);
   }
 
-  /** Choosing a step or its result sets camera, layers and legend to what it is about; the scene may still be on its way. */
+  /**
+   * Choosing a step or its result sets camera, layers and legend to what it is about. Once the scene's page is there, its
+   * connection to the server may still be on its way; a scene that never comes is asked nothing.
+   */
   async #tellStory() {
     const { state } = this;
     if (!this.#shown || !state.step) return;
     const telling = ++this.#telling;
-    for (let asked = 0; asked < MOST_ASKED && telling === this.#telling && this.isConnected; asked++) {
+    for (let asked = 0; asked < MOST_ASKED && telling === this.#telling && this.isConnected && this.#drawn; asked++) {
       const told = await api.sceneStory(this.#scene, this.#viewer, state.step, state.view).catch(() => null);
       if (telling !== this.#telling) return;
       if (told?.open && this.#showLayers(told.layers)) return;
@@ -103,12 +108,16 @@ export class SceneElement extends StateElement {
     }
   }
 
+  /** What the scene's page offers, once it is loaded. */
+  get #drawn() {
+    return /** @type {SceneWindow | null} */ (/** @type {unknown} */ (this.#frame.contentWindow))?.scancellScene;
+  }
+
   /** Which layers this page's scene shows; answers whether the scene is there to hear it. @param {Record<string, boolean>} layers */
   #showLayers(layers) {
-    const scene = /** @type {{ scancellScene?: { show(layers: Record<string, boolean>): void } } | null} */ (this.#frame.contentWindow);
-    if (!scene?.scancellScene) return false;
+    if (!this.#drawn) return false;
     this.#shownLayers = layers;
-    scene.scancellScene.show(layers);
+    this.#drawn.show(layers);
     for (const box of this.#layers.querySelectorAll("input")) box.checked = layers[box.name] ?? true;
     return true;
   }
