@@ -1,10 +1,12 @@
 """The page, its files, and the documentation, which needs no internet."""
 
 import re
+from pathlib import Path
 
 import httpx
 import pytest
 
+from server.http.page_files import PageFiles
 from tests.server.live_server import make_session
 
 
@@ -26,6 +28,31 @@ def test_files_are_checked_for_changes_at_each_use(client: httpx.Client, site: s
     assert style.headers["cache-control"] == "no-cache"
     again = client.get(str(style.url), headers={"If-None-Match": style.headers["etag"]})
     assert again.status_code == 304
+
+
+def test_files_by_the_mark_of_their_state_are_kept_for_good(client: httpx.Client, site: str) -> None:
+    script = re.findall(r'src="(/web/~[^"]+\.js)"', client.get(f"{site}/").text)[0]
+    by_mark = client.get(site + script)
+    assert by_mark.headers["cache-control"] == "public, max-age=31536000, immutable"
+    assert by_mark.content == client.get(f"{site}/web/app.js").content
+    # The mark of another state, as a page has that stayed open over an update, gives the file as it is now.
+    old = client.get(f"{site}/web/~0000000000000000/app.js")
+    assert old.content == by_mark.content
+    assert old.headers["cache-control"] == "no-cache"
+    for path in ("none.js", "../../server/app.py", "..%2f..%2fserver/app.py", ""):
+        assert client.get(site + script.replace("app.js", path)).status_code == 404
+
+
+def test_the_mark_changes_with_every_file(tmp_path: Path) -> None:
+    for name in ("index.html", "a.js"):
+        (tmp_path / name).write_text('<script src="/web/a.js">', encoding="utf-8")
+    files = PageFiles(tmp_path)
+    before = files.document("index.html").body
+    assert files.document("index.html").body == before
+    (tmp_path / "a.js").write_text("1", encoding="utf-8")
+    changed = files.document("index.html").body
+    (tmp_path / "b.js").write_text("1", encoding="utf-8")
+    assert len({before, changed, files.document("index.html").body}) == 3
 
 
 def test_the_documentation_loads_from_this_server_alone(client: httpx.Client, site: str) -> None:

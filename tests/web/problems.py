@@ -89,3 +89,4 @@ def visiting(profile: SharedProfile, client: httpx.Client, path: str, site: str 
     visitor = Visitor(profile.open(size=(1100, 720), reduced_motion="reduce"))
     visitor.page.goto((site or site_of(client)) + path)
     yield visitor
+    visitor.page.close()  # before its server ends

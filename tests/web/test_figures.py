@@ -131,3 +131,4 @@ def test_a_restart_in_the_middle_of_a_solve(profile: SharedProfile, tmp_path: Pa
         if page.get_by_role("tab", name="Measure").get_attribute("aria-selected") == "true":
             page.keyboard.press("s")
         expect(page.locator(".answer-card")).to_contain_text("accepted", timeout=120_000)
+        page.close()

@@ -156,6 +156,7 @@ def test_a_watched_folder_is_followed(profile: SharedProfile, tmp_path: Path) ->
         expect(status).to_contain_text("1 capture")
         page.get_by_role("button", name="Stop watching").click()
         expect(status).to_be_hidden()
+        page.close()
     assert watched.complaints == []
 
 

@@ -270,3 +270,4 @@ def test_it_survives_a_restart_of_the_server(profile: SharedProfile, tmp_path: P
         expect(rows(page)).to_have_count(2)
         page.keyboard.press("Space")
         expect(rows(page)).to_have_count(3)
+        page.close()
