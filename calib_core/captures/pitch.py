@@ -22,7 +22,7 @@ from calib_core.stages.stage import ReadFile
 _LEAST_CAPTURES = 6
 _LARGEST = 3.0  # times too large or too small; beyond, the board is another one
 _COARSE = 1.08
-_ROUNDS = 10
+_SETTLED = 0.001
 _LEAST_DIFFERENCE = 0.005
 _MUCH_CLOSER = 0.5
 
@@ -72,6 +72,8 @@ def _observed(session: Session, frames: Sequence[Capture], read: ReadFile) -> li
 
 def _factor(observed: list[SphereObservation], sphere: SphereSize) -> float | None:
     """Return how many times too large the lengths are; None where the captures do not tell."""
+    from scipy.optimize import minimize_scalar
+
     if len(observed) < _LEAST_CAPTURES:
         return None
 
@@ -87,11 +89,11 @@ def _factor(observed: list[SphereObservation], sphere: SphereSize) -> float | No
     factors = np.exp(np.arange(np.log(least), np.log(_LARGEST), np.log(_COARSE)))
     costs = np.array([scatter_mm(f) for f in factors])
     best = int(np.argmin(costs))
-    low, high = np.log(factors[max(best - 1, 0)]), np.log(factors[min(best + 1, len(factors) - 1)])
-    for _ in range(_ROUNDS):  # golden section
-        a, b = high - 0.618 * (high - low), low + 0.618 * (high - low)
-        low, high = (low, b) if scatter_mm(float(np.exp(a))) < scatter_mm(float(np.exp(b))) else (a, high)
-    factor = float(np.exp((low + high) / 2))
+    ends = np.log(factors[max(best - 1, 0)]), np.log(factors[min(best + 1, len(factors) - 1)])
+    found = minimize_scalar(
+        lambda log: scatter_mm(float(np.exp(log))), bounds=ends, method="bounded", options={"xatol": _SETTLED}
+    )
+    factor = float(np.exp(found.x))
     clear = scatter_mm(factor) < _MUCH_CLOSER * scatter_mm(1.0)
     return factor if clear and abs(factor - 1) > _LEAST_DIFFERENCE else None
 

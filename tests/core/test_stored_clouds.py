@@ -102,7 +102,11 @@ def test_a_format_is_made_in_bounded_memory(tmp_path: Path, wanted: str):
         pieces = in_format(StoredFile(content, "a"), wanted, "a")
         next(pieces)  # imports and compiled functions
         tracemalloc.start()
-        total = sum(len(piece) for piece in pieces)
+        total = 0
+        for piece in pieces:
+            total += len(piece)
+            if total > 12_000_000:  # what kept all of it would be seen by now
+                break
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     assert size >= 28_000_000
