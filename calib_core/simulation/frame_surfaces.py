@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -15,6 +15,7 @@ _MARGIN_PITCHES = 1.5
 _BLACK = 0.08
 _SHADE_GAP_MM = 1e-3
 _ERF_IS_ONE = 6.0
+_COARSE_PX = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Surface(Protocol):
         ...
 
     def shades(self, points_mm: FloatArray, source_mm: FloatArray) -> Mask:
-        """Return whether the surface stands between points (H, W, 3) and a light's source (3,)."""
+        """Return whether the surface stands between points (…, 3) and a light's source (3,)."""
         ...
 
 
@@ -127,7 +128,10 @@ class BoardSurface:
         on_board = self._on_board(hit)
         corners = self.points_on_board_mm()[:, :2]
         margin = (1.0 + _MARGIN_PITCHES) * self.pitch_mm
-        inside = ((on_board > corners.min(0) - margin) & (on_board < corners.max(0) + margin)).all(axis=-1)
+        inside = np.ones(on_board.shape[:2], dtype=bool)
+        for k in (0, 1):
+            along = on_board[..., k]
+            inside &= (along > corners[:, k].min() - margin) & (along < corners[:, k].max() + margin)
         return Hit(np.where(inside, hit.depth_mm, np.inf), hit.points_mm, hit.normals)
 
     def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
@@ -165,18 +169,19 @@ class BoardSurface:
         """Return how dark the squares and markers of a ChArUco board are: a sum of blurred rectangles."""
         from calib_core.simulation.printed import charuco_rectangles
 
-        x, y = on_board[..., 0], on_board[..., 1]
-        widths = [np.sqrt(2) * blur_px * _slope(v) for v in (x, y)]
+        widths = [np.sqrt(2) * blur_px * _slope(on_board[..., k]) for k in (0, 1)]
         dark = np.zeros(on_board.shape[:2])
         margin = 4 * float(max(np.nanmax(w) for w in widths))
         for left, top, right, bottom in charuco_rectangles(
             self.columns, self.rows, self.pitch_mm, self.marker_mm, self.dictionary
         ):
-            near = (x > left - margin) & (x < right + margin) & (y > top - margin) & (y < bottom + margin)
-            if not near.any():
+            part = _part_about(on_board, (left - margin, top - margin), (right + margin, bottom + margin))
+            if part is None:
                 continue
-            across = _between(x[near], left, right, widths[0][near])
-            dark[near] += across * _between(y[near], top, bottom, widths[1][near])
+            x, y = on_board[part][..., 0], on_board[part][..., 1]
+            near = (x > left - margin) & (x < right + margin) & (y > top - margin) & (y < bottom + margin)
+            across = _between(x[near], left, right, widths[0][part][near])
+            dark[part][near] += across * _between(y[near], top, bottom, widths[1][part][near])
         return dark
 
     def _circles(self, on_board: FloatArray, blur_px: FloatArray) -> FloatArray:
@@ -185,12 +190,16 @@ class BoardSurface:
         radius = (0.5 if self.kind == "asymmetric-circles" else 0.3) * self.pitch_mm
         dark = np.zeros(on_board.shape[:2])
         for center in self.points_on_board_mm()[:, :2]:
-            distance = np.hypot(on_board[..., 0] - center[0], on_board[..., 1] - center[1])
+            part = _part_about(on_board, center - 3 * radius, center + 3 * radius)
+            if part is None:
+                continue
+            away = on_board[part] - center
+            distance = np.hypot(away[..., 0], away[..., 1])
             near = distance < 3 * radius
-            blur_mm = blur_px * _slope(distance)
+            blur_mm = blur_px[part] * _slope(distance)
             with np.errstate(divide="ignore", invalid="ignore"):
                 dot = 0.5 * (1 - erf((distance - radius) / (np.sqrt(2) * blur_mm)))
-            dark = np.where(near, np.maximum(dark, dot), dark)
+            dark[part] = np.where(near, np.maximum(dark[part], dot), dark[part])
         return dark
 
 
@@ -234,6 +243,25 @@ class SphereSurface:
         with np.errstate(invalid="ignore"):
             far = (-half + np.sqrt(np.where(root > 0, root, np.nan))) / square
             return np.nan_to_num(far) > np.sqrt(_SHADE_GAP_MM / np.sqrt(square))
+
+
+def _part_about(on_board: FloatArray, low: ArrayLike, high: ArrayLike) -> tuple[slice, slice] | None:
+    """Return rows and columns of an image (H, W, 2) with all pixels between two corners of the board, and more.
+
+    Looked for at every so many pixels alone; None where there is none.
+    """
+    coarse = on_board[::_COARSE_PX, ::_COARSE_PX]
+    steps = [np.abs(np.diff(coarse, axis=k)).max(initial=0.0) for k in (0, 1)]
+    inside = ((coarse > np.subtract(low, sum(steps))) & (coarse < np.add(high, sum(steps)))).all(axis=-1)
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    if not rows.size:
+        return None
+    first, last = (rows[0], columns[0]), (rows[-1], columns[-1])
+    down, right = (
+        slice(max(_COARSE_PX * (int(a) - 1) - 2, 0), _COARSE_PX * (int(b) + 1) + 3)
+        for a, b in zip(first, last, strict=True)
+    )
+    return down, right
 
 
 def _between(x: FloatArray, low: float, high: float, width: FloatArray) -> FloatArray:

@@ -128,7 +128,8 @@ def light(
         white = surface.white(hit, blur)
         seen = exposure.ambient * white
         if sheet is not None and grain is not None:
-            seen = seen + white * grain[part] * _stripe(hit, sheet, blur) * _is_lit(hit, sheet, surfaces)
+            stripe = _stripe(hit, sheet, blur)
+            seen = seen + white * grain[part] * stripe * _is_lit(hit, stripe > 0, sheet, surfaces)
         depth[part] = np.where(near, hit.depth_mm, depth[part])
         image[part] = np.where(near, seen, image[part])
     cosine = 1.0 / np.linalg.norm(rays, axis=-1)
@@ -177,12 +178,16 @@ def _stripe(hit: Hit, sheet: LightSheet, blur_px: FloatArray) -> FloatArray:
     return np.where(np.isfinite(stripe), stripe, 0.0)
 
 
-def _is_lit(hit: Hit, sheet: LightSheet, surfaces: Sequence[Surface]) -> NDArray[np.bool_]:
-    """Return whether the laser's light reaches the points that are seen, and from their front."""
-    towards = sheet.source_mm - hit.points_mm
-    lit = (towards * hit.normals).sum(axis=-1) > 0
+def _is_lit(
+    hit: Hit, asked: NDArray[np.bool_], sheet: LightSheet, surfaces: Sequence[Surface]
+) -> NDArray[np.bool_]:
+    """Return whether the laser's light reaches the points that are asked for, and from their front."""
+    points = hit.points_mm[asked]
+    reached = ((sheet.source_mm - points) * hit.normals[asked]).sum(axis=-1) > 0
     for surface in surfaces:
-        lit &= ~surface.shades(hit.points_mm, sheet.source_mm)
+        reached &= ~surface.shades(points, sheet.source_mm)
+    lit = np.zeros(asked.shape, dtype=bool)
+    lit[asked] = reached
     return lit
 
 
