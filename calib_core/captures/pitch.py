@@ -84,15 +84,16 @@ def _factor(observed: list[SphereObservation], sphere: SphereSize) -> float | No
             return np.inf
         return start.scatter_mm
 
+    def scatter_of(logarithm: float) -> float:
+        return scatter_mm(float(np.exp(logarithm)))
+
     radii = np.array([o.circle_radius_mm or 0.0 for o in observed]) / sphere.radius_mm
     least = max(1 / _LARGEST, float(np.median(radii)))  # no circle is larger than the sphere, but for spoiled ones
     factors = np.exp(np.arange(np.log(least), np.log(_LARGEST), np.log(_COARSE)))
     costs = np.array([scatter_mm(f) for f in factors])
     best = int(np.argmin(costs))
     ends = np.log(factors[max(best - 1, 0)]), np.log(factors[min(best + 1, len(factors) - 1)])
-    found = minimize_scalar(
-        lambda log: scatter_mm(float(np.exp(log))), bounds=ends, method="bounded", options={"xatol": _SETTLED}
-    )
+    found = minimize_scalar(scatter_of, bounds=ends, method="bounded", options={"xatol": _SETTLED})
     factor = float(np.exp(found.x))
     clear = scatter_mm(factor) < _MUCH_CLOSER * scatter_mm(1.0)
     return factor if clear and abs(factor - 1) > _LEAST_DIFFERENCE else None

@@ -253,10 +253,10 @@ def _part_about(on_board: FloatArray, low: ArrayLike, high: ArrayLike) -> tuple[
     coarse = on_board[::_COARSE_PX, ::_COARSE_PX]
     steps = [np.abs(np.diff(coarse, axis=k)).max(initial=0.0) for k in (0, 1)]
     inside = ((coarse > np.subtract(low, sum(steps))) & (coarse < np.add(high, sum(steps)))).all(axis=-1)
-    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
-    if not rows.size:
+    found = np.argwhere(inside)
+    if not found.size:
         return None
-    first, last = (rows[0], columns[0]), (rows[-1], columns[-1])
+    first, last = found.min(axis=0), found.max(axis=0)
     down, right = (
         slice(max(_COARSE_PX * (int(a) - 1) - 2, 0), _COARSE_PX * (int(b) + 1) + 3)
         for a, b in zip(first, last, strict=True)
