@@ -32,9 +32,6 @@ def _run(options: argparse.Namespace) -> int:
     for name, limit in limits.items():
         if limit is not None and not (math.isfinite(limit) and 0 <= limit <= 1e9):
             raise InputError("a number from 0 to 1e9", f"{limit:g}", "Give another.", name)
-    if not (options.data / "scancell.db").is_file() and not _has_database():
-        to_do = "Name the folder that `scancell serve --data` uses."
-        raise InputError("a data folder with a store", "none there", to_do, str(options.data))
     quota = None if options.quota_mb is None else round(options.quota_mb * _MEGABYTE)
     with audited_store(options.data, "retention") as store:
         with store.read() as db:
@@ -49,12 +46,6 @@ def _run(options: argparse.Namespace) -> int:
     text = "\n".join([*lines, f"{len(found)} sessions, {size:.1f} MB. {done}"])
     print_result(options, text, {"sessions": [asdict(one) for one in found], "removed": removed})
     return OK
-
-
-def _has_database() -> bool:
-    from server.settings import Settings
-
-    return Settings().database_url is not None
 
 
 COMMAND = Command(

@@ -8,15 +8,25 @@ from pathlib import Path
 from server.settings import Settings
 from server.store.audit import Act, acting
 from server.store.database import Store
+from server.store.folder import require_store
 
 
 @contextmanager
-def audited_store(data: Path, command: str) -> Generator[Store]:
-    """Open the store of a data folder, also while a server uses it, for a command, which its log will name."""
+def audited_store(data: Path, command: str, make: bool = False) -> Generator[Store]:
+    """Open the store of a data folder, also while a server uses it, for a command, which its log will name.
+
+    Raises
+    ------
+    InputError
+        If there is no store yet and none shall be made.
+    """
+    settings = Settings(data=data)
+    if not make:
+        require_store(settings)
     user = "?"
     with suppress(OSError, KeyError):  # a user id without a name
         user = getpass.getuser()
-    store = Store(Settings(data=data), lambda _: None)
+    store = Store(settings, lambda _: None)
     before = acting.set(Act(f"{user} on the server", "admin", None, "", "command", f"scancell {command}"))
     try:
         store.migrate()

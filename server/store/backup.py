@@ -25,7 +25,7 @@ from server.store.blob_places import open_blobs
 from server.store.blobs import CHUNK_BYTES, Blobs
 from server.store.doctor import Progress, referring, rows_of
 from server.store.engine import engine_of, reading
-from server.store.folder import folder_lock
+from server.store.folder import folder_lock, require_store
 from server.store.models import now
 from server.store.schema import stored_revision, upgrade
 
@@ -77,9 +77,7 @@ def back_up(settings: Settings, target: Path, progress: Progress = lambda _fract
     """
     if target.exists() and not all(_is_ours(path) for path in target.iterdir()):
         raise ConflictError("a new folder, or a backup", "something else", "Name another.", str(target))
-    if settings.database_url is None and not (settings.data / "scancell.db").is_file():
-        to_do = "Name the folder that `scancell serve --data` uses."
-        raise InputError("a data folder with a store", "none there", to_do, str(settings.data))
+    require_store(settings)
     source = open_blobs(settings.blob_place)
     try:
         return _written(settings, source, target, progress)

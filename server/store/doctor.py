@@ -9,12 +9,13 @@ import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError
 
 from calib_core.archive.stored_results import require_result
-from calib_core.errors import CalibrationError, InputError
+from calib_core.errors import CalibrationError
 from calib_core.records import Measured, parse_session
 from server.settings import Settings
 from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs
 from server.store.engine import engine_of, reading
+from server.store.folder import require_store
 from server.store.schema import head_revision, stored_revision
 
 Kind = Literal["damage", "leftover", "note"]
@@ -76,7 +77,7 @@ def examine(settings: Settings, progress: Progress = lambda _fraction, _what: No
     InputError
         If there is no store.
     """
-    _require_store(settings)
+    require_store(settings)
     found = Examination()
     blobs = open_blobs(settings.blob_place, make=False)
     engine = reading(engine_of(settings.sql_url, read_only=True))
@@ -109,12 +110,6 @@ def rows_of(found: sa.CursorResult[Any]) -> Iterator[Row]:
     names = list(found.keys())
     for row in found:
         yield dict(zip(names, row, strict=True))
-
-
-def _require_store(settings: Settings) -> None:
-    if settings.database_url is None and not (settings.data / "scancell.db").is_file():
-        to_do = "Name the folder that `scancell serve --data` uses."
-        raise InputError("a data folder with a store", "none there", to_do, str(settings.data))
 
 
 def _integrity(connection: sa.Connection, found: Examination) -> None:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from calib_core.errors import ConflictError, InputError
+from server.settings import Settings
 
 
 @contextmanager
@@ -59,3 +60,10 @@ def _locked(handle: int) -> bool:
             raise
         return False
     return True
+
+
+def require_store(settings: Settings) -> None:
+    """Refuse a data folder in which no server has stored anything yet; raises InputError."""
+    if settings.database_url is None and not (settings.data / "scancell.db").is_file():
+        to_do = "Name the folder that `scancell serve --data` uses."
+        raise InputError("a data folder with a store", "none there", to_do, str(settings.data))

@@ -48,6 +48,11 @@ _PROFILES = [
     b"1e999,1\n" * 99,
     b"PK\x03\x04", b"x_mm,z_mm\n" + b"nan,nan\n" * 500, b"\x1b[2J" * 100, b"x_mm,z_mm\n" + b"1,1\n" * 500,
 ]  # fmt: skip
+_ON_SERVERS = ("run", "check", "answer", "report", "export", "archive", "next", "recheck")
+_SERVERS = [
+    "", "x", "ftp://127.0.0.1", "http://", "http://127.0.0.1:1", "http://[::1", "http://a b", "\x00",
+    "http://127.0.0.1:99999", "http://127.0.0.1:x", "http://\x1b[31m", "a" * 5000,
+]  # fmt: skip
 _ARGUMENTS = [
     [], ["--help", "--json"], ["frobnicate"], ["run"], ["run", "--stage"], ["run", "x", "y"], ["run", ""],
     ["run", "\x00"],
@@ -72,6 +77,21 @@ _ARGUMENTS = [
     ["poses", "/dev/null"], ["poses", "/", "--brand", "kuka"], ["poses", "\x00"], ["archive"], ["archive", "pack"],
     ["archive", "unpack", "none", "--out", "new"], ["archive", "verify", "/dev/null"],
     ["archive", "verify", "\x00"],
+    ["next"], ["next", "none"], ["next", "/dev/null"], ["next", "good", "--count", "x"],
+    ["next", "good", "--count", "-1"], ["next", "good", "--count", DIGITS], ["next", "\x00"],
+    ["recheck"], ["recheck", "none"], ["recheck", "/"], ["recheck", "\x1b[31m"],
+    ["drift"], ["drift", "none"], ["drift", "/dev/null", "good"], ["drift", "\x00"], ["drift", "pipe/x"],
+    ["plan", "none"], ["plan", "/dev/null"], ["plan", "--near-mm", "nan"], ["plan", "--near-mm", "-1"],
+    ["plan", "--near-mm", "100", "--far-mm", "50"], ["plan", "--arm", "wooden"], ["plan", "--noise-mm", DIGITS],
+    ["plan", "--sphere-mm", "0"], ["plan", "--wanted-mm", "inf"], ["plan", "precious"], ["plan", "\x00"],
+    ["retention"], ["retention", "--days", "x", "--data", "none"], ["retention", "--days", "-1", "--data", "none"],
+    ["retention", "--quota-mb", "nan", "--data", "none"], ["retention", "--days", "1", "--data", "/dev/null"],
+    ["retention", "--remove", "--data", "none"], ["retention", "--cell", "\x00", "--data", "none"],
+    ["read-back"], ["read-back", "good"], ["read-back", "good", "none"], ["read-back", "good", "/dev/null"],
+    ["read-back", "good", "--numbers", ""], ["read-back", "good", "--numbers", "1 2"],
+    ["read-back", "good", "--numbers", "nan " * 7], ["read-back", "good", "--numbers", DIGITS],
+    ["read-back", "good", "--numbers", "1 2 3 4 5 6", "--convention", "klingon"],
+    ["read-back", "good", "precious", "--brand", "acme"], ["read-back", "good", "precious", "--tool", "\x00"],
     ["archive", "replay", "/"], ["read-back", "none", "--numbers", "1 2"], ["warm", "x"], ["demo", "--seed", "x"],
 ]  # fmt: skip
 
@@ -96,6 +116,7 @@ def invocations(seed: int, count: int) -> Iterator[Odd]:
             _prepare(place)
             calls = [
                 *((words, {BAD, GOOD} if "--help" in words else {BAD}) for words in _ARGUMENTS),
+                *(([*_command(c, "x"), "--server", url], {BAD}) for c in _ON_SERVERS for url in _SERVERS),
                 *_sessions(place),
                 *_outs(place),
             ]

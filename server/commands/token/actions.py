@@ -25,7 +25,7 @@ def create(options: argparse.Namespace) -> int:
         raise InputError(
             "a time of up to 36525 days", f"{days:g}", "Leave it out for a token without end.", "--days"
         )
-    with audited_store(options.data, f"token create {role}") as store, store.write() as db:
+    with audited_store(options.data, f"token create {role}", make=True) as store, store.write() as db:
         lifetime = None if days is None else timedelta(days=days)
         record, token = Logins(options.data, store).make_token(db, options.name, role, lifetime)
     if options.json:
