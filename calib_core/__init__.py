@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         scan_points,
         verify,
     )
+    from calib_core.library.machines import read_poses
     from calib_core.library.opened import OpenSession, load, simulate
     from calib_core.records import Board, Capture, Cell, Known, Robot, Scanner, Session, Turntable
     from calib_core.robots import parse_pose, to_pose
@@ -62,6 +63,7 @@ __all__ = [
     "merge_scans",
     "pack",
     "parse_pose",
+    "read_poses",
     "read_scan",
     "replay",
     "scan_points",
@@ -81,6 +83,7 @@ _HOMES = {
     "load": "library.opened",
     "pack": "library.archives",
     "parse_pose": "robots",
+    "read_poses": "library.machines",
     "replay": "library.archives",
     "simulate": "library.opened",
     "to_pose": "robots",

@@ -192,10 +192,10 @@ class Operations(Connection):
         `stale`. It is given as it is; `faults` says what speaks against acting on it."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/answer")
 
-    def answers_export_results(self, session_id: str, name: str, *, allow: str | None = None) -> Any:
+    def answers_export_results(self, session_id: str, name: str, *, allow: str | None = None, settings: str | None = None) -> Any:
         """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused
         with 409."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", params=_given({"allow": allow}))
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", params=_given({"allow": allow, "settings": settings}))
 
     def machines_export_into_backup(self, session_id: str, name: str, backup: Mapping[str, bytes], settings: Any, allow: Any) -> Any:
         """Return the file of a backup that defines the tool, with that one entry changed and every other

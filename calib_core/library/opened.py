@@ -2,9 +2,9 @@
 
 import tempfile
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calib_core.archive import archive
 from calib_core.archive.folder import load_session, save_session, write_result
@@ -12,6 +12,10 @@ from calib_core.errors import InputError
 from calib_core.library.results import Results, as_records
 from calib_core.records import Capture, Cell, Finding, Session
 from calib_core.stages.stage import Progress, ReadFile
+
+if TYPE_CHECKING:
+    from calib_core.exports.answer import Answer
+    from calib_core.robots.read_back import ReadBack
 
 
 class OpenSession:
@@ -67,11 +71,76 @@ class OpenSession:
 
         return check_session(self.record, self.read)
 
-    def export(self, name: str) -> bytes:
-        """Return the answer in the format of a controller or a program; raises InputError for an unknown name."""
-        from calib_core.exports.export import export
+    def export(
+        self,
+        name: str,
+        settings: Mapping[str, Any] | None = None,
+        into: str | Path | None = None,
+        allow: Collection[str] = (),
+    ) -> bytes:
+        """Return the answer in the format of a controller or a program.
 
-        return export(self.record, self.results, name)[0]
+        Parameters
+        ----------
+        name : str
+        settings : mapping, optional
+            The format's own, such as the tool's number.
+        into : str or Path, optional
+            A controller's backup, of which the file with the tool is returned, that one entry changed.
+        allow : collection of str
+            Of `stale` and `fail`: what is exported all the same, and marked.
+
+        Raises
+        ------
+        InputError
+            If the format or a setting is unknown, or the backup does not hold the tool.
+        ConflictError
+            If nothing is solved yet, or the answer is stale or failed and that is not allowed.
+        """
+        from calib_core.exports.backups import write_into
+        from calib_core.exports.export import write_export
+        from calib_core.library.machines import files_of
+
+        if into is None:
+            return write_export(self._answer(), name, allow, settings)[0]
+        return write_into(files_of(Path(into)), self._answer(), name, allow, settings)[1]
+
+    def read_back(
+        self, numbers: Sequence[float] | str | Path, convention: str | None = None, tool: str | None = None
+    ) -> "ReadBack":
+        """Compare the tool as it stands in the controller with the answer: equal, or what differs, in words.
+
+        Parameters
+        ----------
+        numbers : sequence of float, or str or Path
+            As the pendant shows them, or the controller's file or folder.
+        convention : str, optional
+            What the numbers mean; the cell's where it is left out.
+        tool : str, optional
+            The tool's number or name in the file.
+
+        Raises
+        ------
+        InputError
+            If the numbers are no pose, or the file holds no such tool.
+        ConflictError
+            If nothing is solved yet.
+        """
+        from calib_core.library.machines import tool_of
+        from calib_core.robots.read_back import read_back
+
+        answer = self._answer()
+        if isinstance(numbers, (str, Path)):
+            known, values = tool_of(numbers, tool)
+        else:
+            known, values = convention or answer.session.cell.pose_convention, list(numbers)
+        return read_back(values, known, answer.tool0_from_laser).of_answer(answer.faults)
+
+    def _answer(self) -> "Answer":
+        from calib_core.exports.answer import answer_of
+        from calib_core.stages.graph import Graph
+
+        return answer_of(self.record, self.results, Graph.stale_of(self.record, self.read, self.results))
 
     def save(self, folder: str | Path) -> Path:
         """Write a new session folder with all files and results; raises ConflictError where another stands."""

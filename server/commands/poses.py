@@ -10,8 +10,6 @@ from server.console.output import print_result
 if TYPE_CHECKING:
     from calib_core.robots.controller_file import ControllerFile, FilePose, Frame
 
-_LARGEST_BYTES = 256_000_000
-
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
@@ -27,14 +25,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     """Print poses, tools and frames of a controller's files, and what was skipped."""
-    from calib_core.robots.backup import read_controller_files
-    from calib_core.robots.told import Told
+    from calib_core.library.machines import read_poses
 
-    told = Told.of(pairs_of(options.set))
-    files: dict[str, bytes] = {}
-    for path in options.files:
-        files |= files_of(path)
-    read = read_controller_files(files, options.brand, options.as_written, told)
+    told = pairs_of(options.set)
+    read = read_poses(*options.files, brand=options.brand, as_written=options.as_written, told=told)
     print_result(options, _text(read), read.to_json())
     return OK
 
@@ -50,22 +44,6 @@ def pairs_of(words: list[str]) -> dict[str, str]:
             raise InputError("NAME=VALUE", f"'{word}'", "Write it as unit=mm.", "--set")
         pairs[name.strip()] = value
     return pairs
-
-
-def files_of(path: Path) -> dict[str, bytes]:
-    """Return a file, or all files of a folder, by their names."""
-    from calib_core.errors import InputError
-
-    try:
-        if path.is_dir():
-            names = sorted(p for p in path.rglob("*") if p.is_file())
-            if sum(p.stat().st_size for p in names) > _LARGEST_BYTES:
-                to_do = "Give the files with programs, tools and frames alone."
-                raise InputError("a backup of at most 256 MB", "a larger one", to_do, str(path))
-            return {str(p.relative_to(path)): p.read_bytes() for p in names}
-        return {path.name: path.read_bytes()}
-    except OSError as error:
-        raise InputError("a file that can be read", str(error), "Check its name.", str(path)) from None
 
 
 def _text(read: "ControllerFile") -> str:

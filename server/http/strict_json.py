@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Coroutine
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from fastapi.routing import APIRoute
 from pydantic_core import to_json
@@ -34,6 +34,14 @@ def parse_json(text: str | bytes, where: str) -> Any:
         raise InputError("JSON (UTF-8)", f"something else: {error}", "Correct the text.", where) from None
     require_plain(data, where)
     return data
+
+
+def parse_object(text: str | bytes, where: str) -> dict[str, Any]:
+    """Return names and values that JSON text describes; raises InputError where it is none, or another value."""
+    data = parse_json(text, where)
+    if not isinstance(data, dict):
+        raise InputError("a JSON object", json.dumps(data)[:80], "Send names and values.", where)
+    return cast("dict[str, Any]", data)
 
 
 def plain_json(data: Any) -> Any:

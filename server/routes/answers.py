@@ -9,7 +9,7 @@ from calib_core.errors import InputError
 from calib_core.review.answer import SessionAnswer
 from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
-from server.http.strict_json import plain_json
+from server.http.strict_json import parse_object, plain_json
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 
@@ -25,6 +25,16 @@ _BINARY = {"*/*": {"schema": {"type": "string", "format": "binary"}}}
 Allow = Annotated[
     str,
     Query(max_length=40, description="`stale`, `fail` or `stale,fail`: what is given all the same, and marked."),
+]
+
+
+Settings = Annotated[
+    str,
+    Query(
+        max_length=5000,
+        description="The export's settings as JSON, by the schema in `GET /exports`.",
+        examples=['{"part": "tool"}'],
+    ),
 ]
 
 
@@ -54,6 +64,7 @@ def export_results(
     name: Annotated[str, Path(max_length=64, description="As `GET /exports` lists them.", examples=["json"])],
     store: StoreDep,
     allow: Allow = "",
+    settings: Settings = "{}",
 ) -> Response:
     """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused with 409."""
     from calib_core.archive.stored_clouds import media_types
@@ -62,9 +73,10 @@ def export_results(
 
     allowed = allowed_faults(allow)
     export_named(name, tuple(media_types()))  # that there is no such format comes first
+    chosen = parse_object(settings, "settings")
     with store.read() as db:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
-    content, entry = write_export(answer, name, allowed)
+    content, entry = write_export(answer, name, allowed, chosen)
     headers = dict(answer_headers(answer.verdict, answer.stale))
     return Response(content, media_type=entry.media_type, headers=headers)
 

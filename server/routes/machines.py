@@ -1,6 +1,5 @@
 """Machines' own files: what stands in a controller's or a scanner's, and a tool put into a backup."""
 
-import json
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
@@ -13,7 +12,7 @@ from calib_core.errors import InputError, TooLargeError
 from calib_core.robots.told import Told
 from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
-from server.http.strict_json import parse_json, plain_json
+from server.http.strict_json import parse_object, plain_json
 from server.routes.answers import allowed_faults
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
@@ -149,7 +148,7 @@ async def read_controller(
     """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""
     async with memory.taken(_size(files)):
         contents = await _contents(files)
-        said = Told.of({str(name): str(value) for name, value in _mapping(told, "told").items()})
+        said = Told.of({str(name): str(value) for name, value in parse_object(told, "told").items()})
         found = await run_in_threadpool(_read_controller, contents, brand or None, as_written, said)
     return JSONResponse(plain_json(found))
 
@@ -169,7 +168,7 @@ async def read_scanner_file(
     """Return what a reader takes from a file: columns, unit, points, and how sure it is; stores nothing."""
     async with memory.taken(file.size or 0):
         data, name = await file.read(), file.filename or "file"
-        told = _mapping(settings, "settings")
+        told = parse_object(settings, "settings")
         reading = await run_in_threadpool(_read_points, data, name, kind, format or None, told)
     return JSONResponse(plain_json(reading))
 
@@ -204,7 +203,7 @@ async def export_into_backup(
         def written() -> tuple[str, bytes, dict[str, str]]:
             with store.read() as db:
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
-            chosen = _mapping(settings, "settings")
+            chosen = parse_object(settings, "settings")
             file, content = write_into(contents, answer, name, allowed_faults(allow), chosen)
             return file, content, dict(answer_headers(answer.verdict, answer.stale))
 
@@ -268,13 +267,6 @@ async def _contents(files: list[UploadFile]) -> dict[str, bytes]:
             raise InputError("file names that differ", f"'{name}' twice", "Send each file once.", "files")
         contents[name] = await file.read()
     return contents
-
-
-def _mapping(text: str, where: str) -> dict[str, Any]:
-    data = parse_json(text, where)
-    if not isinstance(data, dict):
-        raise InputError("a JSON object", json.dumps(data)[:80], "Send names and values.", where)
-    return data
 
 
 def _read_controller(

@@ -119,3 +119,21 @@ def test_all_that_is_listed_is_there_and_nothing_heavy_comes_first() -> None:
     code = "import sys, calib_core; print(*{'numpy', 'scipy', 'pydantic', 'numba', 'cv2'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_the_tool_goes_into_a_backup_and_is_read_back(ran: dict[str, dict[str, Any]], tmp_path: Path) -> None:
+    session = next(left["session"] for left in ran.values() if "facts" in left)
+    backup = tmp_path / "backup"
+    backup.mkdir()
+    zeros = "X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0"
+    (backup / "$config.dat").write_text(f"DEFDAT $CONFIG\nTOOL_DATA[3]={{{zeros}}}\nTOOL_TYPE[3]=#BASE\nENDDAT\n")
+    assert not session.read_back(backup, tool="3").equal
+    (backup / "$config.dat").write_bytes(session.export("kuka", {"tool": 3}, into=backup))
+    assert session.read_back(backup, tool="3").equal
+    assert [tool.number for tool in cc.read_poses(backup).tools] == [3]
+    frames = session.record.cell.model_copy(update={"sphere_diameter_mm": 81.0})
+    session.record = session.record.model_copy(update={"cell": frames})
+    assert session.read_back(backup, tool="3").faults == ("stale",)
+    with pytest.raises(cc.CalibrationError, match="fresh"):
+        session.export("kuka")
+    assert b"NOT TO BE USED" in session.export("kuka", allow=("stale",))

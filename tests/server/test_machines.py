@@ -135,3 +135,12 @@ def test_files_in_captures_keep_their_settings(client: httpx.Client, solved: str
     stored = upload(client, solved, record, metres)
     assert stored.json()["measured"]["points"] == 241
     assert arc_csv()
+
+
+def test_an_export_takes_its_settings(client: httpx.Client, solved: str) -> None:
+    place = f"/sessions/{solved}/exports/kuka-check-move"
+    program = client.get(place, params={"settings": '{"tool": 3, "approach_mm": 200}'})
+    assert "$TOOL=TOOL_DATA[3]" in program.text
+    assert "$TOOL=TOOL_DATA[1]" in client.get(place).text
+    assert_problem(client.get(place, params={"settings": '{"approach_mm": 5}'}), 422, "approach_mm")
+    assert_problem(client.get(place, params={"settings": "[]"}), 422, "JSON object")

@@ -69,6 +69,7 @@ def test_from_a_backup_to_a_patched_backup(open_page: Callable[..., Any], backup
     truth = np.array(MADE.truth["tool0_from_laser"])
     assert np.linalg.norm(parse_pose("kuka", tool.pose).translation_mm - truth[:3, 3]) < 2
     read_back_in_the_page(page, target, [f"{value!r}" for value in tool.pose])
+    check_move_for_another_tool(page)
     assert watched.complaints == []
 
 
@@ -95,6 +96,22 @@ def read_back_in_the_page(page: Page, file: Path, numbers: list[str]) -> None:
     expect(said).to_be_empty()  # nothing was sent
     assert typed.evaluate("field => field.validationMessage")
     dialog.get_by_role("button", name="Close").click()
+    expect(dialog).to_have_count(0)
+
+
+def check_move_for_another_tool(page: Page) -> None:
+    """An export that has settings asks for them; what the server refuses is said beside them."""
+    page.get_by_label("Export …").select_option("kuka-check-move")
+    dialog = page.get_by_role("dialog", name="KUKA: check move")
+    dialog.get_by_label("Approach begins").fill("5")
+    dialog.get_by_role("button", name="Save file").click()
+    expect(dialog.get_by_role("alert")).to_contain_text("approach_mm")
+    dialog.get_by_label("Approach begins").fill("200")
+    dialog.get_by_label("Tool in the controller").fill("3")
+    with page.expect_download() as download:
+        dialog.get_by_role("button", name="Save file").click()
+    assert download.value.suggested_filename == "kuka-check-move.src"
+    assert "$TOOL=TOOL_DATA[3]" in Path(download.value.path()).read_text()
     expect(dialog).to_have_count(0)
 
 

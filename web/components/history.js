@@ -52,12 +52,19 @@ export function resultLinks(sessionId, stage) {
     h("button", { type: "button", onclick: async () => (await import("./read-back-dialog.js")).readBackDialog(sessionId) }, t("read_back.open")));
 }
 
-/** The answer in another program's syntax: one entry for each export that the server has. @param {string} sessionId */
+/** The answer in another program's syntax: one entry for each export that the server has; some ask something first. @param {string} sessionId */
 function exportMenu(sessionId) {
-  const list = h("select", { class: "export-menu", "aria-label": t("result.export"), onchange: () => {
-    if (list.value) window.location.assign(api.exportAddress(sessionId, list.value));
+  /** @type {any[]} */ let entries = [];
+  const list = h("select", { class: "export-menu", "aria-label": t("result.export"), onchange: async () => {
+    const entry = entries.find(({ name }) => name === list.value);
     list.value = "";
+    if (!entry) return;
+    if (!Object.keys(entry.settings.properties ?? {}).length) window.location.assign(api.exportAddress(sessionId, entry.name));
+    else (await import("./export-dialog.js")).exportDialog(sessionId, entry);
   } }, h("option", { value: "" }, t("result.export")));
-  void attempt(async () => list.append(...(await registry("exports")).map(({ name, title }) => h("option", { value: name }, title))));
+  void attempt(async () => {
+    entries = await registry("exports");
+    list.append(...entries.map(({ name, title }) => h("option", { value: name }, title)));
+  });
   return list;
 }

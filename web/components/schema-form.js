@@ -8,9 +8,9 @@ import { maybe, t } from "../texts.js";
 /**
  * @param {Schema} schema
  * @param {Record<string, unknown>} values what is set now
- * @param {{ prefix: string, go: string, submit: (values: Record<string, unknown>) => Promise<unknown> }} options `prefix` begins the keys of labels and the fields' ids
+ * @param {{ prefix: string, go: string, submit: (values: Record<string, unknown>) => Promise<unknown>, needs?: string }} options `prefix` begins the keys of labels and the fields' ids
  */
-export function schemaForm(schema, values, { prefix, go, submit }) {
+export function schemaForm(schema, values, { prefix, go, submit, needs = "capture" }) {
   const fields = Object.entries(schema.properties ?? {}).flatMap(([name, one]) => {
     const made = field(name, plainOf(one), values[name] ?? one.default, prefix);
     return made ? [{ name, ...made }] : [];
@@ -22,7 +22,7 @@ export function schemaForm(schema, values, { prefix, go, submit }) {
     await submit(Object.fromEntries(read));
   };
   return h("form", { class: "schema-form", novalidate: true, onsubmit: send }, ...fields.map(({ element }) => element),
-    h("div", { class: "row end" }, h("button", { type: "submit", needs: "capture" }, go)));
+    h("div", { class: "row end" }, h("button", { type: "submit", ...(needs ? { needs } : {}) }, go)));
 }
 
 /** What a property is beside null. @param {Schema} schema @returns {Schema} */
@@ -46,8 +46,9 @@ function field(name, { type, enum: choices, title, description, exclusiveMinimum
   }
   const wrap = (/** @type {HTMLElement} */ control) => h("div", { class: "field" }, h("label", { for: id }, label), control, below);
   if (choices) {
-    const select = h("select", { id, ...said }, ...choices.map((one) => h("option", { value: String(one), selected: one === value }, maybe(`settings.${prefix}.${name}_${one}`, String(one)))));
-    return { element: wrap(select), read: () => select.value };
+    const none = value === null ? [h("option", { value: "" }, t("settings.usual"))] : [];
+    const select = h("select", { id, ...said }, ...none, ...choices.map((one) => h("option", { value: String(one), selected: one === value }, maybe(`settings.${prefix}.${name}_${one}`, String(one)))));
+    return { element: wrap(select), read: () => select.value || null };
   }
   const numeric = type === "number" || type === "integer";
   if (!numeric && type !== "string") return null;

@@ -138,6 +138,9 @@ export const api = {
     return { name, content: await response.blob() };
   },
 
+  /** The answer in another program's syntax. @param {string} id @param {string} format @param {Record<string, unknown>} settings */
+  exported: async (id, format, settings) => (await request(`${session(id)}/exports/${encodeURIComponent(format)}?${new URLSearchParams({ settings: JSON.stringify(settings) })}`)).blob(),
+
   /** The tool in the controller beside the answer. @param {string} id @param {readonly { path: string, file: File }[]} found none where numbers are sent @param {Record<string, string>} asked @returns {Promise<ToolComparison>} */
   readBack: async (id, found, asked) => {
     const form = filesForm(found, "files");

@@ -15,10 +15,10 @@ from calib_core.exports.answer import NotUsableError, answer_of
 from calib_core.exports.backups import write_into
 from calib_core.exports.export import write_export
 from calib_core.exports.registry import export_named
+from calib_core.library.machines import files_of
 from calib_core.records import Record, Session
 from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.pipeline import run as run_stages
-from server.commands.poses import files_of
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import write_out
 from server.console.progress import progress_bar
