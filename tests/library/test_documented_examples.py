@@ -121,8 +121,9 @@ def test_all_that_is_listed_is_there_and_nothing_heavy_comes_first() -> None:
     assert done.stdout.split() == []
 
 
-def test_the_tool_goes_into_a_backup_and_is_read_back(ran: dict[str, dict[str, Any]], tmp_path: Path) -> None:
-    session = next(left["session"] for left in ran.values() if "facts" in left)
+def test_the_tool_goes_into_a_backup_and_is_read_back(tmp_path: Path) -> None:
+    session, _ = cc.simulate("tcp", 1)
+    session.run("tcp")
     backup = tmp_path / "backup"
     backup.mkdir()
     zeros = "X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0"

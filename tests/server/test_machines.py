@@ -93,6 +93,15 @@ def test_a_tool_is_put_into_a_copy_of_the_backup_and_read_back(client: httpx.Cli
     assert (other["equal"], "swapped" in other["words"]) == (False, True)
 
 
+def test_an_export_takes_its_settings(client: httpx.Client, solved: str) -> None:
+    place = f"/sessions/{solved}/exports/kuka-check-move"
+    program = client.get(place, params={"settings": '{"tool": 3, "approach_mm": 200}'})
+    assert "$TOOL=TOOL_DATA[3]" in program.text
+    assert "$TOOL=TOOL_DATA[1]" in client.get(place).text
+    assert_problem(client.get(place, params={"settings": '{"approach_mm": 5}'}), 422, "approach_mm")
+    assert_problem(client.get(place, params={"settings": "[]"}), 422, "JSON object")
+
+
 def test_a_zip_comes_back_with_one_file_changed(client: httpx.Client, solved: str) -> None:
     data = packed(**{"R1/config__dat": CONFIG, "R1/style1__dat": DAT, "am__ini": "[Archive]\n"})
     settings = {"settings": '{"tool": 1}'}
@@ -135,12 +144,3 @@ def test_files_in_captures_keep_their_settings(client: httpx.Client, solved: str
     stored = upload(client, solved, record, metres)
     assert stored.json()["measured"]["points"] == 241
     assert arc_csv()
-
-
-def test_an_export_takes_its_settings(client: httpx.Client, solved: str) -> None:
-    place = f"/sessions/{solved}/exports/kuka-check-move"
-    program = client.get(place, params={"settings": '{"tool": 3, "approach_mm": 200}'})
-    assert "$TOOL=TOOL_DATA[3]" in program.text
-    assert "$TOOL=TOOL_DATA[1]" in client.get(place).text
-    assert_problem(client.get(place, params={"settings": '{"approach_mm": 5}'}), 422, "approach_mm")
-    assert_problem(client.get(place, params={"settings": "[]"}), 422, "JSON object")
