@@ -17,6 +17,7 @@ from calib_core.optics.triangulate import ProfileCalibration, profile_from_frame
 from calib_core.records import Capture, KnownCamera, KnownPlane, Session
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.laser_plane.record import LaserPlaneResult, RefinedCamera
+from calib_core.stages.registry import steps_that_show
 from calib_core.stages.stage import ReadFile
 
 FloatArray = NDArray[np.float64]
@@ -73,7 +74,7 @@ def can_be_calibrated(session: Session) -> bool:
     known = session.cell.known
     steps = {capture.step for capture in session.captures if not capture.excluded}
     plane = known.laser_plane is not None or "laser-plane" in steps
-    return plane and (known.camera is not None or not steps.isdisjoint({"camera", "laser-plane"}))
+    return plane and (known.camera is not None or not steps.isdisjoint(steps_that_show("board")))
 
 
 def with_solved_calibration(session: Session, results: Mapping[str, Mapping[str, Any]]) -> Session:

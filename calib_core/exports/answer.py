@@ -11,9 +11,7 @@ from calib_core.archive.stored_results import require_result
 from calib_core.errors import ConflictError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
-
-_CHOICE = ("chain", "tcp")
-"""Stages whose tool may be the answer, the best first."""
+from calib_core.stages.registry import tool_stages
 
 
 class NotUsableError(ConflictError):
@@ -117,7 +115,7 @@ def answer_of(
         stage: result_data(result) if isinstance(result, Record) else dict(result)
         for stage, result in results.items()
     }
-    stage = next((name for name in _CHOICE if name in data), None)
+    stage = next((name for name in tool_stages() if name in data), None)
     if stage is None:
         raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
     table_stage = stage if stage == "chain" else "turntable"

@@ -20,6 +20,7 @@ from calib_core.exports.workpiece import seen_in_laser_mm
 from calib_core.exports.writing import provenance, tool_pose
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.robots import CONVENTIONS, parse_pose, to_pose
+from calib_core.stages.registry import steps_that_show
 
 SIDES = 3
 _MOST_ORIENTATIONS = 60
@@ -117,7 +118,7 @@ def _three_sides(answer: Answer) -> list[tuple[str, FloatArray]]:
     used = {row["capture"] for row in answer.results[answer.stage]["residuals"] if row["used"]}
     rotations: dict[str, FloatArray] = {}
     for capture in answer.session.captures:
-        if capture.id in used and capture.step in ("tcp", "verify") and capture.pose is not None:
+        if capture.id in used and capture.step in steps_that_show("sphere") and capture.pose is not None:
             pose = parse_pose(answer.session.cell.pose_convention, capture.pose)
             rotations[capture.id] = pose.rotation @ answer.tool0_from_laser.rotation
     names = list(rotations)[:_MOST_ORIENTATIONS]

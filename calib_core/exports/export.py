@@ -17,6 +17,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
 from calib_core.records.parsing import input_error
 from calib_core.robots import CONVENTIONS, to_pose
+from calib_core.stages.registry import table_stages
 
 _ORDER = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
 _STEP_RAD, _STEP_MM = 1e-5, 1e-2
@@ -138,7 +139,7 @@ def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str,
     with the chain's own.
     """
     found: dict[str, Any] = {}
-    for stage in ("turntable", "chain"):
+    for stage in reversed(table_stages()):
         result = results.get(stage)
         if result is not None:
             data = result_data(result) if isinstance(result, Record) else result

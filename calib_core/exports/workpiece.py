@@ -14,7 +14,7 @@ from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rota
 from calib_core.guidance.budget import Calibrated, View, together
 from calib_core.records import Record, Session
 from calib_core.robots import parse_pose
-from calib_core.stages.registry import steps_that_show
+from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
 
 Of = Literal["tool", "table", "both"]
 _LARGEST: Final = 1e9
@@ -61,12 +61,12 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
     """
     stage = result.get("stage")
     found: list[AtWorkpiece] = []
-    if stage in ("tcp", "chain"):
+    if stage in tool_stages():
         tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
         point = seen_in_laser_mm(session, result)
         if point is not None:
             found.append(_by_tool(result, tool, point))
-    if stage in ("turntable", "chain"):
+    if stage in table_stages():
         found += [_on_the_table(result, mount) for mount in result["mounts"]]
     if stage == "chain":
         found += [both for mount in result["mounts"] if (both := _both(session, result, mount)) is not None]
@@ -78,7 +78,7 @@ def turned_deg(session: Session, result: Mapping[str, Any]) -> dict[str, float]:
 
     Captures without a pose that can be read are left out; so are all where the result is not of robot poses.
     """
-    if result.get("stage") not in ("tcp", "chain"):
+    if result.get("stage") not in tool_stages():
         return {}
     poses = _poses(
         session, {row["capture"] for row in result["residuals"]}, steps_that_show("sphere", "sphere-on-table")

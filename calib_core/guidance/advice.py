@@ -14,6 +14,7 @@ from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.known import situation_of
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
+from calib_core.stages.registry import tool_stages
 
 _OPEN_MM = 20.0  # beyond it ± is no figure yet
 _PLENTY, _LITTLE = 10, 0.95
@@ -72,7 +73,7 @@ def tcp_advice(
     captures = [c.model_dump(include=set(_OF_CAPTURE)) for c in session.captures if c.step == "tcp"]
     names = {c["id"] for c in captures}
     seen = [m.model_dump(include=set(_OF_MEASURED)) for m in measured if m.capture in names]
-    solved = {stage: _told(result) for stage, result in results.items() if stage in ("tcp", "chain")}
+    solved = {stage: _told(result) for stage, result in results.items() if stage in tool_stages()}
     told = {"cell": session.cell.model_dump(mode="json"), "captures": captures, "seen": seen, "results": solved}
     return _advised(json.dumps(told, sort_keys=True))
 
@@ -95,7 +96,7 @@ def _advised(told: str) -> Advice | None:
 
 def _stated(results: Mapping[str, Mapping[str, Any]]) -> float | None:
     """Return the ± (k = 2) at the workpiece that a result states which is up to date."""
-    for stage in ("chain", "tcp"):
+    for stage in tool_stages():
         result = results.get(stage)
         if result is not None and not result.get("stale") and result.get("workpiece"):
             covariance = np.array(result["workpiece"]["covariance"], dtype=float)

@@ -10,7 +10,7 @@ from calib_core.frames import RigidTransform
 from calib_core.guidance.budget import Budget, Calibrated, View, budget
 from calib_core.records import Record, Session
 from calib_core.robots import parse_pose
-from calib_core.stages.registry import steps_that_show
+from calib_core.stages.registry import steps_that_show, tool_stages
 
 _MOST_VIEWS = 24
 _RINGS, _AROUND, _LAYERS = 4, 8, 3
@@ -58,7 +58,7 @@ def budget_at(
     InputError
         If the result's covariances are none, or no pose of its captures can be read.
     """
-    stage = next((name for name in ("chain", "tcp") if name in results), None)
+    stage = next((name for name in tool_stages() if name in results), None)
     if stage is None:
         raise ConflictError("a solved tcp or chain", "none", "Solve the session first.", "tcp")
     result, cell = results[stage], session.cell

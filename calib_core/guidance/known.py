@@ -18,6 +18,7 @@ from calib_core.guidance.planner import Situation
 from calib_core.guidance.sight import Sight, sight_of
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.robots import parse_pose
+from calib_core.stages.registry import tool_stages
 
 _LEAST_SEARCHED = 5  # captures from which tool and sphere are found whatever the motions
 _GOOD_SCATTER_MM = 2.0
@@ -100,7 +101,7 @@ def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
 
 
 def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    for stage in ("chain", "tcp"):
+    for stage in tool_stages():
         result = results.get(stage)
         if result is not None and result.get("tool0_from_laser") and result.get("sphere_center_in_base_mm"):
             return result

@@ -25,6 +25,7 @@ from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.merge.record import MergeResult
+from calib_core.stages.registry import steps_that_show
 from calib_core.stages.stage import Progress
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
@@ -342,7 +343,7 @@ def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dic
 def _capture(step: str, index: int, scan: Any, fields: dict[str, Any]) -> tuple[Capture, dict[str, bytes]]:
     name = f"{step}-{index + 1:02d}"
     given = {key: value for key, value in fields.items() if value is not None}
-    is_frame = step in ("camera", "laser-plane")
+    is_frame = step in steps_that_show("board")
     parts = list(scan) if isinstance(scan, list | tuple) and not _is_numbers(scan) else [scan]
     center = None if is_frame else _array(parts[0])
     if len(parts) == 1 and center is not None and center.shape == (3,):

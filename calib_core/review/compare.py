@@ -11,13 +11,8 @@ from calib_core.estimation import chance_of
 from calib_core.exports.workpiece import covariance_in, point_jacobian, seen_in_laser_mm
 from calib_core.frames import FloatArray, Frame, RigidTransform
 from calib_core.records import Capture, Record, Session
+from calib_core.stages.registry import optics_stages, table_stages, tool_stages
 
-_FRAMES: Final[tuple[tuple[str, Frame, Frame, tuple[str, ...], str], ...]] = (
-    ("tool0_from_laser", "tool0", "laser", ("tcp", "chain"), "covariance"),
-    ("base_from_turntable", "base", "turntable", ("turntable",), "covariance"),
-    ("base_from_turntable", "base", "turntable", ("chain",), "turntable_covariance"),
-    ("camera_from_laser", "camera", "laser", ("laser-plane",), "covariance"),
-)
 _ROWS: Final = ("mahalanobis", "center_distance_mm", "surface_rms_mm", "rms_px", "line_rms_mm", "radial_mm")
 _RANK: Final = (
     1e-9  # of the largest eigenvalue: a table's frame has five degrees of freedom, its covariance rank 5
@@ -232,11 +227,20 @@ def _words(value: Any) -> str:
     return text if len(text) <= 200 else f"{text[:199]}…"
 
 
+def _frames_of(stage: str) -> Iterator[tuple[str, Frame, Frame, str]]:
+    """Give the frames in a stage's result, and the field of each one's covariance."""
+    gives_tool = stage in tool_stages()
+    if gives_tool:
+        yield "tool0_from_laser", "tool0", "laser", "covariance"
+    if stage in table_stages():
+        yield "base_from_turntable", "base", "turntable", "turntable_covariance" if gives_tool else "covariance"
+    if stage == optics_stages()[-1]:
+        yield "camera_from_laser", "camera", "laser", "covariance"
+
+
 def _frame_differences(left: Compared, right: Compared) -> Iterator[FrameDifference]:
     both = (left, right)
-    for name, into, outof, stages, covariance in _FRAMES:
-        if left.record["stage"] not in stages:
-            continue
+    for name, into, outof, covariance in _frames_of(left.record["stage"]):
         poses = [RigidTransform.from_rounded(one.record[name], into, outof) for one in both]
         total = np.sum([covariance_in(one.record, covariance) for one in both], axis=0)
         points = [point for one in both if (point := _workpiece(name, one)) is not None]
@@ -254,8 +258,8 @@ def differences_from_truth(found: Compared, truth: Mapping[str, Any]) -> list[Fr
         The true frames by name, as `truth.json` has them.
     """
     differences: list[FrameDifference] = []
-    for name, into, outof, stages, covariance in _FRAMES:
-        if found.record["stage"] not in stages or name not in truth:
+    for name, into, outof, covariance in _frames_of(found.record["stage"]):
+        if name not in truth:
             continue
         poses = tuple(RigidTransform.from_rounded(rows[name], into, outof) for rows in (found.record, truth))
         stated = np.asarray(covariance_in(found.record, covariance))

@@ -53,3 +53,15 @@ def optics_stages() -> tuple[str, ...]:
 def answer_stages() -> tuple[Stage, ...]:
     """Return the stages whose result can be the session's answer, the best first."""
     return tuple(stage for stage in reversed(stages()) if stage.is_answer)
+
+
+@cache
+def tool_stages() -> tuple[str, ...]:
+    """Return the names of the stages whose result has the scanner's pose on the flange, the best first."""
+    return tuple(stage.name for stage in answer_stages())
+
+
+@cache
+def table_stages() -> tuple[str, ...]:
+    """Return the names of the stages whose result has the turntable's frame, the best first."""
+    return tuple(stage.name for stage in reversed(stages()) if stage.gives_table)

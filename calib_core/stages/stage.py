@@ -101,6 +101,8 @@ class Stage(ABC):
         Other stages whose question its result answers too, and better.
     is_answer : bool
         Whether its result can be the session's answer: tool, and table where there is one.
+    gives_table : bool
+        Whether its result has the turntable's frame.
     optional : bool
         Whether later stages can do without it.
     needs_every_step : bool
@@ -122,6 +124,7 @@ class Stage(ABC):
     guided: tuple[str, ...] = ()
     answers: tuple[str, ...] = ()
     is_answer: bool = False
+    gives_table: bool = False
     optional: bool = False
     needs_every_step: bool = False
     settings_field: str | None = None
@@ -228,4 +231,7 @@ def rests_on_optics(session: "Session", captures: "Iterable[Capture]") -> tuple[
 
     if not any(of_frames(capture) and not capture.excluded for capture in captures):
         return ()
-    return ("laser-plane",) if session.cell.known.laser_plane is None else ("camera", "laser-plane")
+    from calib_core.stages.registry import optics_stages
+
+    needed = optics_stages()
+    return needed[-1:] if session.cell.known.laser_plane is None else needed

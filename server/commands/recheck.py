@@ -19,13 +19,14 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.stages.graph import Graph
     from calib_core.stages.pipeline import solve_stage
     from calib_core.stages.recheck.guide import recheck_plan
+    from calib_core.stages.registry import tool_stages
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
         stored = stored_results(folder)
         kept = Kept.of_stored(Graph.of_files(session, read), stored, "recheck")
         if not any(c.step == "recheck" and not c.excluded for c in session.captures):
-            answers = {name: kept.results[name].to_json() for name in ("tcp", "chain") if name in kept.results}
+            answers = {name: kept.results[name].to_json() for name in tool_stages() if name in kept.results}
             if not answers:
                 answers = {"tcp": solve_stage(session, "tcp", read, kept=kept).to_json()}
             plan = recheck_plan(session, answers)

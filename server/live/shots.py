@@ -10,6 +10,7 @@ from pydantic import Field
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell, Record, StepName, parse_capture
 from calib_core.robots import to_pose
+from calib_core.stages.registry import steps_that_show
 from server.live.recording import Recorded
 from server.live.standstill import Rest
 from server.sources.device import Sample
@@ -119,7 +120,7 @@ def capture_of_sweep(
     capture_id = shot.name or next_id(step, taken)
     names = [f"captures/{capture_id}/{path.name}" for path in recorded.files]
     record = {"id": capture_id, "step": step, "kind": "sweep", "files": names, **fields, **shot.extra}
-    if settings.mount and step in ("turntable", "verify"):
+    if settings.mount and step in steps_that_show("sphere-on-table"):
         record["mount"] = settings.mount
     contents = {name: path.read_bytes() for name, path in zip(names, recorded.files, strict=True)}
     return parse_capture(record, capture_id), contents

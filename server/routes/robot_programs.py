@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Finite, Identifier, Record, StepName
+from calib_core.stages.registry import tool_stages
 from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.http.known_fields import require_known_fields
@@ -128,7 +129,7 @@ def _poses(stored: StoredSession, body: NewProgram) -> list[tuple[str, RigidTran
 
 
 def _center(stored: StoredSession) -> Any:
-    for stage in ("chain", "tcp"):
+    for stage in tool_stages():
         if center := stored.results.get(stage, {}).get("sphere_center_in_base_mm"):
             return center
     return None

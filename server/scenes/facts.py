@@ -11,7 +11,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, CaptureResidual, Measured, Result, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.registry import stages, steps_that_show
+from calib_core.stages.registry import stages, steps_that_show, tool_stages
 from calib_core.stages.tcp.record import TcpResult
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import MergedScans, scanner_on_flange
@@ -144,7 +144,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     """
     results, session = scene.results, scene.session
     tool0_from_laser = scanner_on_flange(session, results)
-    still = next((r for n in ("chain", "tcp") if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
+    still = next((r for n in tool_stages() if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
     center = np.array(still.sphere_center_in_base_mm) if still else None
     posed = _shown_captures(session)
     placing = _Placing(

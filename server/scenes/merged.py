@@ -11,6 +11,7 @@ from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Result, Session
 from calib_core.stages.merge.record import MergeResult
+from calib_core.stages.registry import table_stages, tool_stages
 from calib_core.stages.stage import ReadFile
 
 MAX_SCAN_POINTS = 500_000
@@ -129,7 +130,7 @@ def thinned(points: Points, most: int) -> Points:
 
 def scanner_on_flange(session: Session, results: Mapping[str, Result]) -> RigidTransform | None:
     """Return tool0_from_laser by the whole chain, else by the tcp stage, else as the user brought it."""
-    for stage in ("chain", "tcp", "turntable"):
+    for stage in (*tool_stages(), *table_stages()):
         matrix = getattr(results.get(stage), "tool0_from_laser", None)
         if matrix is not None:
             return RigidTransform.from_rounded(matrix, "tool0", "laser")

@@ -8,6 +8,7 @@ import numpy as np
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Result, Session
 from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.registry import table_stages
 from calib_core.stages.turntable.record import TableCircle, TurntableResidual, TurntableResult
 
 
@@ -71,7 +72,7 @@ class TableFacts:
 
 def table_facts(session: Session, results: Mapping[str, Result]) -> TableFacts | None:
     """Return the turntable, by the whole chain where that was solved; None where there is none."""
-    for stage in ("chain", "turntable"):
+    for stage in table_stages():
         result = results.get(stage)
         if isinstance(result, ChainResult | TurntableResult):
             return _solved(result)

@@ -18,7 +18,6 @@ const { SignElement } = await import("./sign.js");
 const { drawPreview } = await import("./view.js");
 
 const RATE_OVER_MS = 1000;
-const MOUNTED = ["turntable", "verify"];
 style("live");
 
 class LivePanelElement extends StateElement {
@@ -91,8 +90,9 @@ class LivePanelElement extends StateElement {
   }
 
   #fields() {
-    this.#mountField.hidden = !MOUNTED.includes(this.#step.value);
-    this.#angleField.hidden = !["turntable", "scan", "verify"].includes(this.#step.value) || this.#devices.items.some(({ delivers, connected_for }) => delivers.includes("table") && connected_for === this.state.id);
+    const shown = this.state.shows(this.#step.value);
+    this.#mountField.hidden = shown !== "sphere-on-table";
+    this.#angleField.hidden = !["sphere-on-table", "object"].includes(shown) || this.#devices.items.some(({ delivers, connected_for }) => delivers.includes("table") && connected_for === this.state.id);
   }
 
   async #set() {

@@ -22,6 +22,7 @@ class Chain(Stage):
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")
     is_answer = True
+    gives_table = True
     optional = True
     needs_every_step = True
 

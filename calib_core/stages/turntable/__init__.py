@@ -30,6 +30,7 @@ class Turntable(Stage):
     guided = ("turntable",)
     optional = True
     settings_field = "turntable"
+    gives_table = True
     layers = ("turntable",)
 
     @property

@@ -17,8 +17,10 @@ from calib_core.exports.export import write_export
 from calib_core.exports.registry import export_named
 from calib_core.library.machines import files_of
 from calib_core.records import Record, Session
-from calib_core.stages.graph import Graph, stage_captures
+from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import run as run_stages
+from calib_core.stages.pipeline import stages_to_solve
+from calib_core.stages.registry import tool_stages
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import write_out
 from server.console.progress import progress_bar
@@ -40,7 +42,7 @@ def export(options: argparse.Namespace) -> int:
         stored = load_results(folder)
         stale = Graph.stale_of(session, read, stored)
         results: dict[str, Record | Mapping[str, Any]] = {**stored}
-        if not {"chain", "tcp"} & stored.keys():
+        if stored.keys().isdisjoint(tool_stages()):
             with progress_bar(options) as progress:
                 results |= run_stages(session, read, _answering_stage(session), progress)
         date = _solved_at(folder, stored)
@@ -64,7 +66,8 @@ def _answering_stage(session: Session) -> str:
     known = session.cell.known
     if known.tool0_from_laser or known.base_from_turntable:
         return "tcp"
-    return "chain" if all(stage_captures(session, name) for name in ("tcp", "turntable")) else "tcp"
+    solvable = stages_to_solve(session)
+    return next((name for name in tool_stages() if name in solvable), "tcp")
 
 
 def _allowed(text: str) -> list[str]:
@@ -88,7 +91,7 @@ def _settings(options: argparse.Namespace) -> dict[str, str]:
 
 def _solved_at(folder: Path, stored: Mapping[str, Any]) -> str:
     """Return when the answer was written, as a date; now where it was solved just now."""
-    for stage in ("chain", "tcp"):
+    for stage in tool_stages():
         file = folder / "results" / f"{stage}.json"
         if stage in stored and file.is_file():
             return datetime.fromtimestamp(file.stat().st_mtime, UTC).date().isoformat()
