@@ -29,7 +29,7 @@ def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
     """Draw the robot's base with named axes and a floor of 100 mm squares."""
     length = 200.0
     identity = RigidTransform.identity("base", "base")
-    yield nodes.axes("/base/axes", identity, length, WAITING)
+    yield nodes.axes("/base/axes", identity, length, WAITING, thickness=0.012)
     for axis, name in enumerate("xyz"):
         yield nodes.label(f"/base/{name}", np.eye(3)[axis] * length * 1.08, name, anchor="center-center")
     yield nodes.label("/base/name", [0.0, 0.0, -0.12 * length], "base", anchor="top-center")

@@ -51,16 +51,16 @@ class Node:
         return getattr(scene, self.method)(self.name, **self.arguments)
 
 
-def axes(name: str, pose: RigidTransform, length_mm: float, origin: Rgb) -> Node:
-    """Return a frame drawn as three axes (red x, green y, blue z) with a coloured origin."""
+def axes(name: str, pose: RigidTransform, length_mm: float, origin: Rgb, thickness: float = 0.03) -> Node:
+    """Return a frame drawn as three axes (red x, green y, blue z) with a coloured origin; thickness by length."""
     return Node(
         name,
         "add_frame",
         {
             **_place(pose),
             "axes_length": _AXES_UNIT,
-            "axes_radius": _AXES_UNIT * 0.03,
-            "origin_radius": _AXES_UNIT * 0.11,
+            "axes_radius": _AXES_UNIT * thickness,
+            "origin_radius": _AXES_UNIT * 3.6 * thickness,
             "origin_color": origin,
             "scale": length_mm * METRES_PER_MM / _AXES_UNIT,
         },

@@ -48,6 +48,9 @@ def first_view(facts: SceneFacts) -> str:
     return "Camera" if facts.optics is not None and not facts.captures else "Captures"
 
 
+_EMPTY_ROOM_MM = np.array([[-300.0, -300.0, -100.0], [300.0, 300.0, 400.0]])
+
+
 def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
     """Return a view by its name.
 
@@ -69,7 +72,8 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
         return _around(_bench_places_mm(facts.optics), _BENCH)
     everything = _places_mm(facts)
     if name == "Cell" or not len(everything):
-        base = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 250.0]])
+        # Before anything is known the base stands in the middle of the room that a robot works in.
+        base = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 250.0]]) if len(everything) else _EMPTY_ROOM_MM
         return _around(np.concatenate([everything, base]), _ISOMETRIC)
     direction = {"Top": _TOP, "Side": _SIDE}.get(name, _ISOMETRIC)
     return _around(everything, direction)

@@ -12,6 +12,7 @@ from playwright.sync_api import Page, expect
 from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import build_part
 from tests.web.browsing import go_on, take_one
+from tests.web.first_look import first_look
 
 pytestmark = pytest.mark.browser
 
@@ -52,9 +53,15 @@ def start_the_merge_and_cancel_it(page: Page) -> None:
     expect(page.locator("sc-guide h1")).to_have_text("Merge the 12 scans.")
 
 
+def require_a_good_first_look(page: Page) -> None:
+    assert first_look(page).problems == []
+    page.set_viewport_size({"width": 1400, "height": 1000})
+
+
 def look_into_the_merged_part(page: Page, axe: str) -> None:
     """The result of the merge: how far scans lie apart, the files, colours, a section, deviations."""
     page.get_by_role("tab", name="Result").click()
+    require_a_good_first_look(page)
     apart = page.get_by_role("region", name="How far scans lie apart").locator("dd").all_inner_texts()
     measured, expected = (float(text.split()[0]) for text in apart[:2])  # µm
     assert 0.5 < measured / expected < 1.5
@@ -131,6 +138,7 @@ def test_the_page_leads_to_the_whole_chain_and_the_merged_part(open_page: Callab
     open_step(page, "merge")
     look_into_the_merged_part(page, axe)
     open_step(page, "chain")
+    require_a_good_first_look(page)
     frame = page.get_by_role("region", name="Turntable in the robot's base")
     numbers = frame.locator(".frame-numbers dd").all_inner_texts()
     assert len(numbers) == 7  # the simulated cell speaks ABB's x y z q1 q2 q3 q4

@@ -17,7 +17,8 @@ import { WindowRows } from "./window-rows.js";
 /** @import {Column} from "./capture-columns.js" */
 /** @import {CaptureOut, Residual} from "../state/model.js" */
 
-const ROWS_AT_ONCE = 40;
+/** In one task; together they fill a screen within a few frames. */
+const ROWS_AT_ONCE = 10;
 const COLLATOR = new Intl.Collator("en", { numeric: true });
 
 export class CapturesElement extends StateElement {
@@ -89,20 +90,21 @@ export class CapturesElement extends StateElement {
     if (!same) this.#shown = new WeakMap();
     const found = this.#sorted(captures, residuals);
     this.#table.setAttribute("aria-rowcount", String(found.length + 1));
-    /** @type {(() => void)[]} */ const later = [];
-    let filled = 0;
-    keyed(this.#body, this.#window.of(found), (capture) => capture.id, () => h("tr"), (row, capture) => {
+    /** @type {(() => void)[]} */ const before = [];
+    /** @type {(() => void)[]} */ const rest = [];
+    const rows = this.#window.of(found), out = new Set(rows.slice(0, this.#window.outOfSight));
+    keyed(this.#body, rows, (capture) => capture.id, emptyRow, (row, capture) => {
       const residual = residuals.get(capture.id);
       this.#mark(row, capture);
-      if (!this.#differs(row, capture, residual)) return;
-      if (filled++ < ROWS_AT_ONCE) this.#fill(row, capture, residual);
-      else later.push(() => this.#fill(row, capture, residual));
+      if (this.#differs(row, capture, residual)) (out.has(capture) ? before : rest).push(() => this.#fill(row, capture, residual));
     });
-    this.#fillLater(later);
+    const waiting = [...rest, ...before];
+    for (const fill of waiting.splice(0, ROWS_AT_ONCE)) fill();
+    this.#fillLater(waiting);
     this.#offerSeveral();
   }
 
-  /** Fill the rest of a long table a few rows at a time, so that the page stays fluid. @param {(() => void)[]} rows */
+  /** Fill the rest of a long table a few rows at a time, those in sight first, so that the page stays fluid. @param {(() => void)[]} rows */
   #fillLater(rows) {
     clearTimeout(this.#timer);
     if (rows.length === 0) return;
@@ -130,8 +132,8 @@ export class CapturesElement extends StateElement {
   #drawHead() {
     const all = h("input", { type: "checkbox", "aria-label": t("captures.select_all"), onchange: () => {
       this.#chosen = new Set(all.checked ? this.state.stepCaptures.map(({ id }) => id) : []);
-      this.#shown = new WeakMap();
-      this.update();
+      for (const box of this.#body.querySelectorAll("input.choose")) /** @type {HTMLInputElement} */ (box).checked = all.checked;
+      this.#offerSeveral();
     } });
     const hidden = (/** @type {"column.picture"} */ key) => h("th", { scope: "col" }, h("span", { class: "visually-hidden" }, t(key)));
     this.#head.replaceChildren(
@@ -246,6 +248,9 @@ export class CapturesElement extends StateElement {
     return [this.#columns.map(({ title }) => quoted(title)), ...lines].map((cells) => cells.join(",")).join("\n");
   }
 }
+
+/** As high as one that is filled: else the table moves while it is scrolled. */
+const emptyRow = () => h("tr");
 
 /** What the open step's result says of each capture; what is out of date says nothing. @param {import("../state/session.js").SessionState} state */
 export function residualsOf(state) {

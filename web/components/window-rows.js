@@ -4,7 +4,7 @@ import { h } from "../dom.js";
 
 /** Up to here all rows are there. */
 export const MOST_ROWS = 240;
-const AROUND = 30;
+const AROUND = 16;
 const LIKELY_HEIGHT_PX = 40;
 
 export class WindowRows {
@@ -30,6 +30,11 @@ export class WindowRows {
   leave() {
     this.#scroller?.removeEventListener("scroll", this.#scrolled);
     cancelAnimationFrame(this.#waiting);
+  }
+
+  /** How many of the rows that are drawn stand above those in sight. */
+  get outOfSight() {
+    return this.#before.isConnected ? Math.min(AROUND, this.#first) : 0;
   }
 
   /** Those of all rows that are to be drawn. @template T @param {readonly T[]} rows @returns {readonly T[]} */
