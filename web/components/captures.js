@@ -18,7 +18,7 @@ import { WindowRows } from "./window-rows.js";
 /** @import {CaptureOut, Residual} from "../state/model.js" */
 
 /** In one task; together they fill a screen within a few frames. */
-const ROWS_AT_ONCE = 10;
+const ROWS_AT_ONCE = 6;
 const COLLATOR = new Intl.Collator("en", { numeric: true });
 
 export class CapturesElement extends StateElement {
