@@ -38,7 +38,7 @@ class FirstLook:
 
 
 def first_look(page: Page, all_done: bool = False) -> FirstLook:
-    """Measure the result that a page shows, where no step is left without an action; its window is 1280 × 720 then."""
+    """Measure the result that a page shows, at 1280 × 720; with `all_done` no next action is asked for."""
     page.set_viewport_size({"width": 1280, "height": 720})
     page.locator(".work").evaluate("(work) => { work.scrollTop = 0; }")
     expect(page.locator(".answer-card")).to_be_visible(timeout=30_000)
