@@ -12,6 +12,7 @@ from typing import Any
 
 import httpx
 from PIL import Image
+from playwright.sync_api import Error as PlaywrightError
 from playwright.sync_api import Locator, Page, Response, expect
 
 from tests.web.browsing import SharedProfile
@@ -54,7 +55,8 @@ class Visitor:
         """Return the last problem of a type, once the page says what was needed, what was there, what to do."""
         where = where or self.toast
         expect(where).to_be_visible()
-        found = [body for body in (answer.json() for answer in self._answers) if body["type"].endswith(f":{kind}")]
+        bodies = [body for body in map(_body_of, self._answers) if body]
+        found = [body for body in bodies if body["type"].endswith(f":{kind}")]
         assert found, f"no {kind} among {[answer.status for answer in self._answers]}"
         require_said(found[-1], where)
         return found[-1]
@@ -67,6 +69,14 @@ class Visitor:
         self.page.wait_for_timeout(300)
         image = Image.open(BytesIO(self.page.screenshot())).convert("RGB")
         image.quantize(COLORS).save(FOLDER / f"{name}.png", optimize=True)
+
+
+def _body_of(answer: Response) -> dict[str, Any] | None:
+    """Return an answer's body; None where the browser has forgotten it, as of a scene's frame that has gone."""
+    try:
+        return answer.json()
+    except PlaywrightError:
+        return None
 
 
 def require_said(problem: dict[str, Any], where: Locator) -> None:
@@ -86,7 +96,10 @@ def site_of(client: httpx.Client) -> str:
 @contextmanager
 def visiting(profile: SharedProfile, client: httpx.Client, path: str, site: str = "") -> Iterator[Visitor]:
     """Open a page of a server, at its own address or at another way to it."""
+    before = profile.context.pages
     visitor = Visitor(profile.open(size=(1100, 720), reduced_motion="reduce"))
     visitor.page.goto((site or site_of(client)) + path)
     yield visitor
-    visitor.page.close()  # before its server ends
+    for page in profile.context.pages:
+        if page not in before:
+            page.close()  # before its server ends
