@@ -101,8 +101,15 @@ export class ActionsElement extends StateElement {
   /** @param {string} stage @param {readonly RootCause[]} causes */
   #offer(stage, causes) {
     this.#remedies.replaceChildren(...remedies(this.state, stage, causes).map(({ name, words, mend }, index) =>
-      h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", title: words, onclick: () => void mend() }, name)));
+      h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", title: words, onclick: () => void this.#apply(mend) }, name)));
     this.#quiet();
+  }
+
+  /** Once is enough: what mends goes as it is applied, and comes back where that failed. @param {() => Promise<unknown>} mend */
+  async #apply(mend) {
+    const offered = [...this.#remedies.children];
+    this.#remedies.replaceChildren();
+    if (!await mend()) this.#remedies.replaceChildren(...offered);
   }
 
   #quiet() {
