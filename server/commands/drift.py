@@ -13,16 +13,34 @@ if TYPE_CHECKING:
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help="of one cell, the oldest first")
+    of_one = "of one cell, the oldest first; with --server the cell's id"
+    parser.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help=of_one)
+    of_server = "ask this running server; SCANCELL_TOKEN holds the token where it asks for one"
+    parser.add_argument("--server", metavar="URL", help=of_server)
 
 
 def _run(options: argparse.Namespace) -> int:
     """Print each figure over the sessions; return 1 where one changed by more than its uncertainty."""
     from calib_core.review.drift import cell_drift
 
-    found = cell_drift([_solved(path) for path in options.sessions])
+    if options.server is None:
+        found = cell_drift([_solved(path) for path in options.sessions])
+    else:
+        found = _of_server(options)
     print_result(options, _text(found), found.to_json())
     return NOT_ACCEPTED if found.flags else OK
+
+
+def _of_server(options: argparse.Namespace) -> "CellDrift":
+    from calib_core.errors import InputError
+    from calib_core.review.drift import CellDrift
+    from server.console.remote import connected
+
+    if len(options.sessions) != 1:
+        got = f"{len(options.sessions)} names"
+        raise InputError("one cell's id with --server", got, "Name the cell; its sessions are known.", "SESSION")
+    with connected(options) as api:
+        return CellDrift.model_validate(api.cells_get_drift(str(options.sessions[0])))
 
 
 def _solved(path: Path) -> "SolvedSession":
@@ -52,4 +70,6 @@ def _text(found: "CellDrift") -> str:
     return "\n".join(lines)
 
 
-COMMAND = Command("drift", "say how a cell's answers moved over its sessions", "session", _arguments, _run)
+COMMAND = Command(
+    "drift", "say how a cell's answers moved over its sessions", "session", _arguments, _run, uses_server=True
+)

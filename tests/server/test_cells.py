@@ -1,7 +1,11 @@
 """Released answers: what is in force for a cell stays as it was, and says who put it there."""
 
-import httpx
+import json
 
+import httpx
+import pytest
+
+from server.cli import main
 from tests.server.live_server import assert_problem, make_session, simulated_session
 
 
@@ -41,7 +45,9 @@ def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: h
     assert client.get(f"/cells/{cell}/answer").json()["stage"] == "tcp"  # it outlives its session
 
 
-def test_a_cell_s_drift_has_its_solved_sessions_and_says_what_changed(client: httpx.Client) -> None:
+def test_a_cell_s_drift_has_its_solved_sessions_and_says_what_changed(
+    client: httpx.Client, capsys: pytest.CaptureFixture[str]
+) -> None:
     sessions = [simulated_session(client, seed=seed, captures=14) for seed in (7, 8)]
     for session in sessions:
         client.patch(f"/sessions/{session}", json={"name": "Cell that drifts"})
@@ -52,6 +58,12 @@ def test_a_cell_s_drift_has_its_solved_sessions_and_says_what_changed(client: ht
     assert tool["points"][1]["flagged"]  # another seed is another cell: its scanner sits elsewhere
     assert "more than uncertainty explains" in found["flags"][0]
     assert_problem(client.get("/cells/none/drift"), 404, "none")
+    site = str(client.base_url).removesuffix("/api/v1/")
+    capsys.readouterr()
+    assert main(["drift", "cell-that-drifts", "--server", site, "--json"]) == (1 if found["flags"] else 0)
+    assert json.loads(capsys.readouterr().out) == found
+    assert main(["drift", "none", "--server", site]) == 2
+    assert "none" in capsys.readouterr().err
 
 
 def test_cells_that_are_not_there_say_so(client: httpx.Client) -> None:
