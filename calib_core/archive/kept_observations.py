@@ -64,7 +64,7 @@ class KeptObservations:
                 if self._is_full(file):
                     oldest = "SELECT rowid FROM kept ORDER BY rowid LIMIT ?"
                     file.execute(f"DELETE FROM kept WHERE rowid IN ({oldest})", (_DROPPED_AT_ONCE,))
-                file.execute("INSERT OR IGNORE INTO kept VALUES (?, ?)", (key, value))
+                file.execute("INSERT OR REPLACE INTO kept VALUES (?, ?)", (key, value))
 
     def _is_full(self, file: sqlite3.Connection) -> bool:
         """Return whether the file has grown to its limit and has no room left by what was dropped."""

@@ -1,7 +1,7 @@
 """What was seen in captures' files, kept by content: nothing is measured twice.
 
-What is seen depends on the bytes of the files, on the settings that they are read with, and on this package's own
-code.  It is kept under the hash of just that: in memory, and where a `KeepingReader` reads the files, also
+What is seen depends on the bytes of the files, on the settings that they are read with, and on the code that looks
+for it.  It is kept under the hash of just that: in memory, and where a `KeepingReader` reads the files, also
 in what that names: a file in the session folder, or in the server's data folder.
 """
 
@@ -12,6 +12,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from inspect import isfunction
 from pathlib import Path, PurePosixPath
 from typing import Protocol, TypeVar
 
@@ -20,7 +21,9 @@ from calib_core.errors import MeasurementError
 from calib_core.stages.stage import ReadFile
 
 _MEMORY_BYTES = 64_000_000
+_PACKAGE = Path(__file__).resolve().parents[1]
 _SEEING = ("captures", "formats", "kernels", "optics", "sphere")
+_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless")
 
 _Seen = TypeVar("_Seen")
 
@@ -142,9 +145,13 @@ def _key(what: str, names: Sequence[str], read: ReadFile, settings: object) -> s
 
 @cache
 def _code() -> str:
-    """Return what tells this package's code from another version's; a changed file is another version."""
-    package = Path(__file__).resolve().parents[1]
-    files = sorted(file for folder in _SEEING for file in (package / folder).rglob("*.py"))
-    stats = [(str(file.relative_to(package)), file.stat()) for file in files]
+    """Return what tells the code that looks from another version of it: its files, others' formats, libraries."""
+    from importlib.metadata import version
+
+    from calib_core.formats.points import FORMATS
+
+    files = {file for folder in _SEEING for file in (_PACKAGE / folder).rglob("*.py")}
+    files |= {Path(entry.recognise.__code__.co_filename) for entry in FORMATS if isfunction(entry.recognise)}
+    stats = [(str(file), file.stat()) for file in sorted(files)]
     told = [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
-    return hashlib.sha256(repr(told).encode()).hexdigest()
+    return hashlib.sha256(repr([told, *map(version, _LIBRARIES)]).encode()).hexdigest()

@@ -49,7 +49,7 @@ def from_bytes(value: bytes) -> object:
     try:
         head = json.loads(line)
         return _whole(head, body)
-    except (ValueError, TypeError, KeyError, IndexError, RecursionError):
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError):
         return None
 
 
