@@ -224,19 +224,14 @@ def posterior_about(log_density: Callable[[FloatArray], float], mode: FloatArray
     size = len(mode)
     if size == 0:
         return Posterior(mode, mode[None], np.ones(1))
-    steps = 0.5 * widths
-    curvature = np.empty((size, size))
-    for p in range(size):
-        change = np.zeros(size)
-        change[p] = steps[p]
-        ahead, behind = _slope(log_density, mode + change, widths), _slope(log_density, mode - change, widths)
-        curvature[p] = (behind - ahead) / (2 * steps[p])
-    scaled = (curvature + curvature.T) / 2 * np.outer(widths, widths)
+    at_mode = log_density(mode)
+    curvature = _curvature(log_density, mode, 0.5 * widths, at_mode)
+    scaled = curvature * np.outer(widths, widths)
     values, vectors = np.linalg.eigh(scaled)
     reach = np.sqrt(size / np.maximum(values, 1.0))
     moves = (vectors * reach).T * widths
     nodes = np.concatenate([mode + moves, mode - moves])
-    found = np.array([log_density(node) for node in nodes]) - log_density(mode)
+    found = np.array([log_density(node) for node in nodes]) - at_mode
     weights = np.exp(np.clip(found + size / 2, -8.0, 1.0))
     return Posterior(mode, nodes, weights / weights.sum())
 
@@ -248,3 +243,19 @@ def _slope(log_density: Callable[[FloatArray], float], at: FloatArray, widths: F
         change[p] = 0.1 * width
         slope[p] = (log_density(at + change) - log_density(at - change)) / (0.2 * width)
     return slope
+
+
+def _curvature(
+    log_density: Callable[[FloatArray], float], at: FloatArray, steps: FloatArray, value: float
+) -> FloatArray:
+    """Return minus the second derivatives (D, D), by differences of D² + D values about one that is known."""
+    size = len(at)
+    moves = np.diag(steps)
+    alone = [log_density(at + move) + log_density(at - move) - 2 * value for move in moves]
+    curvature = -np.diag(alone)
+    for p in range(size):
+        for q in range(p):
+            both = moves[p] + moves[q]
+            together = log_density(at + both) + log_density(at - both) - 2 * value
+            curvature[p, q] = curvature[q, p] = -(together - alone[p] - alone[q]) / 2
+    return curvature / np.outer(steps, steps)

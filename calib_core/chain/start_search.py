@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.frames import FloatArray, skew
+from calib_core.frames import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,27 +56,13 @@ class Sought:
         self, rotations: FloatArray, linear: FloatArray, iterations: int
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Improve N guesses by damped Gauss–Newton with Cauchy's loss; returns them and their residuals."""
-        from scipy.spatial.transform import Rotation
+        from calib_core.kernels.guesses import refine_guesses
 
-        misfit = self.misfit(rotations, linear)
-        for _ in range(iterations):
-            axes = self._axes(rotations)
-            arms_in_laser = self.measured + misfit + linear[:, None, 3:]
-            rows = np.concatenate([skew(arms_in_laser), axes, -np.broadcast_to(np.eye(3), axes.shape)], axis=3)
-            squared = np.sum(self.weight * misfit**2, axis=2)
-            scale = np.maximum(np.median(squared, axis=1), 1e-4)
-            robust = self.weight / (1 + squared / (6 * scale[:, None]))[:, :, None]
-            flat = rows.reshape(len(rows), -1, 9)
-            weighted = np.swapaxes(flat * robust.reshape(len(rows), -1, 1), 1, 2)
-            normal = weighted @ flat
-            vector = (weighted @ misfit.reshape(len(rows), -1, 1))[..., 0]
-            diagonal = np.einsum("npp->np", normal)
-            damping = 1e-5 * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True)
-            step = -np.linalg.solve(normal + damping[:, :, None] * np.eye(9), vector[..., None])[..., 0]
-            step *= np.minimum(1, 0.5 / np.maximum(np.linalg.norm(step[:, :3], axis=1), 1e-12))[:, None]
-            rotations = rotations @ Rotation.from_rotvec(step[:, :3]).as_matrix()
-            linear = linear + step[:, 3:]
-            misfit = self.misfit(rotations, linear)
+        rotations, linear = np.array(rotations), np.array(linear)
+        misfit = np.empty((len(rotations), *self.measured.shape[1:]))
+        arms, places = np.ascontiguousarray(self.rotations), np.ascontiguousarray(self.translations)
+        measured, weight = np.ascontiguousarray(self.measured), np.ascontiguousarray(self.weight)
+        refine_guesses(arms, places, measured, weight, iterations, rotations, linear, misfit)
         return rotations, linear, misfit
 
     def distances(self, misfit: FloatArray) -> FloatArray:
