@@ -4,7 +4,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from typing import Any
 
 import cv2
 import numpy as np
@@ -18,8 +17,8 @@ from server.simulated_cell.modbus_server import ModbusServer
 from server.simulated_cell.opcua_server import OpcUaServer
 from server.simulated_cell.rtde_server import RtdeServer
 from server.simulated_cell.stream_server import StreamServer
-from server.sources.device import Device, Frame, Sample
-from server.sources.registry import SOURCES
+from server.sources.device import Device, Frame
+from tests.server.connected_device import connected, sample_of
 
 JOINTS_DEG = (10.0, -80.0, 95.0, 5.0, 60.0, -15.0)
 OUTPUTS = {
@@ -36,21 +35,6 @@ VARIABLES = {
     "$ACT_TOOL": "1",
     "$ACT_BASE": "3",
 }
-
-
-def connected(source: str, **settings: Any) -> Device:
-    entry = SOURCES.get(source)
-    assert entry.connect is not None
-    return entry.connect(entry.settings(**settings))
-
-
-def sample_of(device: Device) -> Sample:
-    try:
-        reading = next(found for _ in range(20) if (found := device.read()) is not None)
-    finally:
-        device.close()
-    assert isinstance(reading, Sample)
-    return reading
 
 
 def test_opcua_tells_pose_table_and_source_times() -> None:

@@ -1,0 +1,160 @@
+"""ROS 2 (and 1) over rosbridge: the flange by tf, by a topic of poses, or by joint states and a named arm."""
+
+import json
+from typing import Any, cast
+
+from pydantic import Field
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.robots import parse_pose
+from server.sources.device import Description, Sample, host_now_s
+from server.sources.pose_settings import flange_by_joints
+from server.sources.source import Settings, Source
+
+_WAIT_S = 0.5
+_LARGEST = 1024 * 1024
+_DEG = 57.29577951308232
+_MOST_LINKS = 50
+_TYPES = {
+    "pose": "geometry_msgs/PoseStamped",
+    "joints": "sensor_msgs/JointState",
+    "tf": "tf2_msgs/TFMessage",
+}
+
+
+class RosbridgeSettings(Settings):
+    """The bridge, and what tells the flange, in this order: `pose_topic`; a named `arm` by its joints; else tf.
+
+    The table is a joint of the joint states, or the turn about z of `table_frame` in tf.
+    """
+
+    url: str = Field(pattern=r"^wss?://\S+$", max_length=500, examples=["ws://192.168.0.5:9090"])
+    pose_topic: str | None = Field(default=None, max_length=200, description="Of geometry_msgs/PoseStamped.")
+    joints_topic: str = Field(default="/joint_states", max_length=200)
+    joints: list[str] = Field(default=[], max_length=12, description="The arm's joints in their order.")
+    arm: str | None = Field(default=None, max_length=64, description="A named arm: the flange by its joints.")
+    base_frame: str = Field(
+        default="base", max_length=200, description="In tf; a UR's base_link is half a turn off."
+    )
+    flange_frame: str = Field(default="tool0", max_length=200, description="In tf.")
+    table_joint: str | None = Field(default=None, max_length=200)
+
+
+class Rosbridge:
+    """Subscribes to what is needed; the stamp of a message's header is the device's time."""
+
+    def __init__(self, settings: RosbridgeSettings) -> None:
+        from websockets.sync.client import connect
+
+        self._settings = settings
+        self._links: dict[str, tuple[str, RigidTransform]] = {}
+        self._table_deg: float | None = None
+        self._joints_deg: tuple[float, ...] | None = None
+        # A message that was not asked for, or is too large, ends the connection.
+        self._bridge: Any = connect(settings.url, open_timeout=2, close_timeout=1, max_size=_LARGEST, proxy=None)
+        self._by_tf = not settings.pose_topic and not settings.arm
+        topics = (
+            {settings.joints_topic: "joints"} if settings.joints or settings.table_joint or settings.arm else {}
+        )
+        topics |= {settings.pose_topic: "pose"} if settings.pose_topic else {}
+        topics |= {"/tf": "tf", "/tf_static": "tf"} if self._by_tf else {}
+        self._topics = topics
+        for topic, kind in topics.items():
+            self._bridge.send(json.dumps({"op": "subscribe", "topic": topic, "type": _TYPES[kind]}))
+
+    def describe(self) -> Description:
+        """Return what is subscribed to."""
+        kinds = set(self._topics.values())
+        can = ("pose", "device time", *(("joints",) if self._settings.joints else ()))
+        can += ("table",) if self._settings.table_joint else ()
+        frames = (
+            f"{self._settings.flange_frame} in {self._settings.base_frame}" if "tf" in kinds else "flange in base"
+        )
+        return Description("ROS by rosbridge", "m, rad", "ros", frames, can)
+
+    def read(self) -> Sample | None:
+        """Return the next message as a sample; raises OSError, InputError."""
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            message = json.loads(self._bridge.recv(_WAIT_S))
+        except TimeoutError:
+            return None
+        except ConnectionClosed as error:
+            raise ConnectionError(f"the bridge closed the connection ({error})") from None
+        except ValueError:
+            raise InputError("JSON from the bridge", "something else", "Check the address.", "url") from None
+        if not isinstance(message, dict):
+            raise InputError("an operation of rosbridge", "another value", "Check the address.", "url")
+        told = cast("dict[str, Any]", message)
+        if told.get("op") == "status" and told.get("level") == "error":
+            raise InputError("a subscription", str(told.get("msg"))[:200], "Check topics and types.", "topic")
+        kind = self._topics.get(str(told.get("topic")))
+        if told.get("op") != "publish" or kind is None:
+            return None
+        try:
+            return self._heard(kind, told["msg"])
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+            got = f"one without {error}"
+            raise InputError(f"a message of {_TYPES[kind]}", got, "Check the topic's type.", kind) from None
+
+    def _heard(self, kind: str, message: dict[str, Any]) -> Sample | None:
+        if kind == "pose":
+            pose = message["pose"]
+            return self._sample(_transform(pose["position"], pose["orientation"]), message["header"])
+        if kind == "joints":
+            return self._joints(message)
+        stamped = message["transforms"]
+        for one in stamped:
+            placed = _transform(one["transform"]["translation"], one["transform"]["rotation"])
+            self._links[one["child_frame_id"].lstrip("/")] = one["header"]["frame_id"].lstrip("/"), placed
+        flange = self._chain()
+        return None if flange is None or not stamped else self._sample(flange, stamped[-1]["header"])
+
+    def _joints(self, message: dict[str, Any]) -> Sample | None:
+        values = dict(zip(message["name"], message["position"], strict=True))
+        chosen = self._settings
+        if chosen.table_joint in values:
+            self._table_deg = float(values[chosen.table_joint]) * _DEG
+        if chosen.joints and set(chosen.joints) <= set(values):
+            self._joints_deg = tuple(float(values[name]) * _DEG for name in chosen.joints)
+            if chosen.arm:
+                return self._sample(flange_by_joints(chosen.arm, self._joints_deg), message["header"])
+        return None
+
+    def _sample(self, pose: RigidTransform, header: dict[str, Any]) -> Sample:
+        stamp = header["stamp"]
+        seconds = float(stamp.get("sec", stamp.get("secs", 0)))
+        seconds += 1e-9 * float(stamp.get("nanosec", stamp.get("nsecs", 0)))
+        return Sample(host_now_s(), seconds or None, pose, self._joints_deg, self._table_deg)
+
+    def _chain(self) -> RigidTransform | None:
+        """Return base_from_tool0 along tf's links, None where one is not there yet."""
+        frame, found = self._settings.flange_frame, None
+        for _ in range(_MOST_LINKS):
+            if frame == self._settings.base_frame and found is not None:
+                return RigidTransform.from_rounded(found.tolist(), "base", "tool0")
+            if frame not in self._links:
+                return None
+            frame, link = self._links[frame]
+            found = link.matrix if found is None else link.matrix @ found
+        return None
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._bridge.close()
+
+
+def _transform(place: dict[str, Any], turn: dict[str, Any]) -> RigidTransform:
+    return parse_pose("ros", [float(place[k]) for k in "xyz"] + [float(turn[k]) for k in "xyzw"])
+
+
+SOURCE = Source(
+    "rosbridge",
+    "ROS: rosbridge",
+    "Subscribes to poses, joint states or tf of ROS 2 over a websocket bridge.",
+    RosbridgeSettings,
+    connect=Rosbridge,
+    delivers=("robot", "table"),
+)
