@@ -392,9 +392,11 @@ class Operations(Connection):
         table."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/budget", params=_given({"x_mm": x_mm, "y_mm": y_mm, "z_mm": z_mm, "field": field}))
 
-    def guidance_get_planned(self, session_id: str, *, captures: int | None = None) -> Any:
-        """Return the poses that together leave least uncertainty at the workpiece, and what each gains."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/planned", params=_given({"captures": captures}))
+    def guidance_get_planned(self, session_id: str, *, captures: int | None = None, step: str | None = None) -> Any:
+        """Return the poses that together leave least uncertainty at the workpiece, and what each gains.
+        Those of `turntable` come with the table's angle and the sphere's height, those of `verify` keep
+        away from the calibration's."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/planned", params=_given({"captures": captures, "step": step}))
 
     def guidance_get_recheck(self, session_id: str) -> Any:
         """Return the three poses to capture again with step `recheck`, the sphere still in its place. `POST

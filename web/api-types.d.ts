@@ -339,6 +339,7 @@ export interface CellPlan {
   where: string;
   limited_by: string;
   sentence: string;
+  table?: TablePlan | null;
 }
 
 export interface CellSession {
@@ -706,6 +707,7 @@ export interface GuideNow {
   suggested_pose?: number[][] | null;
   suggested_pose_numbers?: number[] | null;
   suggested_note?: string | null;
+  suggested_table_deg?: number | null;
   meter?: Meter | null;
 }
 
@@ -1045,6 +1047,7 @@ export interface Nominal {
   tool_sigma_deg?: number | null;
   sphere_center_in_base_mm?: number[] | null;
   base_from_tool0?: number[][] | null;
+  base_from_turntable?: number[][] | null;
 }
 
 export interface Note {
@@ -1101,6 +1104,7 @@ export interface PlannedCell {
   sphere_class?: "certified" | "bearing" | "coated" | "turned";
   limits?: Limits;
   wanted_mm?: number | null;
+  table?: TableToPlan | null;
   most_captures?: number;
 }
 
@@ -1149,6 +1153,7 @@ export interface PoseLines {
 }
 
 export interface PoseList {
+  step?: "tcp" | "turntable" | "verify";
   pose_convention: string;
   speed_mm_s: number;
   poses: PoseOfSet[];
@@ -1176,6 +1181,9 @@ export interface PoseOfSet {
   numbers: number[];
   approach_numbers: number[] | null;
   uncertainty_mm: number | null;
+  table_deg?: number | null;
+  mount?: string | null;
+  higher_mm?: number | null;
 }
 
 export interface PoseReading {
@@ -1927,11 +1935,33 @@ export interface TableCircle {
   captures: string[];
 }
 
+export interface TableLayout {
+  radius_mm: number;
+  heights_mm: number[];
+  angles: number;
+  captures: number;
+  uncertainty_mm: number;
+}
+
 export interface TableMount {
   mount: string;
   center_in_turntable_mm: number[];
   radius_mm: number;
   captures: number;
+}
+
+export interface TablePlan {
+  reachable: boolean | null;
+  layout: TableLayout;
+  layouts: TableLayout[];
+  sentence: string;
+}
+
+export interface TableToPlan {
+  radius_mm?: number;
+  height_mm?: number;
+  angle_sigma_deg?: number;
+  most_angles?: number;
 }
 
 export interface TakenShot {

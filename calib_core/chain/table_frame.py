@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.table import TableState
+from calib_core.chain.table import AXIS_UNKNOWNS, SCALE_COLUMN, TableState
 from calib_core.frames import FloatArray, RigidTransform
 
 _LEVEL = np.sin(np.deg2rad(12.0))
@@ -97,23 +97,9 @@ def frame_covariance(
 ) -> TableCovariance:
     """Return how uncertain the frame is, from the covariance (size, size) of the table's unknowns."""
     frame = frame_by_rule(state, given_direction)
-    upward = frame.direction > 0
-    steps = np.full(len(covariance), _STEP_MM)
-    steps[:2] = steps[4] = _STEP_RAD
-
-    def derivative(of: Callable[[TableFrame], FloatArray]) -> FloatArray:
-        columns: list[FloatArray] = []
-        for k, step in enumerate(steps):
-            change = np.zeros(len(steps))
-            change[k] = step
-            ahead = of(frame_by_rule(state.moved(change), upward=upward))
-            behind = of(frame_by_rule(state.moved(-change), upward=upward))
-            columns.append((ahead - behind) / (2 * step))
-        return np.stack(columns, axis=1)
-
-    pose = derivative(lambda other: frame.base_from_turntable.difference(other.base_from_turntable))
-    axis = derivative(lambda other: other.axis)
-    mounts = derivative(lambda other: other.mounts_mm.ravel())
+    pose = pose_by_unknowns(state, given_direction)
+    axis = _derivative(state, frame, lambda other: other.axis)
+    mounts = _derivative(state, frame, lambda other: other.mounts_mm.ravel())
     return TableCovariance(
         pose=pose @ covariance @ pose.T,
         axis_direction=axis @ covariance @ axis.T,
@@ -121,3 +107,23 @@ def frame_covariance(
         mounts=mounts @ covariance @ mounts.T,
         pose_by_unknowns=pose,
     )
+
+
+def pose_by_unknowns(state: TableState, given_direction: int | None = None) -> FloatArray:
+    """Return how base_from_turntable follows the table's unknowns, (6, size)."""
+    frame = frame_by_rule(state, given_direction)
+    return _derivative(state, frame, lambda other: frame.base_from_turntable.difference(other.base_from_turntable))
+
+
+def _derivative(state: TableState, frame: TableFrame, of: Callable[[TableFrame], FloatArray]) -> FloatArray:
+    upward = frame.direction > 0
+    steps = np.full(AXIS_UNKNOWNS + state.mounts.size, _STEP_MM)
+    steps[:2] = steps[SCALE_COLUMN] = _STEP_RAD
+    columns: list[FloatArray] = []
+    for k, step in enumerate(steps):
+        change = np.zeros(len(steps))
+        change[k] = step
+        ahead = of(frame_by_rule(state.moved(change), upward=upward))
+        behind = of(frame_by_rule(state.moved(-change), upward=upward))
+        columns.append((ahead - behind) / (2 * step))
+    return np.stack(columns, axis=1)

@@ -20,6 +20,7 @@ _OPEN_MM = 20.0  # beyond it ± is no figure yet
 _PLENTY, _LITTLE = 10, 0.95
 _WEAK = 0.2  # of the limits of what is undetermined: what a result warns of
 _HISTORY = 24
+_TO_VERIFY = 150  # candidates: the best of fewer is good enough to verify by
 _OF_CAPTURE = ("id", "step", "kind", "files", "center_mm", "pose", "side", "excluded")
 _OF_MEASURED = (
     "capture",
@@ -70,12 +71,42 @@ def tcp_advice(
 
     The same captures give the same advice; it is kept, because page, scene and command line ask for it at once.
     """
-    captures = [c.model_dump(include=set(_OF_CAPTURE)) for c in session.captures if c.step == "tcp"]
+    return _advised(_inputs(session, measured, results, ("tcp",)))
+
+
+def verify_pose(
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
+) -> NextPose | None:
+    """Return the verification's next pose: away from the calibration's, and telling most beside its own."""
+    return _to_verify(_inputs(session, measured, results, ("tcp", "verify")))
+
+
+def _inputs(
+    session: Session,
+    measured: Sequence[Measured],
+    results: Mapping[str, Mapping[str, Any]],
+    steps: tuple[str, ...],
+) -> str:
+    """Return all that an advice rests on, as text."""
+    captures = [c.model_dump(include=set(_OF_CAPTURE)) for c in session.captures if c.step in steps]
     names = {c["id"] for c in captures}
     seen = [m.model_dump(include=set(_OF_MEASURED)) for m in measured if m.capture in names]
     solved = {stage: _told(result) for stage, result in results.items() if stage in tool_stages()}
     told = {"cell": session.cell.model_dump(mode="json"), "captures": captures, "seen": seen, "results": solved}
-    return _advised(json.dumps(told, sort_keys=True))
+    return json.dumps(told, sort_keys=True)
+
+
+def _read(told: str) -> tuple[Session, list[Measured], dict[str, Any]]:
+    data = json.loads(told)
+    captures = [Capture.model_validate(capture) for capture in data["captures"]]
+    session = Session(cell=Cell.model_validate(data["cell"]), captures=captures)
+    return session, [Measured.model_validate(one) for one in data["seen"]], data["results"]
+
+
+@lru_cache(maxsize=32)
+def _to_verify(told: str) -> NextPose | None:
+    situation = situation_of(*_read(told), "verify")
+    return None if situation is None else next_pose(situation, _TO_VERIFY)
 
 
 def _told(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -85,13 +116,9 @@ def _told(result: Mapping[str, Any]) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def _advised(told: str) -> Advice | None:
-    data = json.loads(told)
-    cell = Cell.model_validate(data["cell"])
-    captures = [Capture.model_validate(capture) for capture in data["captures"]]
-    measured = [Measured.model_validate(one) for one in data["seen"]]
-    session = Session(cell=cell, captures=captures)
-    situation = situation_of(session, measured, data["results"])
-    return None if situation is None else advice_in(situation, cell.wanted_mm, _stated(data["results"]))
+    session, measured, results = _read(told)
+    situation = situation_of(session, measured, results)
+    return None if situation is None else advice_in(situation, session.cell.wanted_mm, _stated(results))
 
 
 def _stated(results: Mapping[str, Mapping[str, Any]]) -> float | None:

@@ -11,6 +11,9 @@ from calib_core.records.planning import Box, Limits
 TILT_DEG, TURN_DEG, CLEARANCE_MM = 30.0, 40.0, 30.0
 """Where a cell gives no limits: how far the scanner leans and turns; what is kept clear."""
 
+AWAY_MM, AWAY_DEG = 40.0, 6.0
+"""A pose that differs by either of them from another is another one."""
+
 _APPROACH_MM = 150.0
 _ALONG = np.linspace(0.0, 1.0, 9)[:, None]
 _AT_EDGE = 0.5  # of the candidates: good poses lie at the edges of what is allowed
@@ -26,11 +29,14 @@ class Room:
     limits : Limits
     home : (3, 3)
         base_from_tool0's rotation from which tilts and turns are counted.
+    keep_off : tuple of RigidTransform
+        Poses that others must differ from: those of the calibration, where it is verified.
     """
 
     sight: Sight
     limits: Limits
     home: FloatArray
+    keep_off: tuple[RigidTransform, ...] = ()
 
     @property
     def tilt_rad(self) -> float:
@@ -167,6 +173,10 @@ def _free(
     scanner = np.einsum("kij,j->ki", rotations, tool0_from_laser.translation_mm) + translations
     apart = np.linalg.norm(scanner - center_in_base_mm, axis=1)
     free &= apart - radius_mm >= room.clearance_mm
+    for other in room.keep_off:
+        turned = np.einsum("kij,ij->k", rotations, other.rotation)  # 1 + 2 cos of the angle between them
+        near = np.linalg.norm(translations - other.translation_mm, axis=1) < AWAY_MM
+        free &= ~(near & (turned > 1 + 2 * np.cos(np.deg2rad(AWAY_DEG))))
     if not room.limits.no_go:
         return free
     toward = (center_in_base_mm - scanner) / np.maximum(apart, 1e-9)[:, None]

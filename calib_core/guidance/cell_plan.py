@@ -16,6 +16,7 @@ from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.planner import Situation, greedy
 from calib_core.guidance.sight import Sight
+from calib_core.guidance.table_plan import TablePlan, TableToPlan, plan_table
 from calib_core.records import Cell, NotNegative, Positive, Record
 from calib_core.records.planning import FieldOfView, Limits
 from calib_core.records.session import SphereClass
@@ -33,6 +34,7 @@ measured, of a good one, and of a large one as delivered."""
 _DIAMETERS_MM: Final = (12.0, 20.0, 25.4, 30.0, 38.1, 50.0, 60.0, 80.0)
 _MOST_CAPTURES: Final = 30
 _GRID: Final = 160
+_LEAST_BESIDE: Final = 8  # captures beside the table, before those on it
 _HOME: Final = rotation_from_vector(np.array([np.pi, 0.0, 0.0]))
 _SAME: Final = 1.02  # nearer to each other than this two spheres are alike, and the smaller one is proposed
 
@@ -55,6 +57,7 @@ class CellToPlan(Record):
     sphere_class: SphereClass = "certified"
     limits: Limits = Field(default_factory=Limits)
     wanted_mm: Positive | None = None
+    table: TableToPlan | None = None
     most_captures: Annotated[int, Field(ge=5, le=60)] = _MOST_CAPTURES
 
 
@@ -76,7 +79,7 @@ class CellPlan(Record):
 
     `spheres` are those that fit into the field, as they were tried. `sphere` is the one to take. `distance_mm` and
     `offset_mm` say how the scanner should see it: that far along z, the stripe that far beside its middle.
-    `limited_by` says what more captures would not help.
+    `limited_by` says what more captures would not help; `table` where to put the sphere on the turntable.
     """
 
     reachable: bool | None
@@ -88,6 +91,7 @@ class CellPlan(Record):
     where: str
     limited_by: str
     sentence: str
+    table: TablePlan | None = None
 
 
 def plan_cell(cell: CellToPlan) -> CellPlan:
@@ -109,6 +113,15 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
     sight, radius = situation.room.sight, plan.diameter_mm / 2
     distance, offset = float(abs(sight.safest(radius, 1.0)[2])), 0.55 * radius if cell.kind == "profile" else 0.0
     reached = None if cell.wanted_mm is None else plan.captures is not None
+    table = None
+    if cell.table is not None:
+        seen = situation.seen_from(situation.proposed(_GRID))
+        order = greedy(Design(seen, situation.assumed), [], _taken(cell, plan))
+        table = plan_table(cell.table, replace(situation, taken=[seen[k] for k in order]), cell.wanted_mm)
+        if table is None:
+            to_do = "Widen `limits`: the scanner must see the sphere all around the table."
+            raise InputError("poses all around the table", "none that the limits allow", to_do, "limits")
+        reached = None if reached is None else reached and bool(table.reachable)
     return CellPlan(
         reachable=reached,
         wanted_mm=cell.wanted_mm,
@@ -120,6 +133,7 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
         "On a table: once beside it, then on it, as far off the axis as the workpiece reaches, at its lowest "
         "and at its highest, eight angles each.",
         limited_by=_limited_by(situation),
+        table=table,
         sentence=_sentence(cell, plan),
     )
 
@@ -162,6 +176,11 @@ def _situation(cell: CellToPlan, diameter_mm: float) -> Situation:
     center = np.array([1000.0, 0.0, 500.0])
     assumed = Assumed(sphere_of(as_told, []), tool, center, sigmas, sight.middle_mm)
     return Situation([], assumed, Room(sight, cell.limits, _HOME))
+
+
+def _taken(cell: CellToPlan, plan: SpherePlan) -> int:
+    """Return how many captures beside the table come before those on it."""
+    return max(plan.captures or cell.most_captures, _LEAST_BESIDE)
 
 
 def _cost(plan: SpherePlan) -> float:

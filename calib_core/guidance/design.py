@@ -135,7 +135,7 @@ class Design:
         toward = reach @ rows.T
         gained = np.linalg.solve(np.eye(told.shape[1]) + told @ between, told @ toward)
         less = np.swapaxes(toward, 1, 2) @ gained
-        by_drawing = _with_tool(hessian, self.assumed.tool_sigma_rad, self.assumed.tool_sigma_mm)
+        by_drawing = with_tool(hessian, self.assumed.tool_sigma_rad, self.assumed.tool_sigma_mm)
         moves = at.jacobian.reshape(-1, size)
         variance = np.sum((moves @ covariance_of(by_drawing)) * moves, axis=1).reshape(-1, 3)
         doubt = 2 * np.sqrt(np.maximum(variance, 0.0))
@@ -173,10 +173,10 @@ class Design:
             shared = (1 if data.arm_scale_sigma > 0 else 0) + (3 if data.drift_sigma_mm > 0 else 0)
             state = replace(self._state(data), shared=np.zeros(shared))
             hessian = prior(data, state, shared)[2]
-        return _with_tool(hessian, _TURN_RAD, _MOUNTED_MM)
+        return with_tool(hessian)
 
 
-def _with_tool(hessian: FloatArray, turn_rad: float, shift_mm: float) -> FloatArray:
+def with_tool(hessian: FloatArray, turn_rad: float = _TURN_RAD, shift_mm: float = _MOUNTED_MM) -> FloatArray:
     """Return a Hessian with what is known of the tool beforehand, and of the sphere's place."""
     known = hessian.copy()
     sigmas = np.array([turn_rad] * 3 + [shift_mm] * 3 + [_SPHERE_MM] * 3)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -38,7 +38,10 @@ class _Place:
 
 
 def situation_of(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
+    session: Session,
+    measured: Sequence[Measured],
+    results: Mapping[str, Mapping[str, Any]],
+    step: Literal["tcp", "verify"] = "tcp",
 ) -> Situation | None:
     """Return what is known of tool, sphere and scanner, None where too little is for a pose to be chosen.
 
@@ -48,19 +51,26 @@ def situation_of(
     measured : sequence of Measured
     results : mapping
         From stage to the JSON data of its result; a stale one's tool is as good for planning.
+    step : {"tcp", "verify"}
+        Whose captures are planned. A verification's are taken away from those of the calibration.
     """
     cell = session.cell
     if cell.sphere_diameter_mm is None or cell.arrangement != "scanner-on-robot":
         return None
-    captures = [c for c in session.captures if c.step == "tcp" and not c.excluded and c.pose is not None]
+    captures = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
     kept = {m.capture: m for m in measured if m.verdict != "fail"}
     sight = sight_of(cell, [c for c in captures if c.id in kept], list(kept.values()))
     sphere = sphere_of(cell, [])
-    seen = _observations(cell, captures, kept, sight, sphere)
+    seen = observations_of(cell, captures, kept, sight, sphere)
     result = _solved(results)
-    seen = _used(seen, result)
-    place = _place(cell, seen, sphere, result)
-    home = _home(cell, seen)
+    keep_off: tuple[RigidTransform, ...] = ()
+    if step == "tcp":
+        seen = _used(seen, result)
+        place = _place(cell, seen, sphere, result)
+    else:
+        keep_off = _calibration_poses(session)
+        place = _to_verify(cell, seen, sphere, result)
+    home = keep_off[0].rotation if keep_off else _home(cell, seen)
     if place is None or home is None:
         return None
     point = cell.workpiece_in_laser_mm
@@ -74,7 +84,36 @@ def situation_of(
         tool_sigma_mm=place.tool_sigma_mm,
         tool_sigma_rad=place.tool_sigma_rad,
     )
-    return Situation(seen[-_MANY:], assumed, Room(sight, cell.limits, home))
+    return Situation(seen[-_MANY:], assumed, Room(sight, cell.limits, home, keep_off))
+
+
+def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:
+    """Return where the flange stood in the calibration's captures of the still sphere."""
+    found: list[RigidTransform] = []
+    for capture in session.captures:
+        if capture.step == "tcp" and not capture.excluded and capture.pose is not None:
+            try:
+                found.append(parse_pose(session.cell.pose_convention, capture.pose))
+            except InputError:
+                continue
+    return tuple(found)
+
+
+def _to_verify(
+    cell: Cell, seen: Sequence[SphereObservation], sphere: SphereSize, result: Mapping[str, Any] | None
+) -> _Place | None:
+    """Return the tool that is verified, and where the sphere stands: by its own captures, else as it was."""
+    told = cell.known.tool0_from_laser or (None if result is None else result["tool0_from_laser"])
+    if told is None:
+        return None
+    tool = RigidTransform.from_rounded(told, "tool0", "laser")
+    if seen:
+        one = seen[-1]
+        place = one.sphere_center_in_laser_mm(sphere, one.side or 1)
+        return _Place(tool, (one.base_from_tool0 @ tool).apply(place), 1.0, 0.005)
+    if result is None:
+        return None
+    return _Place(tool, np.array(result["sphere_center_in_base_mm"], dtype=float), 1.0, 0.005)
 
 
 def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
@@ -121,9 +160,10 @@ def _middle(sight: Sight, result: Mapping[str, Any] | None) -> FloatArray:
     return sight.middle_mm if at is None else np.array(at["point_in_laser_mm"], dtype=float)
 
 
-def _observations(
+def observations_of(
     cell: Cell, captures: Sequence[Capture], kept: Mapping[str, Measured], sight: Sight, sphere: SphereSize
 ) -> list[SphereObservation]:
+    """Return what good captures, of which `kept` has what was seen, show of the sphere, without noise."""
     found: list[SphereObservation] = []
     for capture in captures:
         measured = kept.get(capture.id)

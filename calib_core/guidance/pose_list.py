@@ -1,17 +1,20 @@
 """Planned poses as a list for the controller: numbers in the user's convention, each with its approach."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from calib_core.errors import ConflictError
 from calib_core.evidence.numbers import COVERAGE
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.known import situation_of
 from calib_core.guidance.planner import Situation, planned_set
+from calib_core.guidance.table_advice import planned_shots, table_situation
 from calib_core.records import Matrix4, Measured, Record, Session
 from calib_core.robots import to_pose
+
+PlannedStep = Literal["tcp", "turntable", "verify"]
 
 APPROACH_MM = 150.0
 SPEED_MM_S = 50.0
@@ -22,13 +25,17 @@ class PoseOfSet(Record):
     """A pose of the flange in base, as 4×4 and as the controller writes it; the ± after it (k = 2).
 
     `uncertainty_mm` is at the workpiece. `approach_numbers` is where its approach begins, straight away from the
-    sphere; null where the tool is not known well enough to move by.
+    sphere; null where the tool is not known well enough to move by. Of a pose for the turntable, `table_deg` is
+    the table's angle, `mount` the sphere's place and `higher_mm` how much higher it is to be fixed before.
     """
 
     base_from_tool0: Matrix4
     numbers: list[float]
     approach_numbers: list[float] | None
     uncertainty_mm: float | None
+    table_deg: float | None = None
+    mount: str | None = None
+    higher_mm: float | None = None
 
 
 class PoseList(Record):
@@ -37,6 +44,7 @@ class PoseList(Record):
     The operator starts every move, in manual mode at `speed_mm_s` at most; `note` says what to mind.
     """
 
+    step: PlannedStep = "tcp"
     pose_convention: str
     speed_mm_s: float
     poses: list[PoseOfSet]
@@ -44,45 +52,97 @@ class PoseList(Record):
 
 
 def planned_poses(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]], captures: int
+    session: Session,
+    measured: Sequence[Measured],
+    results: Mapping[str, Mapping[str, Any]],
+    captures: int,
+    step: PlannedStep = "tcp",
 ) -> PoseList:
-    """Return a planned set for the next captures of the still sphere.
+    """Return a planned set for the next captures of a step.
+
+    Those of `verify` keep away from the calibration's poses, and are chosen by what they tell alone.
 
     Raises
     ------
     ConflictError
         If too little is known of tool and sphere, or the limits leave too few poses.
     """
-    situation = situation_of(session, measured, results)
+    if step == "turntable":
+        return _for_table(session, measured, results, captures)
+    situation = situation_of(session, measured, results, step)
     if situation is None:
-        raise ConflictError(
-            "a tool and a sphere's place that are known about",
-            "neither captures nor `cell.nominal`",
-            "Take the captures that the guide asks for, or give `cell.nominal` from a drawing.",
-            "cell.nominal",
-        )
+        raise _too_little("a tool and a sphere's place that are known about", "cell.nominal")
     try:
         plan = planned_set(situation, captures, grid=max(200, 3 * captures), sweeps=1)
     except ValueError as error:
-        to_do = "Widen `cell.limits`, or ask for fewer."
-        raise ConflictError(f"{captures} poses that the limits allow", str(error), to_do, "cell.limits") from None
+        raise _too_few(captures, str(error)) from None
     sure = _tool_known(situation)
-    convention = session.cell.pose_convention
     poses = [
-        PoseOfSet(
-            base_from_tool0=pose.to_rows(),
-            numbers=to_pose(convention, pose),
-            approach_numbers=to_pose(convention, _approach(situation, pose)) if sure else None,
-            uncertainty_mm=COVERAGE * sigma if sigma < 20.0 else None,
-        )
+        _listed(session, situation, pose, sure, situation.assumed.center_in_base_mm, sigma)
         for pose, sigma in zip(plan.poses.poses, plan.after_mm.tolist(), strict=True)
     ]
+    return _list_of(session, step, poses, sure)
+
+
+def _for_table(
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]], captures: int
+) -> PoseList:
+    now = table_situation(session, measured, results)
+    if now is None:
+        raise _too_little(
+            "a tool, and a table that is known about: three captures of one place of the sphere on it",
+            "cell.nominal.base_from_turntable",
+        )
+    shots = planned_shots(now, captures)
+    if len(shots) < captures:
+        raise _too_few(captures, f"{len(shots)} allowed poses, {captures} wanted")
+    sure = _tool_known(now.still)
+    poses: list[PoseOfSet] = []
+    for shot in shots:
+        listed = _listed(session, now.still, shot.pose, sure, shot.center_in_base_mm, shot.after_mm)
+        told = {"table_deg": shot.table_deg, "mount": shot.mount, "higher_mm": shot.higher_mm}
+        poses.append(listed.model_copy(update=told))
+    return _list_of(session, "turntable", poses, sure)
+
+
+def _too_little(need: str, where: str) -> ConflictError:
+    to_do = f"Take the captures that the guide asks for, or give `{where}` from a drawing."
+    return ConflictError(need, f"neither captures nor `{where}`", to_do, where)
+
+
+def _too_few(captures: int, got: str) -> ConflictError:
+    to_do = "Widen `cell.limits`, or ask for fewer."
+    return ConflictError(f"{captures} poses that the limits allow", got, to_do, "cell.limits")
+
+
+def _listed(
+    session: Session,
+    situation: Situation,
+    pose: RigidTransform,
+    sure: bool,
+    center_in_base_mm: FloatArray,
+    sigma_mm: float,
+) -> PoseOfSet:
+    convention = session.cell.pose_convention
+    approach = _approach(situation, pose, center_in_base_mm)
+    return PoseOfSet(
+        base_from_tool0=pose.to_rows(),
+        numbers=to_pose(convention, pose),
+        approach_numbers=to_pose(convention, approach) if sure else None,
+        uncertainty_mm=COVERAGE * sigma_mm if sigma_mm < 20.0 else None,
+    )
+
+
+def _list_of(session: Session, step: PlannedStep, poses: list[PoseOfSet], sure: bool) -> PoseList:
     note = (
         "Go to each approach first, then straight to the pose: in manual mode, at reduced speed, one at a time."
         if sure
         else "The tool is not known well enough for approaches: drive by hand, and shift until the sphere is seen."
     )
-    return PoseList(pose_convention=convention, speed_mm_s=SPEED_MM_S, poses=poses, note=note)
+    if step == "turntable":
+        note = f"Turn the table first, with the scanner away from it. {note}"
+    convention = session.cell.pose_convention
+    return PoseList(step=step, pose_convention=convention, speed_mm_s=SPEED_MM_S, poses=poses, note=note)
 
 
 def _tool_known(situation: Situation) -> bool:
@@ -98,10 +158,9 @@ def _tool_known(situation: Situation) -> bool:
     return COVERAGE * float(np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])) <= _WELL_KNOWN_MM
 
 
-def _approach(situation: Situation, pose: RigidTransform) -> RigidTransform:
+def _approach(situation: Situation, pose: RigidTransform, center_in_base_mm: FloatArray) -> RigidTransform:
     """Return the pose drawn back along the line from the sphere to the scanner."""
-    given = situation.assumed
-    scanner = pose.apply(given.tool0_from_laser.translation_mm)
-    away = scanner - given.center_in_base_mm
+    scanner = pose.apply(situation.assumed.tool0_from_laser.translation_mm)
+    away = scanner - center_in_base_mm
     away = away / float(np.linalg.norm(away)) * APPROACH_MM
     return RigidTransform.of(pose.rotation, pose.translation_mm + away, "base", "tool0")

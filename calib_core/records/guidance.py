@@ -106,7 +106,8 @@ class GuideNow(Record):
     """The one thing to do now.
 
     `drawing` names the picture beside it.  `suggested_pose` is base_from_tool0 of a capture that would help, and
-    `suggested_pose_numbers` the same as the controller writes it. `meter` tells what the captures are worth at the
+    `suggested_pose_numbers` the same as the controller writes it; `suggested_table_deg` is the table's
+    angle for it, as read. `meter` tells what the captures are worth at the
     workpiece; its `stated` says that this is a result's own figure and not a prediction.
     """
 
@@ -122,6 +123,7 @@ class GuideNow(Record):
     suggested_pose: Matrix4 | None = None
     suggested_pose_numbers: list[float] | None = None
     suggested_note: str | None = None
+    suggested_table_deg: float | None = None
     meter: Meter | None = None
 
 

@@ -59,7 +59,8 @@ class Limits(Record):
 class Nominal(Record):
     """About where things are, from a drawing or a tape measure: good enough to plan the first captures.
 
-    `base_from_tool0` is a pose, 4×4, from which the scanner looks at the middle of where it may go.
+    `base_from_tool0` is a pose, 4×4, from which the scanner looks at the middle of where it may go;
+    `base_from_turntable` about where the table stands.
     """
 
     tool0_from_laser: Matrix4 | None = None
@@ -67,3 +68,4 @@ class Nominal(Record):
     tool_sigma_deg: Positive | None = None
     sphere_center_in_base_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)] | None = None
     base_from_tool0: Matrix4 | None = None
+    base_from_turntable: Matrix4 | None = None

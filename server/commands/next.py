@@ -14,6 +14,12 @@ if TYPE_CHECKING:
 def _arguments(parser: argparse.ArgumentParser) -> None:
     session_argument(parser)
     parser.add_argument("--count", type=int, metavar="N", help="a planned set of so many poses for the sphere")
+    parser.add_argument(
+        "--step",
+        choices=("tcp", "turntable", "verify"),
+        default="tcp",
+        help="whose captures the set is for (tcp); those of verify keep away from the calibration's",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -39,7 +45,7 @@ def _run(options: argparse.Namespace) -> int:
         print_result(options, _text(now), now.to_json())
     else:
         told = {stage: {**dict(result), "stale": stage in stale} for stage, result in results.items()}
-        plan = planned_poses(session, measured, told, options.count)
+        plan = planned_poses(session, measured, told, options.count, options.step)
         print_result(options, _listed(plan), plan.to_json())
     return OK
 
@@ -59,7 +65,10 @@ def _listed(plan: "PoseList") -> str:
     lines = [plan.note, f"  pose of the flange in base ({plan.pose_convention}), then ± at the workpiece"]
     for number, pose in enumerate(plan.poses, start=1):
         after = "not determined yet" if pose.uncertainty_mm is None else f"± {pose.uncertainty_mm:.3f} mm"
-        lines.append(f"  {number:>2}  " + " ".join(f"{value:10.4f}" for value in pose.numbers) + f"  {after}")
+        table = "" if pose.table_deg is None else f"  table {pose.table_deg:.0f}°"
+        table += f", fix the sphere {pose.higher_mm:+.0f} mm higher first ({pose.mount})" if pose.higher_mm else ""
+        numbers = " ".join(f"{value:10.4f}" for value in pose.numbers)
+        lines.append(f"  {number:>2}  {numbers}  {after}{table}")
     return "\n".join(lines)
 
 

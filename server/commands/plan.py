@@ -25,6 +25,13 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         ("tilt-deg", "how far the scanner can lean (30)"),
     ):
         parser.add_argument(f"--{name}", type=float, metavar=name.rsplit("-", 1)[-1].upper(), help=what)
+    parser.add_argument("--table", action="store_true", help="with a turntable")
+    for name, what in (
+        ("part-radius-mm", "how far off the table's axis the workpiece reaches (100)"),
+        ("part-height-mm", "how high it is (150)"),
+        ("angle-noise-deg", "standard deviation of the table's angle (0.005)"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar=name.rsplit("-", 1)[-1].upper(), help=what)
     parser.add_argument("--arm", choices=("calibrated", "ordinary", "nominal"), help="the arm's class (ordinary)")
     parser.add_argument(
         "--sphere-class", choices=("certified", "bearing", "coated", "turned"), help="how exact it is (certified)"
@@ -56,6 +63,14 @@ def _cell(options: argparse.Namespace) -> dict[str, Any]:
     names = ("near_mm", "far_mm", "near_width_mm", "far_width_mm")
     field = {name: value for name in names if (value := getattr(options, name)) is not None}
     data["scanner"] = {**data.get("scanner", {}), **field}
+    table = {
+        "radius_mm": options.part_radius_mm,
+        "height_mm": options.part_height_mm,
+        "angle_sigma_deg": options.angle_noise_deg,
+    }
+    table = {name: value for name, value in table.items() if value is not None}
+    if options.table or table:
+        data["table"] = {**(data.get("table") or {}), **table}
     if options.tilt_deg is not None:
         data["limits"] = {**data.get("limits", {}), "tilt_deg": options.tilt_deg}
     return data
@@ -86,6 +101,12 @@ def _text(plan: "CellPlan") -> str:
         captures = "–" if one.captures is None else str(one.captures)
         reached = one.uncertainty_mm if one.captures is None else one.after_mm[one.captures - 1]
         lines.append(f"  {one.diameter_mm:6g} mm {captures:>9} ± {reached or 0.0:.3f} mm")
+    if plan.table is not None:
+        lines += ["", plan.table.sentence, f"  {'off axis':>9} {'heights':>8} {'angles':>7} {'then':>10}"]
+        for layout in plan.table.layouts:
+            heights = f"{len(layout.heights_mm)}"
+            leaves = f"± {layout.uncertainty_mm:.3f} mm"
+            lines.append(f"  {layout.radius_mm:6g} mm {heights:>8} {layout.angles:>7} {leaves:>10}")
     return "\n".join(lines)
 
 

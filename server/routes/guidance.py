@@ -8,7 +8,7 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.guidance.at_part import BudgetAtPart
 from calib_core.guidance.cell_plan import CellPlan, CellToPlan
-from calib_core.guidance.pose_list import PoseList
+from calib_core.guidance.pose_list import PlannedStep, PoseList
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
 from server.http.dependencies import SessionId, StoreDep
@@ -56,14 +56,23 @@ def get_budget(
 
 @router.get("/sessions/{session_id}/planned", response_model=PoseList)
 def get_planned(
-    session_id: SessionId, store: StoreDep, captures: Annotated[int, Query(ge=1, le=30, examples=[10])] = 10
+    session_id: SessionId,
+    store: StoreDep,
+    captures: Annotated[int, Query(ge=1, le=30, examples=[10])] = 10,
+    step: PlannedStep = "tcp",
 ) -> PoseList:
-    """Return the poses that together leave least uncertainty at the workpiece, and what each gains."""
+    """Return the poses that together leave least uncertainty at the workpiece, and what each gains.
+
+    Those of `turntable` come with the table's angle and the sphere's height, those of `verify` keep away from the
+    calibration's.
+    """
     from calib_core.guidance.pose_list import planned_poses
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-    return planned_poses(stored.session, list(stored.measured.values()), stored.results_with_stale(), captures)
+    return planned_poses(
+        stored.session, list(stored.measured.values()), stored.results_with_stale(), captures, step
+    )
 
 
 @router.get("/sessions/{session_id}/recheck", response_model=RecheckPlan)

@@ -115,7 +115,7 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
         progress=f"{advice.words()}{left}",
         still_needed=more or 1,
         meter=meter,
-        **_suggested(cell, pose.base_from_tool0, note),
+        **suggested(cell, pose.base_from_tool0, note),
     )
 
 
@@ -229,7 +229,7 @@ def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
         drawing="tcp-shift",
         progress=f"{count} of {WANTED_SHIFTS} shifts",
         still_needed=max(WANTED_SHIFTS - count, 1),
-        **_suggested(
+        **suggested(
             cell, pose, "If the sphere leaves the view here, go less far, or the same way in the other direction."
         ),
     )
@@ -256,7 +256,7 @@ def _turn(cell: Cell, motion: Motion, home: RigidTransform, sphere: tuple[FloatA
         drawing="tcp-turn",
         progress=f"{count} of {WANTED_TURNS} turns",
         still_needed=max(WANTED_TURNS - count, 1),
-        **_suggested(cell, pose, note),
+        **suggested(cell, pose, note),
     )
 
 
@@ -309,7 +309,8 @@ def review(
     )
 
 
-def _suggested(cell: Cell, pose: RigidTransform, note: str) -> dict[str, Any]:
+def suggested(cell: Cell, pose: RigidTransform, note: str) -> dict[str, Any]:
+    """Return a proposed pose as the guide's fields."""
     numbers = to_pose(cell.pose_convention, pose)
     return {
         "suggested_pose": pose.to_rows(),

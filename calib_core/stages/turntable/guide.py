@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.records import Capture, GuideNow, Session
+from calib_core.guidance.advice import amount
+from calib_core.guidance.table_advice import TableAdvice, TableShot, table_advice
+from calib_core.records import Capture, Cell, GuideNow, Meter, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.guide import GuideView
-from calib_core.stages.tcp.guide import review
+from calib_core.stages.tcp.guide import review, suggested
 
 WANTED_ANGLES, LEAST_ANGLES = 8, 3
 WANTED_MOUNTS = 2
@@ -45,6 +47,9 @@ def turntable_now(view: GuideView) -> GuideNow | None:
         if table.get("verdict") == "fail" or table.get("undetermined") or not _has_tcp(session):
             return _review(table)
         return _solve_chain(again=chain is not None)
+    advice = table_advice(session, measured, data)
+    if advice is not None and session.cell.wanted_mm is not None:
+        return _by_worth(session.cell, advice, again=table is not None)
     refused = {m.capture for m in measured if m.verdict == "fail"}
     angles = _angles_by_mount([c for c in captures if c.id not in refused])
     if not angles:
@@ -54,10 +59,78 @@ def turntable_now(view: GuideView) -> GuideNow | None:
         (next(reversed(angles)), next(reversed(angles.values()))),
     )
     if len(taken) < WANTED_ANGLES:
-        return _next_angle(mount, taken, angles)
+        return _with_advice(session.cell, _next_angle(mount, taken, angles), mount, advice)
     if len(angles) < WANTED_MOUNTS:
         return _next_height(mount, angles)
     return _solve_table(again=table is not None)
+
+
+def _by_worth(cell: Cell, advice: TableAdvice, *, again: bool) -> GuideNow:
+    """Return the capture that takes most off the uncertainty at the workpiece; enough of them: the solve."""
+    meter, shot = advice.meter, advice.next
+    if meter.enough or shot is None:
+        words = "enough" if meter.enough else "no pose is left that the limits allow"
+        progress = f"{words}: {_words(meter)}"
+        return _solve_table(again=again).model_copy(update={"progress": progress, "meter": meter})
+    more = meter.still_needed
+    return _now(
+        action="capture",
+        instruction=_to_do(shot),
+        why=_why(shot, meter),
+        exit=f"{amount(meter.wanted_mm)} at the workpiece, as wanted.",
+        drawing="turntable-turn" if shot.higher_mm is None else "turntable-height",
+        progress=_words(meter) + ("" if more is None else f", about {more} more"),
+        still_needed=more or 1,
+        meter=meter,
+        **_suggested(cell, shot),
+    )
+
+
+def _with_advice(cell: Cell, now: GuideNow, mount: str, advice: TableAdvice | None) -> GuideNow:
+    """Return the instruction by the plan of even angles with the angle that tells most, where that is known."""
+    if advice is None or advice.next is None or advice.next.higher_mm is not None or advice.next.mount != mount:
+        return now if advice is None else now.model_copy(update={"meter": advice.meter})
+    told = {"instruction": _to_do(advice.next), "why": _why(advice.next, advice.meter), "meter": advice.meter}
+    return now.model_copy(update={**told, **_suggested(cell, advice.next)})
+
+
+def _reviewed(cell: Cell, now: GuideNow, advice: TableAdvice | None) -> GuideNow:
+    """Return the look at the whole chain's result; where more is wanted, the capture that helps most."""
+    if advice is None or advice.meter.wanted_mm is None or now.action != "review":
+        return now
+    if advice.meter.enough:
+        return now.model_copy(update={"meter": advice.meter, "progress": f"enough: {_words(advice.meter)}"})
+    if advice.next is None or advice.meter.still_needed is None:
+        return now.model_copy(update={"meter": advice.meter})
+    return _by_worth(cell, advice, again=False).model_copy(update={"stage": now.stage})
+
+
+def _to_do(shot: TableShot) -> str:
+    angle = f"{shot.table_deg:.0f}°"
+    if shot.higher_mm is None:
+        return f"Turn the table to about {angle} and capture the sphere there."
+    way = "higher" if shot.higher_mm > 0 else "lower"
+    return (
+        f"Fix the sphere about {abs(shot.higher_mm):.0f} mm {way}, name that mount, turn the table to about "
+        f"{angle} and capture it."
+    )
+
+
+def _why(shot: TableShot, meter: Meter) -> str:
+    gain = f"at the workpiece on the table from {amount(meter.uncertainty_mm)} to {amount(meter.after_next_mm)}"
+    if shot.higher_mm is not None:
+        return f"Three captures there tell more than three more here: {gain}."
+    return f"No other angle tells more: {gain}."
+
+
+def _words(meter: Meter) -> str:
+    now = amount(meter.uncertainty_mm)
+    return now if meter.wanted_mm is None else f"{now}, wanted {amount(meter.wanted_mm)}"
+
+
+def _suggested(cell: Cell, shot: TableShot) -> dict[str, Any]:
+    note = "The scanner looks at where the sphere will be once the table has turned: turn it first."
+    return {**suggested(cell, shot.pose, note), "suggested_table_deg": shot.table_deg}
 
 
 def _captures(session: Session) -> list[Capture]:

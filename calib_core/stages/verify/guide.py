@@ -3,24 +3,31 @@
 from collections.abc import Mapping
 from typing import Any
 
+from calib_core.guidance.advice import verify_pose
 from calib_core.records import GuideNow
 from calib_core.stages.guide import GuideView
-from calib_core.stages.tcp.guide import review
+from calib_core.stages.registry import tool_stages
+from calib_core.stages.tcp.guide import review, suggested
 from calib_core.stages.turntable.guide import wants_turntable
 
 WANTED_CAPTURES = 10
+_NOTE = "No capture of the calibration was taken from here, and none tells more of the tool by itself."
 _EXIT = f"{WANTED_CAPTURES} captures of the sphere, standing still, from all sides."
 
 
 def verify_now(view: GuideView) -> GuideNow | None:
     """Return the instruction of the verification.
 
-    It is None where nobody began it, but where the tool was given with the cell and nothing else is left to do:
-    then only captures of its own show how good the tool is here.
+    It is None where nobody began it, but where limits were set for it and the answer is there, and where the tool
+    was given with the cell and nothing else is left to do: then only captures of its own show how good it is here.
     """
     captures = view.captures("verify")
     given = view.statuses["tcp"] == "known"
-    if not captures and not (given and not wants_turntable(view.session) and not view.captures("scan")):
+    limits = view.session.cell.verification
+    limited = any(value is not None for value in limits.model_dump().values())
+    asked = limited and any(view.fresh(stage) is not None for stage in tool_stages())
+    alone = given and not wants_turntable(view.session) and not view.captures("scan")
+    if not captures and not asked and not alone:
         return None
     result = view.results.get("verify")
     fresh = view.fresh("verify")
@@ -30,11 +37,15 @@ def verify_now(view: GuideView) -> GuideNow | None:
     seen = sum(capture.id not in refused for capture in captures)
     if seen >= WANTED_CAPTURES:
         return _solve(again=result is not None)
+    pose = verify_pose(view.session, view.measured, view.results)
+    told = {} if pose is None else suggested(view.session.cell, pose.base_from_tool0, _NOTE)
     return GuideNow(
         step="verify",
         stage="verify",
         action="capture",
-        instruction="Take captures of the sphere from poses that were not used for the TCP.",
+        instruction="Take captures of the sphere from poses that were not used for the TCP."
+        if pose is None
+        else "Move the flange to the pose below, away from those of the TCP, and capture the sphere.",
         why="The TCP was given with the cell; only captures of its own show how good it is here."
         if given
         else "Captures that the answer has never seen show how good it is.",
@@ -42,6 +53,7 @@ def verify_now(view: GuideView) -> GuideNow | None:
         drawing="tcp-first",
         progress=f"{seen} of {WANTED_CAPTURES} captures",
         still_needed=WANTED_CAPTURES - seen,
+        **told,
     )
 
 
