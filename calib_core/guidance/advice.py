@@ -14,14 +14,14 @@ from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.known import situation_of
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
-from calib_core.stages.registry import tool_stages
+from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
 
 _OPEN_MM = 20.0  # beyond it ± is no figure yet
 _PLENTY, _LITTLE = 10, 0.95
 _WEAK = 0.2  # of the limits of what is undetermined: what a result warns of
 _HISTORY = 24
 _TO_VERIFY = 150  # candidates: the best of fewer is good enough to verify by
-_OF_CAPTURE = ("id", "step", "kind", "files", "center_mm", "pose", "side", "excluded")
+_OF_CAPTURE = ("id", "step", "kind", "files", "center_mm", "pose", "side", "excluded", "table_deg", "mount")
 _OF_MEASURED = (
     "capture",
     "kind",
@@ -32,7 +32,15 @@ _OF_MEASURED = (
     "extent_deg",
     "on_sphere",
 )
-_OF_RESULT = ("stage", "tool0_from_laser", "sphere_center_in_base_mm", "variance_components", "workpiece", "stale")
+_OF_RESULT = (
+    "stage",
+    "tool0_from_laser",
+    "sphere_center_in_base_mm",
+    "variance_components",
+    "workpiece",
+    "stale",
+    "angle_sigma_deg",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,32 +79,34 @@ def tcp_advice(
 
     The same captures give the same advice; it is kept, because page, scene and command line ask for it at once.
     """
-    return _advised(_inputs(session, measured, results, ("tcp",)))
+    return _advised(inputs_of(session, measured, results, ("tcp",)))
 
 
 def verify_pose(
     session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
 ) -> NextPose | None:
     """Return the verification's next pose: away from the calibration's, and telling most beside its own."""
-    return _to_verify(_inputs(session, measured, results, ("tcp", "verify")))
+    return _to_verify(inputs_of(session, measured, results, steps_that_show("sphere")))
 
 
-def _inputs(
+def inputs_of(
     session: Session,
     measured: Sequence[Measured],
     results: Mapping[str, Mapping[str, Any]],
     steps: tuple[str, ...],
 ) -> str:
-    """Return all that an advice rests on, as text."""
+    """Return all that an advice rests on, as text: the same captures give the same advice, which is kept by it."""
     captures = [c.model_dump(include=set(_OF_CAPTURE)) for c in session.captures if c.step in steps]
     names = {c["id"] for c in captures}
     seen = [m.model_dump(include=set(_OF_MEASURED)) for m in measured if m.capture in names]
-    solved = {stage: _told(result) for stage, result in results.items() if stage in tool_stages()}
+    known = {*tool_stages(), *table_stages()}
+    solved = {stage: _told(result) for stage, result in results.items() if stage in known}
     told = {"cell": session.cell.model_dump(mode="json"), "captures": captures, "seen": seen, "results": solved}
     return json.dumps(told, sort_keys=True)
 
 
-def _read(told: str) -> tuple[Session, list[Measured], dict[str, Any]]:
+def inputs_read(told: str) -> tuple[Session, list[Measured], dict[str, Any]]:
+    """Return session, what was seen and results from that text."""
     data = json.loads(told)
     captures = [Capture.model_validate(capture) for capture in data["captures"]]
     session = Session(cell=Cell.model_validate(data["cell"]), captures=captures)
@@ -105,7 +115,7 @@ def _read(told: str) -> tuple[Session, list[Measured], dict[str, Any]]:
 
 @lru_cache(maxsize=32)
 def _to_verify(told: str) -> NextPose | None:
-    situation = situation_of(*_read(told), "verify")
+    situation = situation_of(*inputs_read(told), "verify")
     return None if situation is None else next_pose(situation, _TO_VERIFY)
 
 
@@ -116,7 +126,7 @@ def _told(result: Mapping[str, Any]) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def _advised(told: str) -> Advice | None:
-    session, measured, results = _read(told)
+    session, measured, results = inputs_read(told)
     situation = situation_of(session, measured, results)
     return None if situation is None else advice_in(situation, session.cell.wanted_mm, _stated(results))
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def situation_of(
     session: Session,
     measured: Sequence[Measured],
     results: Mapping[str, Mapping[str, Any]],
-    step: Literal["tcp", "verify"] = "tcp",
+    step: str = "tcp",
 ) -> Situation | None:
     """Return what is known of tool, sphere and scanner, None where too little is for a pose to be chosen.
 
@@ -51,8 +51,8 @@ def situation_of(
     measured : sequence of Measured
     results : mapping
         From stage to the JSON data of its result; a stale one's tool is as good for planning.
-    step : {"tcp", "verify"}
-        Whose captures are planned. A verification's are taken away from those of the calibration.
+    step : str
+        Whose captures are planned. Others than "tcp" are taken away from those of the calibration.
     """
     cell = session.cell
     if cell.sphere_diameter_mm is None or cell.arrangement != "scanner-on-robot":

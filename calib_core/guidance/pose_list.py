@@ -1,7 +1,7 @@
 """Planned poses as a list for the controller: numbers in the user's convention, each with its approach."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,8 @@ from calib_core.guidance.known import situation_of
 from calib_core.guidance.planner import Situation, planned_set
 from calib_core.guidance.table_advice import planned_shots, table_situation
 from calib_core.records import Matrix4, Measured, Record, Session
+from calib_core.records.base import PlannedStep
 from calib_core.robots import to_pose
-
-PlannedStep = Literal["tcp", "turntable", "verify"]
 
 APPROACH_MM = 150.0
 SPEED_MM_S = 50.0

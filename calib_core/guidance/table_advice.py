@@ -1,6 +1,5 @@
 """The next capture of the sphere on the table: angle, height and pose, by what they take off the ±."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,11 +12,13 @@ from calib_core.chain.table_start import find_table_start
 from calib_core.errors import CalibrationError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.guidance.advice import inputs_of, inputs_read
 from calib_core.guidance.candidates import allowed, candidates
 from calib_core.guidance.known import observations_of, situation_of
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.table_design import TableDesign, TableGuess
-from calib_core.records import Capture, Cell, Measured, Meter, Session
+from calib_core.records import Cell, Measured, Meter, Session
+from calib_core.stages.registry import steps_that_show
 
 _LEAST = 3  # captures of one mounting from which the table is known about
 _STEP_DEG = 30.0
@@ -30,16 +31,6 @@ _BEFORE_A_CHANGE = 4
 _MOST = 12
 _OPEN_MM = 20.0
 _MOUNTED_MM = 80.0  # off the axis, where nothing says where the sphere will stand
-_OF_CAPTURE = (
-    "id", "step", "kind", "files", "center_mm", "pose", "side", "excluded", "table_deg", "mount",
-)  # fmt: skip
-_OF_MEASURED = (
-    "capture", "kind", "verdict", "center_mm", "radius_mm", "point_sigma_mm", "extent_deg", "on_sphere",
-)  # fmt: skip
-_OF_RESULT = (
-    "stage", "tool0_from_laser", "sphere_center_in_base_mm", "variance_components", "workpiece", "stale",
-    "angle_sigma_deg",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,29 +287,16 @@ def table_advice(
     session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
 ) -> TableAdvice | None:
     """Return what to do next for the table, None where too little is known; kept, as `advice.tcp_advice` is."""
-    captures = [c.model_dump(include=set(_OF_CAPTURE)) for c in session.captures if c.step in ("tcp", "turntable")]
-    if not any(c["step"] == "turntable" for c in captures):
+    if not any(c.step == "turntable" for c in session.captures):
         return None
-    names = {c["id"] for c in captures}
-    seen = [m.model_dump(include=set(_OF_MEASURED)) for m in measured if m.capture in names]
-    solved = {stage: _told(result) for stage, result in results.items() if stage in ("tcp", "turntable", "chain")}
-    told = {"cell": session.cell.model_dump(mode="json"), "captures": captures, "seen": seen, "results": solved}
-    return _advised(json.dumps(told, sort_keys=True))
-
-
-def _told(result: Mapping[str, Any]) -> dict[str, Any]:
-    rows = [{"capture": row["capture"], "used": row.get("used", True)} for row in result.get("residuals", [])]
-    return {name: result.get(name) for name in _OF_RESULT} | {"residuals": rows}
+    return _advised(inputs_of(session, measured, results, steps_that_show("sphere", "sphere-on-table")))
 
 
 @lru_cache(maxsize=64)
 def _advised(told: str) -> TableAdvice | None:
-    data = json.loads(told)
-    cell = Cell.model_validate(data["cell"])
-    captures = [Capture.model_validate(capture) for capture in data["captures"]]
-    session = Session(cell=cell, captures=captures)
-    now = table_situation(session, [Measured.model_validate(one) for one in data["seen"]], data["results"])
-    return None if now is None or not now.taken else advice_in(now, cell.wanted_mm)
+    session, measured, results = inputs_read(told)
+    now = table_situation(session, measured, results)
+    return None if now is None or not now.taken else advice_in(now, session.cell.wanted_mm)
 
 
 def advice_in(now: TableSituation, wanted_mm: float | None) -> TableAdvice:

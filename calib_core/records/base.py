@@ -57,6 +57,9 @@ class _Registered:
 
 
 StepName = Annotated[str, _Registered("step_names")]
+
+PlannedStep = Annotated[str, _Registered("planned_steps")]
+"""A step for whose captures poses are planned."""
 """The name of a step that captures are taken for."""
 
 StageName = Annotated[str, _Registered("stage_names")]

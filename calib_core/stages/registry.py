@@ -33,6 +33,11 @@ def step_names() -> tuple[str, ...]:
 
 
 @cache
+def planned_steps() -> tuple[str, ...]:
+    """Return the steps for whose captures poses are planned, the tool's first."""
+    return tuple(stage.step.name for stage in stages() if stage.planned and stage.step is not None)
+
+
 def guided_steps() -> tuple[str, ...]:
     """Return the steps that the guide leads through, in their order."""
     return tuple(step for stage in stages() for step in stage.guided)

@@ -107,6 +107,8 @@ class Stage(ABC):
         Whether later stages can do without it.
     needs_every_step : bool
         Whether it is solved only where each of its steps has captures.
+    planned : bool
+        Whether poses are planned for its own captures.
     settings_field : str or None
         The field of the cell that holds its settings.
     layers : tuple of str
@@ -127,6 +129,7 @@ class Stage(ABC):
     gives_table: bool = False
     optional: bool = False
     needs_every_step: bool = False
+    planned: bool = False
     settings_field: str | None = None
     layers: tuple[str, ...] = ()
 

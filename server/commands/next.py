@@ -16,9 +16,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, metavar="N", help="a planned set of so many poses for the sphere")
     parser.add_argument(
         "--step",
-        choices=("tcp", "turntable", "verify"),
         default="tcp",
-        help="whose captures the set is for (tcp); those of verify keep away from the calibration's",
+        metavar="STEP",
+        help="whose captures the set is for: tcp, turntable, or verify, which keep away from the calibration's",
     )
 
 
@@ -31,6 +31,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.guidance.pose_list import planned_poses
     from calib_core.stages.graph import Graph
     from calib_core.stages.guide import guide
+    from calib_core.stages.registry import planned_steps
 
     if options.count is not None and not 1 <= options.count <= 30:
         raise InputError("1 to 30 poses", str(options.count), "Ask for so many.", "--count")
@@ -40,6 +41,10 @@ def _run(options: argparse.Namespace) -> int:
         stale = Graph.of_files(session, read).stale(results)
         shown = [c for c in session.captures if not c.excluded and c.kind != "frame"]
         measured = [measure_capture(session, capture, read) for capture in shown]
+    if options.step not in planned_steps():
+        raise InputError(
+            f"a step among {', '.join(planned_steps())}", f"'{options.step}'", "Name one of them.", "--step"
+        )
     if options.count is None:
         now = guide(session, measured, results, stale).current
         print_result(options, _text(now), now.to_json())

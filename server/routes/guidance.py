@@ -8,7 +8,8 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.guidance.at_part import BudgetAtPart
 from calib_core.guidance.cell_plan import CellPlan, CellToPlan
-from calib_core.guidance.pose_list import PlannedStep, PoseList
+from calib_core.guidance.pose_list import PoseList
+from calib_core.records.base import PlannedStep
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
 from server.http.dependencies import SessionId, StoreDep

@@ -18,6 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session."
     )
+    planned = True
     takes: ClassVar = {"tcp": SPHERE_FIELDS}
     reads = SPHERE_READS
     known = ("tool0_from_laser",)

@@ -42,7 +42,7 @@ def turntable_now(view: GuideView) -> GuideNow | None:
         return _mend(*fault)
     table, chain = data.get("turntable"), data.get("chain")
     if chain is not None and not chain.get("stale"):
-        return _review(chain)
+        return _reviewed(session.cell, _review(chain), table_advice(session, measured, data))
     if table is not None and not table.get("stale"):
         if table.get("verdict") == "fail" or table.get("undetermined") or not _has_tcp(session):
             return _review(table)

@@ -21,6 +21,7 @@ class Verify(Stage):
         "sphere",
         "Capture the sphere, standing still, from poses that were not used for the TCP.",
     )
+    planned = True
     takes: ClassVar = {"verify": SPHERE_FIELDS}
     reads = (*SPHERE_READS, "verification")
     settings_field = "verification"
