@@ -20,6 +20,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.errors import InputError
+    from calib_core.review.truth import truth_of
     from calib_core.stages.graph import Graph
     from server.console.solving import solved_if_possible
     from server.render.report.report import report_html
@@ -31,7 +32,8 @@ def _run(options: argparse.Namespace) -> int:
         session, read = load_session(folder)
         results = stored_results(folder) or solved_if_possible(options, session, read)
         stale = Graph.stale_of(session, read, results)
-    write_out(options, options.out, [report_html(session, results, stale).encode()])
+        page = report_html(session, results, stale, truth_of(folder))
+    write_out(options, options.out, [page.encode()])
     return OK
 
 

@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result, remark
@@ -37,6 +37,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import folder_of, load_session, result_data
     from calib_core.errors import CalibrationError
     from calib_core.formats.shared.writing import write_pieces
+    from calib_core.review.truth import off_the_truth, truth_of
     from calib_core.stages.pipeline import run
     from server.console.progress import progress_bar
 
@@ -58,8 +59,20 @@ def _run(options: argparse.Namespace) -> int:
                 results = run(session, read, options.stage, progress, store)
             except CalibrationError as error:
                 raise _with_cause(error, session, read) from None
-    text = "\n\n".join([*(str(result) for result in results.values()), *_causes_text(options, results)])
-    data = {"session": session.to_json(), "results": {name: result_data(r) for name, r in results.items()}}
+        truth = truth_of(folder)
+    told = {name: result_data(result) for name, result in results.items()}
+    texts = [
+        text
+        for name, result in results.items()
+        for text in (str(result), *_truth_text(session, told[name], truth))
+    ]
+    text = "\n\n".join([*texts, *_causes_text(options, results)])
+    data: dict[str, Any] = {"session": session.to_json(), "results": told}
+    if truth is not None:
+        data["truth"] = {
+            name: [frame.model_dump(mode="json") for frame in off_the_truth(session, result, truth)]
+            for name, result in told.items()
+        }
     print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is not None:
         _store(options, results, target)
@@ -117,6 +130,15 @@ def _with_cause(error: "CalibrationError", session: "Session", read: "ReadFile")
     except (CalibrationError, ValueError):  # what cannot be solved may not be explained either
         return error
     return error.adding(f"{found[0].sentence} Do so by --apply {found[0].id}.") if found else error
+
+
+def _truth_text(session: "Session", result: Mapping[str, Any], truth: Mapping[str, Any] | None) -> list[str]:
+    """Return a simulated cell's result beside its truth."""
+    from calib_core.evidence.text import blocks_text
+    from calib_core.review.truth import truth_blocks
+
+    blocks = [] if truth is None else truth_blocks(session, result, truth)
+    return [blocks_text(blocks)] if blocks else []
 
 
 def _causes_text(options: argparse.Namespace, results: "Mapping[str, Result]") -> list[str]:

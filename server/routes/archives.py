@@ -159,8 +159,13 @@ def _marks(answer: Answer | None) -> Mapping[str, str]:
 def _report(stored: SessionOfStore) -> str:
     from server.render.report.report import report_html
 
-    results = stored.results_with_stale()
-    return report_html(stored.session, stored.results, [name for name, r in results.items() if r["stale"]])
+    stale = [name for name, result in stored.results_with_stale().items() if result["stale"]]
+    truth = None
+    if stored.simulated is not None and stored.results:
+        from server.sources.simulated import simulated_session
+
+        truth = simulated_session(str(stored.simulated["scenario"]), int(stored.simulated["seed"])).truth
+    return report_html(stored.session, stored.results, stale, truth)
 
 
 def _pages(stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:

@@ -36,7 +36,8 @@ class StoredSession:
     """All of a session at one moment, for solving, guiding and drawing.
 
     `digests` maps the file names in the captures' records to the SHA-256 of their content; `results` maps each
-    stage to its latest result, as JSON data; `outputs` the names of what stages made beside them.
+    stage to its latest result, as JSON data; `outputs` the names of what stages made beside them; `simulated` is
+    the simulated cell that it is of.
     """
 
     id: str
@@ -46,6 +47,7 @@ class StoredSession:
     digests: Mapping[str, str]
     outputs: Mapping[str, Output]
     blobs: Blobs
+    simulated: Data | None = None
 
     def read(self, name: str) -> bytes:
         """Return the bytes of a capture's file; raises NotFoundError."""
@@ -229,6 +231,7 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         digests=dict(files.all()),
         outputs={row.name: Output(row.sha256, row.size) for row in outputs},
         blobs=blobs,
+        simulated=row.simulated,
     )
 
 

@@ -27,6 +27,8 @@ _LISTED = 10
 
 def pack(options: argparse.Namespace) -> int:
     """Write a session's archive with its report and scene; a session without results is solved for it."""
+    from calib_core.review.truth import truth_of
+
     folder = folder_of(options.session)
     session, read = load_session(folder)
     extra: dict[str, Content] = {}
@@ -34,7 +36,7 @@ def pack(options: argparse.Namespace) -> int:
     if not results:
         results = solved_if_possible(options, session, read)
         extra |= {f"results/{stage}.json": to_json_bytes(result) for stage, result in results.items()}
-    extra |= _report(options, session, read, results)
+    extra |= _report(options, session, read, results, truth_of(folder))
     answer = answer_of_folder(session, results, read)
     extra |= {} if answer is None else {ANSWER_FILE: to_json_bytes(answer.to_json())}
     if not options.no_scene:
@@ -74,7 +76,11 @@ def replay(options: argparse.Namespace) -> int:
 
 
 def _report(
-    options: argparse.Namespace, session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]
+    options: argparse.Namespace,
+    session: Session,
+    read: ReadFile,
+    results: Mapping[str, Mapping[str, Any]],
+    truth: Mapping[str, Any] | None,
 ) -> dict[str, Content]:
     from calib_core.stages.graph import Graph
     from server.render.report.report import report_html
@@ -86,7 +92,7 @@ def _report(
             f"warning: the result of {stage} is older than its captures: `scancell run` solves it again.",
         )
     try:
-        return {REPORT_FILE: report_html(session, results, stale).encode()}
+        return {REPORT_FILE: report_html(session, results, stale, truth).encode()}
     except CalibrationError as error:
         remark(options, f"warning: packed without the report: {error}")
         return {}

@@ -16,6 +16,7 @@ from calib_core.exports.answer import answer_of
 from calib_core.exports.workpiece import covariance_in
 from calib_core.records import Cell, Session
 from calib_core.records.evidence import AnyBlock, Figure
+from calib_core.review.truth import truth_blocks
 from calib_core.robots import CONVENTIONS
 from calib_core.stages.evidence import stored_evidence, title_of
 from calib_core.stages.registry import stages
@@ -26,7 +27,12 @@ _COVARIANCES: Final = ("covariance", "turntable_covariance")
 Data = Mapping[str, Any]
 
 
-def report_html(session: Session, results: Mapping[str, Data], stale: Collection[str] = ()) -> str:
+def report_html(
+    session: Session,
+    results: Mapping[str, Data],
+    stale: Collection[str] = (),
+    truth: Data | None = None,
+) -> str:
     """Return a session's report as one HTML page that needs no other file, no script and no address.
 
     Parameters
@@ -36,6 +42,8 @@ def report_html(session: Session, results: Mapping[str, Data], stale: Collection
         The stages' results by stage, as JSON data.
     stale : collection of str
         The stages whose result is older than the captures.
+    truth : mapping, optional
+        Of a simulated cell, as its `truth.json` has it.
 
     Raises
     ------
@@ -46,6 +54,8 @@ def report_html(session: Session, results: Mapping[str, Data], stale: Collection
     names = sorted(results, key=lambda name: order.index(name) if name in order else len(order))
     told = {name: {**results[name], "stale": name in stale} for name in names}
     blocks = {name: _evidence(session, data) for name, data in told.items()}
+    if truth is not None:
+        blocks = {name: [*some, *truth_blocks(session, told[name], truth)] for name, some in blocks.items()}
     environment = Environment(
         loader=PackageLoader("server.render.report", "."),
         autoescape=True,
@@ -63,6 +73,7 @@ def report_html(session: Session, results: Mapping[str, Data], stale: Collection
             for name in names
         ],
         stale=STALE,
+        simulated=truth is not None,
         signed_by=_SIGNED_BY,
         software=f"scancell {__version__}",
     )
