@@ -1,5 +1,6 @@
 """Results that were stored: read as they are, and held against the records that they should be."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from calib_core.archive.plain_json import require_plain
 from calib_core.errors import InputError
 from calib_core.records import Result, input_error
 from calib_core.stages.registry import STAGES
+
+TRUTH_FILE = "truth.json"
 
 
 def result_record(stage: str) -> type[Result]:
@@ -47,3 +50,25 @@ def stored_results(folder: Path) -> dict[str, dict[str, Any]]:
     for stage, data in results.items():
         require_result(stage, data, str(folder / "results" / f"{stage}.json"))
     return results
+
+
+def truth_of(folder: Path) -> dict[str, Any] | None:
+    """Return the truth that lies beside a simulated session, None where there is none.
+
+    Raises
+    ------
+    InputError
+        If the file is no JSON object.
+    """
+    path = folder / TRUTH_FILE
+    if not path.is_file():
+        return None
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            "a truth as JSON", str(error), "Remove the file, or simulate again.", TRUTH_FILE
+        ) from None
+    if not isinstance(data, dict):
+        raise InputError("a JSON object", type(data).__name__, "Remove the file, or simulate again.", TRUTH_FILE)
+    return data

@@ -1,43 +1,17 @@
 """A simulated cell's truth beside what its results state: as blocks, for reports and the command line."""
 
-import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Final
 
-from calib_core.errors import InputError
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 from calib_core.review.compare import Compared, FrameDifference, differences_from_truth
 
-TRUTH_FILE: Final = "truth.json"
 _CAPTION: Final = (
     "The cell is simulated: its truth is known, and no solver saw it. Off at the workpiece by so much, "
     "± what the result states (k = 2); chance: how often a right answer is as far off or farther."
 )
-
-
-def truth_of(folder: Path) -> dict[str, Any] | None:
-    """Return the truth that lies beside a simulated session, None where there is none.
-
-    Raises
-    ------
-    InputError
-        If the file is no JSON object.
-    """
-    path = folder / TRUTH_FILE
-    if not path.is_file():
-        return None
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            "a truth as JSON", str(error), "Remove the file, or simulate again.", TRUTH_FILE
-        ) from None
-    if not isinstance(data, dict):
-        raise InputError("a JSON object", type(data).__name__, "Remove the file, or simulate again.", TRUTH_FILE)
-    return data
 
 
 def off_the_truth(session: Session, result: Mapping[str, Any], truth: Mapping[str, Any]) -> list[FrameDifference]:

@@ -18,9 +18,8 @@ def _run(options: argparse.Namespace) -> int:
     """Write the report; a session without results is solved for it."""
     from calib_core.archive.archive import opened
     from calib_core.archive.folder import load_session
-    from calib_core.archive.stored_results import stored_results
+    from calib_core.archive.stored_results import stored_results, truth_of
     from calib_core.errors import InputError
-    from calib_core.review.truth import truth_of
     from calib_core.stages.graph import Graph
     from server.console.solving import solved_if_possible
     from server.render.report.report import report_html

@@ -35,9 +35,10 @@ def _run(options: argparse.Namespace) -> int:
     """Solve a session, store its results, print them; return 0 where all are accepted, else 1."""
     from calib_core.archive.archive import is_archive, opened
     from calib_core.archive.folder import folder_of, load_session, result_data
+    from calib_core.archive.stored_results import truth_of
     from calib_core.errors import CalibrationError
     from calib_core.formats.shared.writing import write_pieces
-    from calib_core.review.truth import off_the_truth, truth_of
+    from calib_core.review.truth import off_the_truth
     from calib_core.stages.pipeline import run
     from server.console.progress import progress_bar
 

@@ -137,7 +137,7 @@ def get_report(session_id: SessionId, store: StoreDep) -> HTMLResponse:
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         answer = _answer(db, stored)
-    return HTMLResponse(_report(stored), headers=dict(_marks(answer)))
+    return HTMLResponse(_report(stored, with_truth=True), headers=dict(_marks(answer)))
 
 
 def _answer(db: Transaction, stored: SessionOfStore) -> Answer | None:
@@ -156,12 +156,12 @@ def _marks(answer: Answer | None) -> Mapping[str, str]:
     return {} if answer is None else answer_headers(answer.verdict, answer.stale)
 
 
-def _report(stored: SessionOfStore) -> str:
+def _report(stored: SessionOfStore, *, with_truth: bool) -> str:
     from server.render.report.report import report_html
 
     stale = [name for name, result in stored.results_with_stale().items() if result["stale"]]
     truth = None
-    if stored.simulated is not None and stored.results:
+    if with_truth and stored.simulated is not None and stored.results:
         from server.sources.simulated import simulated_session
 
         truth = simulated_session(str(stored.simulated["scenario"]), int(stored.simulated["seed"])).truth
@@ -172,7 +172,7 @@ def _pages(stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:
     # Measurements and results go out even where they cannot be shown.
     pages: dict[str, bytes] = {}
     with suppress(CalibrationError):
-        pages[REPORT_FILE] = _report(stored).encode()
+        pages[REPORT_FILE] = _report(stored, with_truth=False).encode()  # as whoever imports it makes it
     if with_scene:
         from server.scenes.offline import scene_html
         from server.scenes.stored import scene_of

@@ -10,7 +10,7 @@ from calib_core.archive import archive
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.archive.bag import Content
 from calib_core.archive.folder import folder_of, load_session, to_json_bytes
-from calib_core.archive.stored_results import stored_results
+from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
 from calib_core.review.answer import ANSWER_FILE, answer_of_folder
@@ -27,8 +27,6 @@ _LISTED = 10
 
 def pack(options: argparse.Namespace) -> int:
     """Write a session's archive with its report and scene; a session without results is solved for it."""
-    from calib_core.review.truth import truth_of
-
     folder = folder_of(options.session)
     session, read = load_session(folder)
     extra: dict[str, Content] = {}
