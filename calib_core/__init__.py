@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from calib_core.frames import RigidTransform
     from calib_core.library.archives import pack, replay, unpack, verify_archive
     from calib_core.library.calibrate import (
-        Captures,
         Merged,
         calibrate_camera,
         calibrate_chain,
@@ -25,12 +24,12 @@ if TYPE_CHECKING:
         calibrate_tcp,
         calibrate_turntable,
         fit_sphere,
-        make_session,
         merge_scans,
         read_scan,
         scan_points,
         verify,
     )
+    from calib_core.library.inputs import Captures, make_session
     from calib_core.library.machines import read_poses
     from calib_core.library.opened import OpenSession, load, simulate
     from calib_core.records import Board, Capture, Cell, Known, Robot, Scanner, Session, Turntable
@@ -79,8 +78,10 @@ _HOMES = {
     **dict.fromkeys(_RECORDS, "records"),
     "CalibrationError": "errors",
     "RigidTransform": "frames",
+    "Captures": "library.inputs",
     "OpenSession": "library.opened",
     "load": "library.opened",
+    "make_session": "library.inputs",
     "pack": "library.archives",
     "parse_pose": "robots",
     "read_poses": "library.machines",

@@ -11,9 +11,10 @@ import os
 # as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import pickle
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import pytest
@@ -22,6 +23,7 @@ from hypothesis import settings
 if TYPE_CHECKING:  # most tests need no browser
     from playwright.sync_api import Browser
 
+    from calib_core.simulation import SimulatedSession
     from tests.web.browsing import Watch
 
 # Else each process that a test starts compiles all sources again.
@@ -30,6 +32,25 @@ sys.dont_write_bytecode = False
 
 settings.register_profile("scancell", deadline=None, derandomize=True, database=None)
 settings.load_profile("scancell")
+
+
+@pytest.fixture(scope="session")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], SimulatedSession]:
+    """Simulated frames by scenario and seed: rendered once for all tests of a run, in whichever process."""
+    from calib_core.simulation import simulate
+
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def of(scenario: str, seed: int) -> SimulatedSession:
+        kept = shared / f"rendered-{scenario}-{seed}.pickle"
+        if not kept.exists():
+            written = kept.with_suffix(f".{os.getpid()}")
+            written.write_bytes(pickle.dumps(simulate(scenario, seed)))
+            written.replace(kept)
+        return pickle.loads(kept.read_bytes())
+
+    return of
 
 
 @pytest.fixture(scope="session")

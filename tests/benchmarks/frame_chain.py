@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.simulation import simulate
+from calib_core.simulation import SimulatedSession
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import run
@@ -24,9 +24,8 @@ class FrameChain:
     tcp_error_mm: float
 
 
-def frame_chain(seed: int, scenario: str = "frames-tcp") -> FrameChain:
-    """Return what the frames of a seed give, beside the truth."""
-    simulated = simulate(scenario, seed)
+def frame_chain(simulated: SimulatedSession) -> FrameChain:
+    """Return what simulated frames give, beside the truth."""
     results = run(simulated.session, simulated.files.__getitem__)
     camera, plane, tcp = results["camera"], results["laser-plane"], results["tcp"]
     assert isinstance(camera, CameraResult)

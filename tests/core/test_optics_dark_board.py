@@ -1,5 +1,7 @@
 """Frames of the stripe alone: the dark board's place comes from another frame, or from the robot's pose."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
@@ -9,11 +11,13 @@ from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.hand_eye import solve_hand_eye
 from calib_core.records import Measured, Session
-from calib_core.simulation import SimulatedSession, simulate
+from calib_core.simulation import SimulatedSession
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.guide import guide
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import run
+
+Rendered = Callable[[str, int], SimulatedSession]
 
 TOOL0_FROM_CAMERA = RigidTransform.of([0.3, -0.2, 1.1], [40.0, -75.0, 60.0], "tool0", "camera")
 BASE_FROM_BOARD = RigidTransform.of([0.1, 3.0, 0.2], [850.0, -120.0, 35.0], "base", "board")
@@ -102,11 +106,11 @@ def solved(simulated: SimulatedSession, session: Session | None = None) -> tuple
     [("laser-plane-beside-lit", 8, 0.02, 0.02), ("laser-plane-dark", 12, 0.03, 0.1)],
 )
 def test_the_stripe_alone_gives_the_plane(
-    scenario: str, captures: int, normal_deg: float, distance_mm: float
+    scenario: str, captures: int, normal_deg: float, distance_mm: float, rendered: Rendered
 ) -> None:
     errors = []
     for seed in range(2):
-        simulated = simulate(scenario, seed)
+        simulated = rendered(scenario, seed)
         camera, plane = solved(simulated)
         assert camera.verdict == "pass" or "stripe alone" not in " ".join(camera.warnings)
         truth = simulated.truth["plane_in_camera"]
@@ -119,8 +123,8 @@ def test_the_stripe_alone_gives_the_plane(
 
 
 @pytest.fixture(scope="module")
-def beside() -> SimulatedSession:
-    return simulate("laser-plane-beside-lit", 1)
+def beside(rendered: Rendered) -> SimulatedSession:
+    return rendered("laser-plane-beside-lit", 1)
 
 
 def without_poses(simulated: SimulatedSession, **named: str) -> Session:
@@ -172,8 +176,8 @@ def test_a_lit_board_that_is_not_found_is_no_dark_one(beside: SimulatedSession) 
     assert "a blank frame, grey 90 to 90" in (seen.reason or "")
 
 
-def test_the_guide_says_that_a_fixed_board_may_be_dark() -> None:
-    whole = simulate("laser-plane-dark", 1).session
+def test_the_guide_says_that_a_fixed_board_may_be_dark(rendered: Rendered) -> None:
+    whole = rendered("laser-plane-dark", 1).session
     lit = [capture for capture in whole.captures if capture.step == "camera"]
     session = whole.model_copy(update={"captures": lit})
     views = [Measured(capture=c.id, kind=c.kind, verdict="pass") for c in lit]

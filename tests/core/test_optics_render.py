@@ -7,8 +7,9 @@ from calib_core.captures.measure import measure_capture
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.stripe import find_stripe
 from calib_core.optics.triangulate import ProfileCalibration, triangulate_stripe
-from calib_core.simulation import FRAME_SCENARIOS, simulate
+from calib_core.simulation import FRAME_SCENARIOS, SimulatedSession, simulate
 from calib_core.simulation.frame_camera import SimulatedCamera
+from calib_core.simulation.frame_cell import FrameScenario, simulate_frames
 from calib_core.simulation.frame_surfaces import BoardSurface, PlaneSurface, SphereSurface
 from calib_core.simulation.frames import Exposure, LightSheet, light, render, sense
 from calib_core.simulation.motion import pose, turn
@@ -116,7 +117,8 @@ def test_noise_saturation_bits_and_hot_pixels() -> None:
 
 
 def test_sessions_of_frames_are_the_same_for_the_same_seed_and_state_their_truth() -> None:
-    first, again = simulate("frames-tcp-known", 3), simulate("frames-tcp-known", 3)
+    few = FrameScenario("", camera_views=1, translations=1, orientations=1, knows_calibration=True)
+    first, again = (SimulatedSession(*simulate_frames(few, "few", 3), None) for _ in range(2))
     assert first.files == again.files
     assert first.truth == again.truth
     assert set(FRAME_SCENARIOS) >= {"camera", "laser-plane", "frames-tcp"}

@@ -7,7 +7,7 @@ from calib_core.captures.boards import Image, board_in, board_of
 from calib_core.errors import MeasurementError
 from calib_core.optics.board import BoardView, find_board
 from calib_core.records import Board
-from calib_core.simulation import simulate
+from calib_core.simulation.frame_cell import FrameScenario, simulate_frames
 
 
 def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -18,9 +18,9 @@ def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypa
         return find_board(image, board)
 
     monkeypatch.setattr(boards, "find_board", searching)
-    simulated = simulate("laser-plane", 1)
-    capture, read = simulated.session.captures[0], simulated.files.__getitem__
-    board = board_of(simulated.session.cell)
+    session, files, _ = simulate_frames(FrameScenario("", camera_views=1), "one", 1)
+    capture, read = session.captures[0], files.__getitem__
+    board = board_of(session.cell)
     view = board_in(capture, board, read)
     again = board_in(capture, board, read)
     assert again.points_px.tobytes() == view.points_px.tobytes()

@@ -1,5 +1,7 @@
 """Raw frames in a session: camera and plane of light that were solved before serve as long as they are fresh."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from calib_core.captures.measure import measure_capture
 from calib_core.captures.solved_optics import remembered
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
 from calib_core.records import Session
-from calib_core.simulation import SimulatedSession, simulate
+from calib_core.simulation import SimulatedSession
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
 
@@ -15,8 +17,8 @@ SHIFT_MM = 5.0
 
 
 @pytest.fixture(scope="module")
-def cell() -> SimulatedSession:
-    return simulate("frames-tcp", 7)
+def cell(rendered: Callable[[str, int], SimulatedSession]) -> SimulatedSession:
+    return rendered("frames-tcp", 7)
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,10 @@
 """The merge stage on session files: poses and table angles used, grids kept, what is missing named."""
 
 import runpy
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,8 +30,9 @@ TABLE = RigidTransform.of([0.05, -0.02, 0.4], [900, 100, 50], "base", "turntable
 ANGLES_DEG = np.arange(8) * 45.0
 
 
-def session(direction: int = 1, kind: str = "sweep", **merge: object) -> tuple[Session, dict[str, bytes]]:
-    """Scans of the sphere on the table: the robot stands still, the table turns; known tool and table."""
+@lru_cache(maxsize=4)
+def _scans(direction: int, kind: str) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
+    """Scans of the sphere on the table: the robot stands still, the table turns."""
     rng = np.random.default_rng(7)
     files: dict[str, bytes] = {}
     captures = []
@@ -57,6 +60,12 @@ def session(direction: int = 1, kind: str = "sweep", **merge: object) -> tuple[S
             kept = points[np.isfinite(points[..., 2])]
             files[name] = "\n".join(" ".join(f"{v:.4f}" for v in p) for p in kept).encode()
             captures.append({**capture, "files": [name], "pose": tool0.matrix.ravel().tolist()})
+    return captures, files
+
+
+def session(direction: int = 1, kind: str = "sweep", **merge: object) -> tuple[Session, dict[str, bytes]]:
+    """Return a session of such scans with a known tool and table."""
+    captures, files = _scans(direction, kind)
     cell = {
         "pose_convention": "matrix",
         "scanner": {"point_sigma_mm": sphere_scans.POINT_SIGMA_MM},
@@ -65,7 +74,7 @@ def session(direction: int = 1, kind: str = "sweep", **merge: object) -> tuple[S
         "merge": {"voxel_mm": 0.5, "mesh": "none", **merge},
     }
     record = {"format": "scancell-session/1", "cell": cell, "captures": captures}
-    return Session.model_validate(record), files
+    return Session.model_validate(record), dict(files)
 
 
 def solve(given: tuple[Session, dict[str, bytes]], **options) -> MergeResult:

@@ -1,0 +1,198 @@
+"""What the library's functions are given: arrays or files in, a session in memory out.
+
+Scans are given one a capture: a file's path, or an array: N×2 is a profile (x, z), N×3 a cloud, three numbers the
+sphere's centre, all in millimetres in L; a list of profiles is a sweep, whose pose is a list too.  Frames are
+paths, or H×W arrays of 8 or 16 bit.  Poses are the controller's numbers in the cell's `pose_convention`, 4×4
+matrices base_from_tool0 in millimetres, or the path of a text with one pose a line.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib_core.archive.folder import read_bytes
+from calib_core.errors import InputError
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.library.opened import OpenSession, in_memory
+from calib_core.records import Capture, Cell, Kind, Session, parse_cell
+from calib_core.stages.registry import steps_that_show
+
+Scan: TypeAlias = ArrayLike | PathLike[str] | str
+Scans: TypeAlias = Sequence[Any]
+Poses: TypeAlias = Sequence[Any] | PathLike[str] | str
+CellLike: TypeAlias = Cell | Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Captures:
+    """Captures of one step: scans, and beside each its pose, the table's angle and the sphere's mount."""
+
+    scans: Scans
+    poses: Poses | None = None
+    table_deg: Sequence[float] | None = None
+    mounts: Sequence[str] | None = None
+
+
+def make_session(cell: CellLike, steps: Mapping[str, Captures], name: str = "") -> OpenSession:
+    """Return a session in memory.
+
+    Parameters
+    ----------
+    cell : Cell or mapping
+    steps : mapping
+        By step, such as "tcp": its captures.
+    name : str, optional
+
+    Raises
+    ------
+    InputError
+        If counts differ, or a pose or a scan is none.
+    """
+    known = _cell(cell)
+    captures: list[Capture] = []
+    files: dict[str, bytes] = {}
+    for step, given in steps.items():
+        for capture, content in _captures(known, step, given):
+            captures.append(capture)
+            files |= content
+    return in_memory(Session(name=name, cell=known, captures=captures), files)
+
+
+def with_calibration(cell: CellLike, calibration: Any) -> Cell:
+    """Return a cell whose tool and, where the calibration has one, table are known.
+
+    Raises
+    ------
+    InputError
+        If it is neither a result nor a 4×4 matrix.
+    """
+    known = _cell(cell).known
+    tool = getattr(calibration, "tool0_from_laser", calibration)
+    matrix = np.asarray(tool, dtype=float)
+    if matrix.shape != (4, 4):
+        to_do = "Give a TcpResult, a ChainResult, or tool0_from_laser."
+        raise InputError("a calibration, or a 4×4 matrix", f"an array of shape {matrix.shape}", to_do)
+    update: dict[str, Any] = {"tool0_from_laser": matrix.tolist()}
+    if getattr(calibration, "base_from_turntable", None) is not None:
+        update["base_from_turntable"] = calibration.base_from_turntable
+    return _cell(cell).model_copy(update={"known": known.model_copy(update=update)})
+
+
+def _cell(cell: CellLike) -> Cell:
+    return cell if isinstance(cell, Cell) else parse_cell(cell)
+
+
+def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dict[str, bytes]]]:
+    count = len(given.scans)
+    poses = [None] * count if given.poses is None else _poses(cell, given.poses)
+    angles = [None] * count if given.table_deg is None else [float(angle) for angle in given.table_deg]
+    mounts = [None] * count if given.mounts is None else list(given.mounts)
+    for what, found in (("pose", poses), ("angle", angles), ("mount", mounts)):
+        if len(found) != count:
+            to_do = "Give one a scan, in the same order."
+            raise InputError(f"{count} {what}s, one a scan", str(len(found)), to_do, step)
+    return [
+        _capture(step, k, scan, {"pose": pose, "table_deg": angle, "mount": mount})
+        for k, (scan, pose, angle, mount) in enumerate(zip(given.scans, poses, angles, mounts, strict=True))
+    ]
+
+
+def _capture(step: str, index: int, scan: Any, fields: dict[str, Any]) -> tuple[Capture, dict[str, bytes]]:
+    name = f"{step}-{index + 1:02d}"
+    given = {key: value for key, value in fields.items() if value is not None}
+    is_frame = step in steps_that_show("board")
+    parts = list(scan) if isinstance(scan, list | tuple) and not _is_numbers(scan) else [scan]
+    center = None if is_frame else _array(parts[0])
+    if len(parts) == 1 and center is not None and center.shape == (3,):
+        return Capture(id=name, step=step, kind="center", center_mm=center.tolist(), **given), {}
+    files: dict[str, bytes] = {}
+    kind: Kind = "frame"
+    for k, part in enumerate(parts):
+        found, ending, data = kind_name_and_bytes(part, f"{step}, scan {index + 1}", "frame" if is_frame else None)
+        kind = found
+        files[f"captures/{name}{f'-{k + 1}' if len(parts) > 1 else ''}{Path(ending).suffix}"] = data
+    if len(parts) > 1 and not is_frame:
+        kind = "sweep"
+        if "pose" in given:
+            given["poses"] = given.pop("pose")
+    return Capture(id=name, step=step, kind=kind, files=list(files), **given), files
+
+
+def kind_name_and_bytes(scan: Any, where: str, kind: Kind | None) -> tuple[Kind, str, bytes]:
+    """Return what a scan is, a file's name for it, and the bytes."""
+    from calib_core.formats.points import read_file
+
+    if isinstance(scan, str | PathLike):
+        path = Path(cast("str | PathLike[str]", scan))
+        data = read_bytes(path, "Name the scanner's file.")
+        return kind or read_file(data, str(path)).kind, str(path), data
+    array = np.asarray(scan)
+    if kind == "frame":
+        return kind, "frame.png", _png(array, where)
+    if array.ndim != 2 or array.shape[1] not in (2, 3):
+        need = "N×2 (a profile), N×3 (a cloud), or three numbers (a centre)"
+        raise InputError(need, f"an array of shape {array.shape}", "Give the points as rows.", where)
+    data = BytesIO()
+    np.save(data, array.astype(float), allow_pickle=False)
+    return ("profile" if array.shape[1] == 2 else "cloud"), "points.npy", data.getvalue()
+
+
+def _png(frame: Any, where: str) -> bytes:
+    import cv2
+
+    if frame.ndim not in (2, 3) or frame.dtype not in (np.uint8, np.uint16):
+        got = f"{frame.dtype} of shape {frame.shape}"
+        raise InputError("a frame, H×W, of uint8 or uint16", got, "Convert it, or name its file.", where)
+    done, data = cv2.imencode(".png", frame)
+    if not done:
+        raise InputError("a frame that PNG can hold", f"shape {frame.shape}", "Name its file instead.", where)
+    return data.tobytes()
+
+
+def _poses(cell: Cell, poses: Poses) -> list[Any]:
+    if isinstance(poses, str | PathLike):
+        return _poses_of_text(cell, Path(poses))
+    return [_pose(cell, pose, f"pose {k + 1}") for k, pose in enumerate(poses)]
+
+
+def _poses_of_text(cell: Cell, path: Path) -> list[Any]:
+    from calib_core.robots import parse_pose_lines
+
+    text = read_bytes(path, "Name the file of the poses.").decode("utf-8", "replace")
+    lines = parse_pose_lines(cell.pose_convention, text)
+    for line in lines:
+        if line.problem:
+            raise InputError("a pose in each line", line.problem, "Correct it.", f"{path}: line {line.line}")
+    return [line.numbers for line in lines]
+
+
+def _pose(cell: Cell, pose: Any, where: str) -> list[Any]:
+    from calib_core.robots import to_pose
+
+    if np.shape(pose) == (4, 4):
+        return to_pose(cell.pose_convention, RigidTransform.from_rounded(pose, "base", "tool0"))
+    array = _array(pose)
+    if array is not None and array.ndim == 1:
+        return array.tolist()
+    if isinstance(pose, list | tuple | np.ndarray):  # of a sweep: one a profile
+        return [_pose(cell, each, where) for each in cast("Sequence[Any]", pose)]
+    raise InputError("numbers, or a 4×4 matrix", repr(pose)[:60], "Give base_from_tool0.", where)
+
+
+def _array(value: Any) -> FloatArray | None:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):  # a path, or arrays of different lengths
+        return None
+
+
+def _is_numbers(scan: Any) -> bool:
+    """Return whether a list is one scan written as numbers rather than a list of scans."""
+    array = _array(scan)
+    return array is not None and array.ndim in (1, 2) and not any(isinstance(part, np.ndarray) for part in scan)
