@@ -1,0 +1,131 @@
+"""Hours of mixed use of a server at a moderate rate: how its memory grows, and what is left open.
+
+Memory that allocators keep for the next request grows less and less and then stays; what leaks grows with each
+round.  So the line is fitted to what is held at the end of each round, where no session is left, after the first
+ten minutes; the slope of the second half beside it tells which of the two it is.
+"""
+
+import json
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+
+import httpx
+import psutil
+from harness import Row
+from kill_server import ServerProcess
+from soak_use import Use
+from soak_watch import Sample, Watch, slope_mb_per_h
+
+from calib_core.archive.archive import pack_files
+from calib_core.simulation import simulate
+
+_SHARE = 0.2
+"""Of one core, that the server and its workers may use: between two things that are done it rests for as long."""
+_SCENES_CLOSE_S = 135.0
+_FULL_S, _FIRST_S = 7200.0, 600.0
+_SHORT_S, _SHORT_FIRST_S = 150.0, 50.0
+
+
+def run(full: bool) -> Iterator[Row]:
+    """Yield the figures: of two hours with `full`, else of minutes, whose slope means nothing."""
+    seconds, first_s = (_FULL_S, _FIRST_S) if full else (_SHORT_S, _SHORT_FIRST_S)
+    with tempfile.TemporaryDirectory(prefix="scancell-soak-") as folder:
+        server = ServerProcess(Path(folder) / "data", {"SCANCELL_WARM_UP": "true"}).wait()
+        try:
+            watch = Watch(psutil.Process(server.process.pid))
+            yield from soaked(server, watch, _small_cell(), seconds, first_s)
+        finally:
+            server.stop()
+
+
+def soaked(server: ServerProcess, watch: Watch, archive: bytes, seconds: float, first_s: float) -> Iterator[Row]:
+    """Yield the figures of so many seconds of use, of which the first `first_s` do not count."""
+    use = Use(server.address, Pace(watch).rest, archive)
+    _until_ready(server)
+    rounds: list[Sample] = []
+    begun: Counter[str] | None = None
+    number = 0
+    while watch.now_s() < seconds:
+        use.round(number)
+        number += 1
+        time.sleep(1.0)
+        rounds.append(watch.take())
+        _print(number, rounds[-1])
+        if begun is None and watch.now_s() >= first_s:
+            begun = at_rest(watch)
+    ended = at_rest(watch)
+    later = [sample for sample in rounds if sample.at_s >= first_s]
+    yield Row("mixed use: requests, rounds", "", f"{use.done.total()}, {number} in {watch.now_s() / 60:.0f} min")
+    share = watch.processor_s() / watch.now_s()
+    yield Row("share of one core", "≤ 25 %", f"{100 * share:.0f} %", share <= 0.25)
+    yield Row("not answered as it should be", "0", f"{len(use.wrong)}", not use.wrong)
+    yield from memory_rows(later, first_s, seconds >= _FULL_S)
+    left = ended - (begun or Counter())
+    for what, count in left.items():
+        print(f"    left open: {count} × {what}", flush=True)
+    more = ended.total() - (begun or Counter()).total()
+    what = f"files open at rest, beside those after {first_s / 60:.0f} min"
+    yield Row(what, "≤ 0", f"{more:+d} of {ended.total()}", more <= 0)
+
+
+def memory_rows(samples: list[Sample], first_s: float, judged: bool) -> Iterator[Row]:
+    """Yield how memory grew."""
+    slope, low, high = slope_mb_per_h(samples)
+    after, _, _ = slope_mb_per_h(samples[len(samples) // 2 :])
+    peak_mb = max((sample.server_mb + sample.others_mb for sample in samples), default=float("nan"))
+    told = f"{slope:+.1f} ({low:+.1f} to {high:+.1f}) MB/h"
+    yield Row(f"memory after the first {first_s / 60:.0f} min", "≤ 1 MB/h", told, slope <= 1.0 if judged else None)
+    yield Row("the same, its second half; most", "", f"{after:+.1f} MB/h; {peak_mb:.0f} MB")
+
+
+def at_rest(watch: Watch) -> Counter[str]:
+    """Return what is open once scenes that nobody looks at have been closed, and nothing is under way."""
+    time.sleep(_SCENES_CLOSE_S)
+    watch.take()
+    return watch.open_now()
+
+
+class Pace:
+    """Keeps the server's share of a core moderate: rests between two things that are done."""
+
+    def __init__(self, watch: Watch) -> None:
+        self._watch = watch
+        self._before_s = watch.processor_s()
+        self._begun_s = watch.now_s()
+
+    def rest(self) -> None:
+        """Wait until the processor time used since the beginning is the share that it may have."""
+        used_s = self._watch.processor_s() - self._before_s
+        wait_s = used_s / _SHARE - (self._watch.now_s() - self._begun_s)
+        time.sleep(min(max(0.02, wait_s), 20.0))
+
+
+def _until_ready(server: ServerProcess) -> None:
+    while httpx.get(f"{server.address}/api/v1/health", trust_env=False).json()["status"] != "ready":
+        time.sleep(0.2)
+
+
+def _small_cell() -> bytes:
+    """Return the archive of a whole cell of which few scans were taken."""
+    cell = simulate("cell", 1)
+    scans = [capture for capture in cell.session.captures if capture.step == "scan"]
+    left_out = {capture.id for number, capture in enumerate(scans) if number % 4}
+    session = cell.session.model_copy(
+        update={"captures": [c for c in cell.session.captures if c.id not in left_out]}
+    )
+    out = BytesIO()
+    files = {name: cell.files[name] for capture in session.captures for name in capture.files}
+    pack_files(session, {"session.json": json.dumps(session.to_json()).encode(), **files}, out, "the cell")
+    return out.getvalue()
+
+
+def _print(number: int, sample: Sample) -> None:
+    print(
+        f"    {sample.at_s / 60:6.1f} min, round {number}: {sample.server_mb:.1f} + {sample.others_mb:.1f} MB, "
+        f"{sample.files} files, {sample.threads} threads, {sample.processes} processes",
+        flush=True,
+    )
