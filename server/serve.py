@@ -23,6 +23,7 @@ _KEEP_ALIVE_S = 30  # longer than clients keep idle connections: else a request 
 
 _SWITCH_S = 0.001  # what answers has little to do and waits for what works, five times as long by default
 _NEW_OBJECTS = 20_000  # between two looks for garbage in circles; 700 by default, a fraction of one request's
+_TICKS_BETWEEN = 300  # from one look through all objects to the next: half a minute
 
 
 class WorkbenchServer(uvicorn.Server):
@@ -37,6 +38,7 @@ class WorkbenchServer(uvicorn.Server):
         self._hub: Hub = app.state.hub
         self._settings = settings
         self._slow_heads = SlowHeads(settings.head_timeout_s)
+        self._looked = 0
         config = uvicorn.Config(
             app,
             host=settings.host,
@@ -72,7 +74,19 @@ class WorkbenchServer(uvicorn.Server):
         """Look about ten times a second after what must be done by the clock; returns whether to stop."""
         if counter % 10 == 0:
             self._slow_heads.close_old(self.server_state.connections)
+        if counter % _TICKS_BETWEEN == 0:
+            self._collect()
         return await super().on_tick(counter)
+
+    def _collect(self) -> None:
+        """Let go of what is in circles and has become old, such as closed scenes, unless nothing happened since.
+
+        By itself Python would wait for millions of new objects, and scenes hold megabytes in few of them.
+        """
+        looked = gc.get_stats()[0]["collections"]
+        if looked != self._looked:
+            gc.collect()
+            self._looked = gc.get_stats()[0]["collections"]
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """End what is under way, and let go of all resources, also where it was told to wait for nothing."""

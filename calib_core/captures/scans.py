@@ -77,6 +77,20 @@ class SessionScans(Sequence[Scan]):
     ) -> None:
         self._session, self._groups, self._placement, self._read = session, list(groups), placement, read
 
+    def read_by(self, read: ReadFile) -> "SessionScans":
+        """Return the same scans, their files read in another way."""
+        return SessionScans(self._session, self._groups, self._placement, read)
+
+    @property
+    def names(self) -> list[str]:
+        """The scans' names."""
+        return [group.name for group in self._groups]
+
+    @property
+    def reader(self) -> ReadFile:
+        """What reads their files."""
+        return self._read
+
     def __len__(self) -> int:
         return len(self._groups)
 

@@ -63,6 +63,14 @@ class VoxelCloud:
         return len(self.points_mm)
 
 
+def joined_clouds(pieces: Sequence[VoxelCloud]) -> VoxelCloud:
+    """Return clouds of different voxels as one."""
+    if len(pieces) == 1:
+        return pieces[0]
+    names = ("points_mm", "sigma_mm", "counts", "normals", "keys")
+    return VoxelCloud(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
+
+
 class VoxelGrid:
     """A voxel grid that scans are added to, one after the other.
 
@@ -78,6 +86,8 @@ class VoxelGrid:
         Takes what goes beyond `most_bytes`.  Without one, memory grows with the occupied voxels.
     most_bytes : int
         The most that the table may take in memory; used with a store.
+    first_bricks : int
+        How many bricks there is room for at first, a power of two.
 
     Raises
     ------
@@ -92,6 +102,7 @@ class VoxelGrid:
         normals: bool = False,
         store: SpillStore | None = None,
         most_bytes: int = 1_000_000_000,
+        first_bricks: int = _FIRST_BRICKS,
     ) -> None:
         if not (np.isfinite(size_mm) and size_mm > 0):
             raise InputError("a positive voxel size in mm", f"{size_mm}", "Give for example 0.5.", "voxel_mm")
@@ -102,8 +113,13 @@ class VoxelGrid:
         self._store = store
         self._most_bricks = 1 << max(0, int(np.log2(max(most_bytes // BrickTable.brick_bytes(normals), 1))))
         self._tiles: set[int] = set()
-        self._table = BrickTable(normals, min(_FIRST_BRICKS, self._most_bricks) if store else _FIRST_BRICKS)
+        self._table = BrickTable(normals, min(first_bricks, self._most_bricks) if store else first_bricks)
         self.peak_bytes = self._table.bytes
+
+    @property
+    def held_bytes(self) -> int:
+        """What the table takes in memory now."""
+        return self._table.bytes
 
     @property
     def occupied(self) -> int:
@@ -179,21 +195,26 @@ class VoxelGrid:
 
     def clouds(self) -> Iterator[VoxelCloud]:
         """Give the fused points, a tile at a time where sums went to the store; the grid stays as it is."""
+        for tile in self.tiles():
+            yield self.cloud_of(tile)
+
+    def tiles(self) -> list[int | None]:
+        """Return what `cloud_of` takes one by one: the tiles in the store, or None where all is in memory."""
         if not self._tiles:
-            yield self._cloud(self._table.voxels())
-            return
+            return [None]
         self._spill()
+        return [*sorted(self._tiles)]
+
+    def cloud_of(self, tile: int | None) -> VoxelCloud:
+        """Return the fused points of one of `tiles()`."""
+        if tile is None:
+            return self._cloud(self._table.voxels())
         assert self._store is not None
-        for tile in sorted(self._tiles):
-            yield self._cloud(self._merged(self._store.read(tile)))
+        return self._cloud(self._merged(self._store.read(tile)))
 
     def cloud(self) -> VoxelCloud:
         """Return all fused points at once."""
-        pieces = list(self.clouds())
-        if len(pieces) == 1:
-            return pieces[0]
-        names = ("points_mm", "sigma_mm", "counts", "normals", "keys")
-        return VoxelCloud(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
+        return joined_clouds(list(self.clouds()))
 
     def _require_sizes(
         self, points: SingleArray, poses: FloatArray, weights: SingleArray, normals: SingleArray, where: str

@@ -5,9 +5,9 @@ the distance of their means along their common normal.  Beside its RMS stands th
 noise and from what the calibration leaves uncertain.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,25 +137,40 @@ def patches(scans: Iterable[CleanScan], size_mm: float = 1.0) -> Patches:
     InputError
         If there are no scans or the size is not a positive number.
     """
-    names: list[str] = []
-    columns: list[tuple[NDArray[Any], ...]] = []
-    for number, scan in enumerate(scans):
-        names.append(scan.name)
-        grid = VoxelGrid(size_mm, normals=True)
-        # A distance along the normal has the noise that the scan states, at every angle of incidence.
-        weights = ((scan.verdicts == KEPT) / scan.point_sigma_mm**2).astype(np.float32)
-        grid.add(scan.points_in_turntable_mm, None, weights, scan.normals, scan.name)
-        cloud = grid.cloud()
-        good = (cloud.counts >= _FEWEST_POINTS) & np.isfinite(cloud.normals).all(axis=1)
-        values = (cloud.keys, cloud.points_mm, cloud.normals, cloud.sigma_mm.astype(float) ** 2)
-        columns.append((*(value[good] for value in values), np.full(int(good.sum()), number)))
-    if not names:
+    return joined_patches([(scan.name, seen_by(scan, size_mm)) for scan in scans], size_mm)
+
+
+class SeenBy(NamedTuple):
+    """The means of one scan in voxels: packed indices (N,), points (N, 3), normals (N, 3), variances (N,)."""
+
+    keys: NDArray[np.int64]
+    points_mm: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    variances_mm2: FloatArray
+
+
+def seen_by(scan: CleanScan, size_mm: float) -> SeenBy:
+    """Return the means of one scan in voxels of this size, where it has enough points."""
+    grid = VoxelGrid(size_mm, normals=True)
+    # A distance along the normal has the noise that the scan states, at every angle of incidence.
+    weights = ((scan.verdicts == KEPT) / scan.point_sigma_mm**2).astype(np.float32)
+    grid.add(scan.points_in_turntable_mm, None, weights, scan.normals, scan.name)
+    cloud = grid.cloud()
+    good = (cloud.counts >= _FEWEST_POINTS) & np.isfinite(cloud.normals).all(axis=1)
+    values = (cloud.keys, cloud.points_mm, cloud.normals, cloud.sigma_mm.astype(float) ** 2)
+    return SeenBy(*(value[good] for value in values))
+
+
+def joined_patches(seen: Sequence[tuple[str, SeenBy]], size_mm: float) -> Patches:
+    """Return the patches of scans by name, from what each has seen; raises InputError where there are none."""
+    if not seen:
         raise InputError("scans to compare", "none", "Add scans of the object.", "scans")
+    columns = [(*own, np.full(len(own.keys), number)) for number, (_, own) in enumerate(seen)]
     keys, points, normals, variances, scan_numbers = (np.concatenate(c) for c in zip(*columns, strict=True))
     order = np.argsort(keys, kind="stable")
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(keys[order])) + 1, [len(keys)]])
     return Patches(
-        tuple(names),
+        tuple(name for name, _ in seen),
         scan_numbers[order],
         points[order].astype(float),
         normals[order].astype(float),

@@ -1,73 +1,23 @@
 """The whole merge, scan after scan: clean, fuse, compare, register if asked, mesh; a table of contents."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.certainty import surface_sigma_mm
-from calib_core.fusion.clean import clean_scan
-from calib_core.fusion.clean_scan import KEPT, CleanOptions, CleanScan
-from calib_core.fusion.merge import SpillStore, VoxelGrid
-from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, sheet
-from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap, patches
+from calib_core.fusion.crew import Alone, Crew, Extent, MergeOptions, ScanCounts, ScanReport, ScanTask
+from calib_core.fusion.mesh import Mesh, joined, poisson_mesh
+from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, SeenBy, joined_patches, overlap
 from calib_core.fusion.register import Registration, register
 from calib_core.fusion.scan import Scan
 from calib_core.fusion.self_calibration import SelfCalibration, self_calibration
 
 Progress = Callable[[float, str], None]
 
-_PATCH_VOXELS = 3.0
 _POISSON_BYTES = 1000  # a point, about: the octree and its system of equations
-
-
-@dataclass(frozen=True)
-class MergeOptions:
-    """What is asked of a merge.
-
-    Parameters
-    ----------
-    voxel_mm : float
-    mesh : {"poisson", "grid", "none"}
-    registration : bool
-        Whether the scans may be moved after the overlap was measured.
-    self_calibration : bool
-        Whether tool and table, which the scans share, may be; where both are asked, the registration moves them.
-    clean : CleanOptions
-    patch_mm : float, optional
-        Voxels in which scans are compared; three times `voxel_mm` if left out.
-    most_bytes : int
-        Memory for voxels, and again for a mesh; used with a store.
-    """
-
-    voxel_mm: float = 0.5
-    mesh: Literal["poisson", "grid", "none"] = "poisson"
-    registration: bool = False
-    self_calibration: bool = False
-    clean: CleanOptions = field(default_factory=CleanOptions)
-    patch_mm: float | None = None
-    most_bytes: int = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class ScanCounts:
-    """How many points of a scan were kept, and dropped by reason."""
-
-    points: int
-    kept: int
-    removed: dict[str, int]
-
-
-@dataclass(frozen=True, eq=False)
-class Extent:
-    """How many points a cloud has, and the lowest and highest of their coordinates, (3,) mm."""
-
-    points: int
-    low_mm: FloatArray
-    high_mm: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +26,8 @@ class MergeSolution:
 
     Parameters
     ----------
-    grid : VoxelGrid
-        All points, in memory or in the store, which must still be there to take them out.
+    grid : Crew
+        All points, wherever they are, which must still be there to take them out.
     extent : Extent
     mesh : Mesh or None
     overlap : Overlap
@@ -99,7 +49,7 @@ class MergeSolution:
     warnings : tuple of str
     """
 
-    grid: VoxelGrid
+    grid: Crew
     extent: Extent
     mesh: Mesh | None
     overlap: Overlap
@@ -119,7 +69,7 @@ def solve_merge(
     errors: PoseErrors | None = None,
     options: MergeOptions | None = None,
     progress: Progress | None = None,
-    store: SpillStore | None = None,
+    crew: Crew | None = None,
 ) -> MergeSolution:
     """Return all scans in one cloud in T, how far they lie apart, and a mesh.
 
@@ -132,8 +82,8 @@ def solve_merge(
     options : MergeOptions, optional
     progress : callable, optional
         Called with the fraction done and what is being done; may raise to stop.
-    store : SpillStore, optional
-        For more voxels than memory holds.
+    crew : Crew, optional
+        Who does the work; this process, with all voxels in memory, if left out.
 
     Raises
     ------
@@ -146,38 +96,30 @@ def solve_merge(
     tell = progress or _say_nothing
     if not scans:
         raise InputError("at least one scan", "none", "Scan the object and add the captures.", "captures")
-    grid = VoxelGrid(o.voxel_mm, normals=True, store=store, most_bytes=o.most_bytes)
+    grid = crew or Alone(o)
     moving = o.registration or o.self_calibration
     failed: dict[str, MeasurementError] = {}
     counts: dict[str, ScanCounts] = {}
     used: list[int] = []
     sheets: list[Mesh] = []
+    first: list[tuple[str, SeenBy]] = []
 
-    def take(clean: CleanScan) -> None:
-        grid.add(clean.points_in_turntable_mm, None, clean.weights, clean.normals, clean.name)
-        if o.mesh == "grid" and _mesh_bytes(sheets) <= o.most_bytes:
-            sheets.append(sheet(clean))
+    def begun(done: int, name: str) -> None:
+        tell(0.6 * done / len(scans), f"Cleaning and merging {name}{_on_disk(grid)}")
 
-    def cleaned() -> Iterator[CleanScan]:
-        for number, scan in enumerate(scans):
-            tell(0.6 * number / len(scans), f"Cleaning and merging {scan.name}{_on_disk(grid)}")
-            try:
-                clean = clean_scan(scan, o.clean)
-            except MeasurementError as error:
-                failed[scan.name] = error
-                continue
-            used.append(number)
-            counts[scan.name] = _counted(clean)
-            if not moving:
-                take(clean)
-            yield clean
-
-    try:
-        seen = patches(cleaned(), o.patch_mm or _PATCH_VOXELS * o.voxel_mm)
-    except InputError:
-        if not failed:
-            raise
-        raise next(iter(failed.values())) from None
+    for report in grid.look_through(scans, range(len(scans)), ScanTask(o, fuse=not moving), begun):
+        if report.error is not None:
+            failed[report.name] = report.error
+            continue
+        assert report.counts is not None
+        assert report.seen is not None
+        used.append(report.number)
+        counts[report.name] = report.counts
+        first.append((report.name, report.seen))
+        _keep_sheet(sheets, report, o)
+    if not first:
+        raise next(iter(failed.values()))
+    seen = joined_patches(first, o.patch_size_mm)
     if errors is not None:
         errors = PoseErrors(errors.common[used], errors.own[used])
     apart = overlap(seen, errors)
@@ -191,12 +133,17 @@ def solve_merge(
             seen, registration = seen.transformed(ways), None
         else:
             ways, seen, left = registration.turntable_from_scan, registration.moved, registration.errors
-        for done, (number, move) in enumerate(zip(used, ways, strict=True)):
-            scan = scans[number]
-            tell(0.62 + 0.13 * done / len(used), f"Merging {scan.name}{_on_disk(grid)}")
-            take(clean_scan(_moved(scan, move), o.clean))
+
+        def again(done: int, name: str) -> None:
+            tell(0.62 + 0.13 * done / len(used), f"Merging {name}{_on_disk(grid)}")
+
+        task = ScanTask(o, fuse=True, ways=dict(zip(used, ways, strict=True)))
+        for report in grid.look_through(scans, used, task, again):
+            if report.error is not None:
+                raise report.error
+            _keep_sheet(sheets, report, o)
     tell(0.75, "Gathering the points")
-    extent = _extent(grid)
+    extent = grid.extent()
     tell(0.8, "Building the mesh")
     mesh, warnings = _mesh(grid, extent, sheets, o)
     tell(1.0, "Merged")
@@ -221,30 +168,17 @@ def _say_nothing(_fraction: float, _what: str) -> None:
     """Take progress that nobody asked for."""
 
 
-def _counted(clean: CleanScan) -> ScanCounts:
-    removed = clean.removed()
-    kept = int(np.count_nonzero(clean.verdicts == KEPT))
-    return ScanCounts(kept + sum(removed.values()), kept, removed)
-
-
 def _no_moves(count: int) -> FloatArray:
     return np.tile(np.eye(4), (count, 1, 1))
 
 
-def _moved(scan: Scan, turntable_from_scan: FloatArray) -> Scan:
-    return replace(scan, turntable_from_laser=turntable_from_scan @ scan.turntable_from_laser)
-
-
-def _on_disk(grid: VoxelGrid) -> str:
+def _on_disk(grid: Crew) -> str:
     return f" (memory was emptied to the disk {grid.spills} times)" if grid.spills else ""
 
 
-def _extent(grid: VoxelGrid) -> Extent:
-    points, low, high = 0, np.full(3, np.inf), np.full(3, -np.inf)
-    for cloud in grid.clouds():
-        points += len(cloud)
-        low, high = np.minimum(low, cloud.points_mm.min(axis=0)), np.maximum(high, cloud.points_mm.max(axis=0))
-    return Extent(points, low, high)
+def _keep_sheet(sheets: list[Mesh], report: ScanReport, options: MergeOptions) -> None:
+    if report.sheet is not None and _mesh_bytes(sheets) <= options.most_bytes:
+        sheets.append(report.sheet)
 
 
 def _mesh_bytes(sheets: Sequence[Mesh]) -> int:
@@ -252,7 +186,7 @@ def _mesh_bytes(sheets: Sequence[Mesh]) -> int:
 
 
 def _mesh(
-    grid: VoxelGrid, extent: Extent, sheets: Sequence[Mesh], options: MergeOptions
+    grid: Crew, extent: Extent, sheets: Sequence[Mesh], options: MergeOptions
 ) -> tuple[Mesh | None, list[str]]:
     """Return the mesh that is asked for; without one, and why not, where the points do not give it."""
     if options.mesh == "none":

@@ -25,6 +25,9 @@ HALF = 1 << (BITS - 1)
 BRICK_BITS = 2
 BRICK_VOXELS = 1 << (3 * BRICK_BITS)
 
+REGION_BITS = 4
+"""Blocks of 16³ voxels belong to one region."""
+
 _MASK = (1 << BITS) - 1
 _BLOCK = 256  # points whose keys are computed together, free of branches, before they go into the table
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -178,6 +181,26 @@ def add_points(
                     total[1] += weight * np.float32(m10 * q[0] + m11 * q[1] + m12 * q[2])
                     total[2] += weight * np.float32(m20 * q[0] + m21 * q[1] + m22 * q[2])
     return used, rows * columns, added, outside
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def regions_of(points: SingleArray, origin: FloatArray, size: float, regions: int) -> NDArray[np.uint8]:
+    """Return the number (N,) of the region that each point (N, 3) falls into; 0 beyond the grid.
+
+    The voxel is found as `add_points` finds it, so that each belongs to one region.
+    """
+    numbers = np.zeros(points.shape[0], np.uint8)
+    for n in range(points.shape[0]):
+        x = (np.float64(points[n, 0]) - origin[0]) / size
+        y = (np.float64(points[n, 1]) - origin[1]) / size
+        z = (np.float64(points[n, 2]) - origin[2]) / size
+        if not ((abs(x) < HALF - 1) & (abs(y) < HALF - 1) & (abs(z) < HALF - 1)):
+            continue
+        i, j, k = np.int64(np.floor(x)) + HALF, np.int64(np.floor(y)) + HALF, np.int64(np.floor(z)) + HALF
+        i, j, k = i >> REGION_BITS, j >> REGION_BITS, k >> REGION_BITS
+        mixed = np.uint64((i << (2 * BITS)) | (j << BITS) | k) * _GOLDEN
+        numbers[n] = np.uint8((mixed >> np.uint64(40)) % np.uint64(regions))
+    return numbers
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,6 +1,7 @@
 """What a stage's solver gets, and what the stages of one run hand on to each other."""
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from calib_core.stages.stage import Progress, ReadFile, StoreFile
 if TYPE_CHECKING:
     from calib_core.chain.tcp import TcpSolution
     from calib_core.chain.turntable import TurntableSolution
+    from calib_core.fusion.crew import Crew, MergeOptions
     from calib_core.stages.graph import Graph
 
 
@@ -68,6 +70,7 @@ class Kept:
 
 
 SolveOther = Callable[[str, Progress], Result]
+FindCrew = Callable[["MergeOptions"], AbstractContextManager["Crew"]]
 
 
 def _alone(stage: str, _progress: Progress) -> Result:
@@ -79,7 +82,8 @@ class StageInput:
     """What a stage's solver gets: the session, the stage's captures, their files, and whom to tell progress.
 
     `store` takes files that a stage makes beside its result, by name and in pieces; without one they are not made.
-    `solve_other` gives the result of another stage that this one rests on.
+    `solve_other` gives the result of another stage that this one rests on.  `crew` gives who does the work of a
+    merge, where that is not this process alone.
     """
 
     session: Session
@@ -90,3 +94,4 @@ class StageInput:
     store: StoreFile | None = None
     kept: Kept = field(default_factory=Kept)
     solve_other: SolveOther = _alone
+    crew: FindCrew | None = None

@@ -7,7 +7,7 @@ from calib_core.errors import InputError, MotionError
 from calib_core.records import Capture, Result, Session
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.evidence import with_evidence
-from calib_core.stages.given import Kept, StageInput
+from calib_core.stages.given import FindCrew, Kept, StageInput
 from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.registry import STAGES, answer_stages, optics_stages, stages
@@ -66,6 +66,7 @@ def solve_stage(
     progress: Progress | None = None,
     store: StoreFile | None = None,
     kept: Kept | None = None,
+    crew: FindCrew | None = None,
 ) -> Result:
     """Return the result of one stage.
 
@@ -82,6 +83,8 @@ def solve_stage(
         Takes the files that a stage makes beside its result, by name and in pieces: the merged cloud, its mesh.
     kept : Kept, optional
         What other stages have solved of the same session meanwhile.
+    crew : callable, optional
+        Gives who does the work of a merge; this process if left out.
 
     Raises
     ------
@@ -90,7 +93,7 @@ def solve_stage(
     CalibrationError
         What the stage's solver says.
     """
-    given = stage_input(session, stage, read, progress, store, kept)
+    given = stage_input(session, stage, read, progress, store, kept, crew)
     try:
         result = STAGES.get(stage, "stage").solve(given)
     except LinAlgError:
@@ -108,6 +111,7 @@ def stage_input(
     progress: Progress | None = None,
     store: StoreFile | None = None,
     kept: Kept | None = None,
+    crew: FindCrew | None = None,
 ) -> StageInput:
     """Return what the solver of a stage gets; parameters as of `solve_stage`.
 
@@ -138,7 +142,7 @@ def stage_input(
         return solved.results.get(other) or solve_stage(session, other, read, progress, kept=solved)
 
     captures = stage_captures(reduced, stage)
-    return StageInput(reduced, captures, read, graph.key(stage), tell, store, solved, solve_other)
+    return StageInput(reduced, captures, read, graph.key(stage), tell, store, solved, solve_other, crew)
 
 
 def _has_captures(session: Session, stage: Stage) -> bool:

@@ -16,6 +16,7 @@ from distributed import Client, KilledWorker
 
 from calib_core.errors import InputError
 from server.jobs import worker
+from server.jobs.dask_crew import LostWorkError, dask_crew
 from server.jobs.pool import Listen, Pool
 from server.settings import Settings
 
@@ -61,7 +62,7 @@ class DaskPool(Pool):
 
     def is_broken_by(self, error: BaseException) -> bool:
         """Return whether a worker ended, or the cluster went away."""
-        return isinstance(error, (KilledWorker, CancelledError))
+        return isinstance(error, (KilledWorker, CancelledError, LostWorkError))
 
     def is_used_up_by(self, error: BaseException) -> bool:
         """Return never: whether the cluster is there `is_gone` says."""
@@ -122,5 +123,5 @@ def _work(settings: Settings, topic: str, work: Callable[[], worker.Solved]) -> 
     from distributed import get_worker
 
     here: Any = get_worker()
-    worker.begin(settings, here.address, lambda message: here.log_event(topic, tuple(message)))
+    worker.begin(settings, here.address, lambda message: here.log_event(topic, tuple(message)), dask_crew)
     return work()

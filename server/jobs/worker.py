@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calib_core.captures.kept import keeping
 from calib_core.errors import InputError
-from server.store.blob_places import open_blobs
+from server.store.blob_places import BlobPlace, open_blobs
 from server.store.blobs import Blobs
 from server.store.sessions import Output
 
 if TYPE_CHECKING:
+    from calib_core.stages.given import FindCrew
     from server.settings import Settings
 
 Place = int | str
@@ -43,6 +44,7 @@ _REPORT_STEP = 0.03  # a long step's name is told however soon it follows the on
 _settings: "Settings | None" = None
 _place: Place = 0
 _tell: Callable[[Message], None] | None = None
+_crew: "FindCrew | None" = None
 
 
 @dataclass(frozen=True)
@@ -66,10 +68,12 @@ def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
     queue.put(Message("", "initialized", os.getpid()))
 
 
-def begin(settings: "Settings", place: Place, tell: Callable[[Message], None]) -> None:
-    """Say what this process works with, where it is, and whom it tells."""
-    global _settings, _place, _tell
-    _settings, _place, _tell = settings, place, tell
+def begin(
+    settings: "Settings", place: Place, tell: Callable[[Message], None], crew: "FindCrew | None" = None
+) -> None:
+    """Say what this process works with, where it is, whom it tells, and who does the work of a merge."""
+    global _settings, _place, _tell, _crew
+    _settings, _place, _tell, _crew = settings, place, tell, crew
 
 
 def _end_with_the_server() -> None:
@@ -119,7 +123,7 @@ def solve(
     record = parse_session(session)
     kept = Kept.of_stored(Graph(record, digests.__getitem__), solved, without=stage)
     outputs = _Outputs(_blobs(), stage)
-    result = solve_stage(record, stage, _reader(digests), progress, outputs.store, kept)
+    result = solve_stage(record, stage, _reader(digests), progress, outputs.store, kept, _crew)
     return Solved(plain_json(result), outputs.stored)
 
 
@@ -165,14 +169,30 @@ def started(job_id: str) -> Callable[[float, str], None]:
 
 
 @cache
+def _opened(place: BlobPlace) -> Blobs:
+    return open_blobs(place)
+
+
 def _blobs() -> Blobs:
     assert _settings is not None
-    return open_blobs(_settings.blob_place)
+    return _opened(_settings.blob_place)
 
 
 def _reader(digests: Mapping[str, str]) -> Callable[[str], bytes]:
-    blobs = _blobs()
-    return keeping(lambda name: blobs.read(digests[name]), blobs.observations)
+    assert _settings is not None
+    return keeping(BlobReader(_settings.blob_place, digests), _blobs().observations)
+
+
+@dataclass(frozen=True)
+class BlobReader:
+    """Reads a session's files by name where they lie; other processes that it is sent to do so themselves."""
+
+    place: BlobPlace
+    digests: Mapping[str, str]
+
+    def __call__(self, name: str) -> bytes:
+        """Return the bytes of a file; raises NotFoundError, DamagedError."""
+        return _opened(self.place).read(self.digests[name])
 
 
 class _Outputs:

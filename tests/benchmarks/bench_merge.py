@@ -12,29 +12,9 @@ from harness import Row
 
 from calib_core.fusion.merge import VoxelGrid, fuse
 from calib_core.kernels.fusion import pack_keys
+from tests.vase import poses, view
 
 VOXEL_MM = 0.5
-
-
-def view(side: int, seed: int = 0) -> np.ndarray:
-    """A scan (side, side, 3) of a turned vase 200 mm high, seen from 400 mm: ±60° around it, noise 0.02 mm."""
-    rng = np.random.default_rng(seed)
-    around, height = np.meshgrid(
-        np.deg2rad(np.linspace(-60, 60, side)), np.linspace(-100, 100, side), indexing="ij"
-    )
-    radius = 80 + 15 * np.sin(height / 25) + rng.normal(0, 0.02, around.shape)
-    points = np.stack([height, radius * np.sin(around), 400 - radius * np.cos(around)], axis=-1)
-    return points.astype(np.float32)
-
-
-def poses(count: int) -> list[np.ndarray]:
-    """turntable_from_laser as the table turns."""
-    result = []
-    for k in range(count):
-        c, s = np.cos(2 * np.pi * k / count), np.sin(2 * np.pi * k / count)
-        turn = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-        result.append(turn @ np.array([[0, 0, -1.0, 400], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]]))
-    return result
 
 
 def peak_of(job: Callable[[], object]) -> tuple[float, float, object]:

@@ -4,11 +4,12 @@ import sys
 import time
 from dataclasses import dataclass
 
-from bench_merge import VOXEL_MM, peak_of, poses, status_mb, view
+from bench_merge import VOXEL_MM, peak_of, status_mb
 from harness import Row
 
 from calib_core.archive.spill import FileSpill
 from calib_core.fusion.merge import VoxelGrid
+from tests.vase import poses, view
 
 MOST_BYTES = 150_000_000
 MOST_MEMORY_MB = 1000.0

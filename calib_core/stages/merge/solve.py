@@ -1,6 +1,7 @@
 """The merge stage: the calibration first, then every scan into T, one cloud, one mesh, one row a capture."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +14,11 @@ from calib_core.errors import InputError
 from calib_core.formats.format import Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.fusion.crew import Alone, Crew, MergeOptions
 from calib_core.fusion.majority import NO_SCAN, HeaviestScans
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.self_calibration import SelfCalibration
-from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
+from calib_core.fusion.solve import MergeSolution, solve_merge
 from calib_core.records import Cell, VarianceComponents, Verdict
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import StageInput
@@ -59,14 +61,25 @@ def solve_merge_stage(given: StageInput) -> MergeResult:
     def tell(fraction: float, what: str) -> None:
         given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
 
-    with FileSpill() as spill:
-        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, spill)
+    with _crew(given, plan.options) as crew:
+        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew)
         result = _result(given, plan, solution)
         if given.store is not None:
             given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names))
             if solution.mesh is not None:
                 given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
     return result
+
+
+@contextmanager
+def _crew(given: StageInput, options: MergeOptions) -> Generator[Crew]:
+    """Give who does the work: those that the caller has, else this process, with a file for what memory lacks."""
+    if given.crew is not None:
+        with given.crew(options) as crew:
+            yield crew
+        return
+    with FileSpill() as spill:
+        yield Alone(options, spill)
 
 
 @dataclass(frozen=True, eq=False)
