@@ -157,8 +157,8 @@ def seen_by(scan: CleanScan, size_mm: float) -> SeenBy:
     grid.add(scan.points_in_turntable_mm, None, weights, scan.normals, scan.name)
     cloud = grid.cloud()
     good = (cloud.counts >= _FEWEST_POINTS) & np.isfinite(cloud.normals).all(axis=1)
-    values = (cloud.keys, cloud.points_mm, cloud.normals, cloud.sigma_mm.astype(float) ** 2)
-    return SeenBy(*(value[good] for value in values))
+    variances = cloud.sigma_mm[good].astype(float) ** 2
+    return SeenBy(cloud.keys[good], cloud.points_mm[good], cloud.normals[good], variances)
 
 
 def joined_patches(seen: Sequence[tuple[str, SeenBy]], size_mm: float) -> Patches:

@@ -346,7 +346,7 @@ def _cluster_gone() -> Data:
 
 def _worker_ended() -> Data:
     got = "the worker process ended unexpectedly (it was killed, or memory ran out)"
-    return problem_of_status(500, got, "Run it again.")
+    return problem_of_status(503, got, "Run it again.")
 
 
 def _explain(error: BaseException) -> Data:

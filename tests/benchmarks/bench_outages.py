@@ -1,5 +1,7 @@
 """What the server rests on goes away under load and comes back: what was lost, who wrote, how soon all is well."""
 
+import fcntl
+import os
 import signal
 import tempfile
 import threading
@@ -55,6 +57,7 @@ class Part:
     back: Callable[[], None]
     solves: bool = False
     by_two: Callable[[], int] = int
+    log: int | None = None
 
 
 def run(full: bool) -> Iterator[Row]:
@@ -92,7 +95,7 @@ def outages(name: str, folder: Path, times: int, seed: int) -> Found:
     found = Found()
     with PARTS[name](folder) as part:
         quick = {"SCANCELL_RATE_PER_S": "10000", "SCANCELL_RATE_BURST": "10000"}
-        server = ServerProcess(folder / "data", {**part.environment, **quick}, forked=True).wait()
+        server = ServerProcess(folder / "data", {**part.environment, **quick}, forked=True, log=part.log).wait()
         try:
             with server.client() as client, _load(server, client, found, part.solves):
                 for _ in range(times):
@@ -205,7 +208,9 @@ def _look(client: httpx.Client, found: Found) -> None:
             time.sleep(0.1)
         # The truth: the cluster went away, or the job's own worker was killed with it.
         told = ended["status"] == "done" or (
-            ended["status"] == "failed" and ended["error"]["to_do"].startswith("Run it again")
+            ended["status"] == "failed"
+            and ended["error"]["status"] == 503
+            and ended["error"]["to_do"].startswith("Run it again")
         )
         if not told:
             found.wrong.append(f"job {job}: {ended}")
@@ -290,9 +295,51 @@ def _scheduler(folder: Path) -> Iterator[Part]:
         kill()
 
 
+@contextmanager
+def _worker(folder: Path) -> Iterator[Part]:
+    """One of two workers of a Dask cluster is killed, and another takes its place."""
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    scheduler = start_scheduler(port)
+    until_there(port)
+    workers = [start_worker(address) for _ in range(2)]
+
+    def kill() -> None:
+        workers[0].kill()
+        workers.pop(0).join()
+
+    try:
+        yield Part({"SCANCELL_DASK": address}, kill, lambda: workers.append(start_worker(address)), solves=True)
+    finally:
+        for process in (scheduler, *workers):
+            process.kill()
+            process.join()
+
+
+@contextmanager
+def _log(folder: Path) -> Iterator[Part]:
+    """Who reads the log of every request stops reading, and goes on."""
+    reading, writing = os.pipe()
+    fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)  # a few lines, and whoever writes has to wait
+    reads = threading.Event()
+    reads.set()
+
+    def read() -> None:
+        while reads.wait() and os.read(reading, 1 << 16):
+            pass
+
+    threading.Thread(target=read, daemon=True).start()
+    try:
+        yield Part({"SCANCELL_LOG": "json"}, reads.clear, reads.set, log=writing)
+    finally:
+        reads.set()
+
+
 PARTS: dict[str, Callable[[Path], Any]] = {
     "PostgreSQL restarted": _database,
     "the lock's connection cut": _lock,
     "S3 away": _bucket,
     "Dask scheduler restarted": _scheduler,
+    "Dask worker killed": _worker,
+    "reader of the log hangs": _log,
 }

@@ -26,6 +26,8 @@ class ServerProcess:
         What is run in place of `scancell`.
     forked : bool
         Whether it is forked from a process that has imported what it needs, which saves seconds.
+    log : int, optional
+        A descriptor that its log goes to; a file without.
     """
 
     def __init__(
@@ -34,12 +36,13 @@ class ServerProcess:
         environment: dict[str, str] | None = None,
         program: Sequence[str] = ("server.cli",),
         forked: bool = False,
+        log: int | None = None,
     ) -> None:
         words = [*program, "serve", "--port", "0", "--data", str(data)]
         root = str(Path(__file__).resolve().parents[2])
         environment = {"PYTHONPATH": root, "SCANCELL_WARM_UP": "false", **(environment or {})}
         # Not a pipe: one that nobody reads stops the server when it is full.
-        self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115
+        self._said = tempfile.TemporaryFile("w+") if log is None else os.fdopen(log, "w")  # noqa: SIM115
         if forked:
             self.process = ForkedCommand(words, environment, self._said)
         else:
@@ -59,8 +62,10 @@ class ServerProcess:
         line = self.process.stdout.readline()
         if "http://" not in line:
             self.process.communicate()
-            self._said.seek(0)
-            said = self._said.read()
+            said = "see its log"
+            if self._said.seekable():
+                self._said.seek(0)
+                said = self._said.read()
             self._said.close()
             raise AssertionError(f"the server did not start: {said[-2000:]}")
         self.address = "http://" + line.split("http://")[1].split()[0]

@@ -17,6 +17,12 @@ def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:
     raise AssertionError("nobody ended this")
 
 
+def faulty_solve(job_id: str, *_: Any) -> dict[str, Any]:
+    """Meet an error that nobody thought of."""
+    worker.started(job_id)
+    raise ZeroDivisionError("division by zero")
+
+
 def ready_once_there(file: Path) -> bool:
     """Be warm once a file is there."""
     while not file.exists():

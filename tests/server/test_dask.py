@@ -4,6 +4,8 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import dask.config
@@ -14,10 +16,12 @@ import server.jobs.worker
 from calib_core.errors import InputError
 from server.jobs.dask_pool import DaskPool
 from server.settings import Settings
+from server.store.blob_places import open_blobs
 from tests.server.forked_commands import fork_from_one
 from tests.server.live_server import make_session, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
 from tests.server.test_jobs import wait_until_it_runs
+from tests.vase import vase_session
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the cluster's own parts, when it ends
 
@@ -52,6 +56,29 @@ def test_a_session_is_solved_by_the_cluster(start: Callable[..., Any], cluster: 
         assert failed["error"]["status"] == 422  # the solver's own words
 
 
+@pytest.mark.parametrize("memory_mb", [1000.0, 1.0])
+def test_a_merge_goes_over_the_workers_and_is_the_same_byte_for_byte(
+    tmp_path: Path, cluster: str, memory_mb: float
+) -> None:
+    settings = Settings(data=tmp_path, dask=cluster)
+    record, files = vase_session(5, 60)
+    record["cell"]["merge"]["memory_mb"] = memory_mb
+    record["captures"][3]["table_deg"] = record["captures"][2]["table_deg"]
+    blobs = open_blobs(settings.blob_place)
+    digests = {name: blobs.put(content) for name, content in files.items()}
+    work = partial(server.jobs.worker.solve, "job", record, "merge", digests, {})
+    server.jobs.worker.begin(settings, 0, lambda _: None)
+    here = work()
+    pool = DaskPool(settings, lambda _: None)
+    try:
+        there = pool.submit(work).result(timeout=60)
+    finally:
+        pool.close()
+    assert there.result == here.result
+    assert there.outputs == here.outputs
+    assert (here.result["spills"] > 0) == (memory_mb < 10)
+
+
 def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
     start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -69,6 +96,7 @@ def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
         job = wait_for(client, second)
         assert job["status"] == "failed"
         assert "ended unexpectedly" in job["error"]["detail"]
+        assert job["error"]["status"] == 503
         assert job["error"]["to_do"] == "Run it again."
         assert client.get(f"/jobs/{first}").json()["status"] == "cancelled"
 

@@ -120,6 +120,7 @@ def test_a_killed_worker_is_named_and_the_next_job_runs(start: Callable[..., Any
         job = wait_for(client, killed)
         assert job["status"] == "failed"
         assert "ended unexpectedly" in job["error"]["detail"]
+        assert job["error"]["status"] == 503
         assert job["error"]["to_do"] == "Run it again."
         wait_until_it_runs(client, waiting)
 

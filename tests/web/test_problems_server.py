@@ -20,7 +20,7 @@ import server.jobs.worker
 from server.settings import Settings
 from tests.server.access import bearer, guarded, site_of
 from tests.server.live_server import make_session, serving, simulated_session, wait_for
-from tests.server.slow_work import slow_solve
+from tests.server.slow_work import faulty_solve, slow_solve
 from tests.server.test_faults import server as server_process
 from tests.server.test_faults import small_disk  # noqa: F401 (a fixture)
 from tests.server.test_jobs import wait_until_it_runs
@@ -386,6 +386,19 @@ def test_a_solve_that_takes_too_long(profile: SharedProfile, start: Callable[...
 
 
 @provokes("http-500")
+def test_a_solve_meets_an_error_of_the_program(
+    profile: SharedProfile, start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server.jobs.worker, "solve", faulty_solve)
+    with start() as client:
+        session = simulated_session(client, captures=2)
+        with visiting(profile, client, f"/sessions/{session}") as visitor:
+            expect(visitor.rows).to_have_count(2)
+            solve_and_fail(visitor, client, "http-500")
+            visitor.picture("http-500")
+
+
+@provokes("http-503")
 def test_the_worker_of_a_solve_is_killed(
     profile: SharedProfile, start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -399,9 +412,9 @@ def test_the_worker_of_a_solve_is_killed(
             job = asked.value.json()["id"]
             os.kill(wait_until_it_runs(client, job), signal.SIGKILL)
             error = wait_for(client, job)["error"]
-            assert error["type"].endswith(":http-500")
+            assert error["type"].endswith(":http-503")
             require_said(error, visitor.toast)
-            visitor.picture("http-500")
+            visitor.picture("http-503-solve")
             expect(visitor.rows).to_have_count(6)
 
 
