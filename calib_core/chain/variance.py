@@ -225,6 +225,8 @@ class _Restricted:
 
     def value(self, sigmas: Sigmas) -> float:
         """Return the restricted log-likelihood: the unknowns maximised out and their loss of freedom counted."""
+        from scipy.linalg import solve_triangular
+
         hessian, gradient, value = self.equations(sigmas)
         scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
         scaled = hessian / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
@@ -232,6 +234,6 @@ class _Restricted:
             low = np.linalg.cholesky(scaled)
         except np.linalg.LinAlgError:  # nothing is known of some unknown at such sigmas
             return _IMPOSSIBLE
-        along = np.linalg.solve(low, gradient / scale)
+        along = solve_triangular(low, gradient / scale, lower=True, check_finite=False)
         logarithm = np.log(np.diag(low)).sum() + np.log(scale).sum()
         return value + 0.5 * float(along @ along) - float(logarithm)
