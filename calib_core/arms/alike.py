@@ -39,7 +39,7 @@ def alike_factors(poses: Poses, others: Poses | None, reach: float) -> tuple[Flo
 
     An added pose's error is the row times what the columns stand for, and a rest of its own: 1 − |row|².
     """
-    from calib_core.kernels.chain import pivoted_factor
+    from calib_core.kernels.alike import pivoted_factor
 
     features = _features(poses, reach)
     count = len(features)

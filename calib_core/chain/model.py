@@ -6,17 +6,14 @@ uncertain (`chain.scanner`); last what is drawn rather than fixed: pose errors t
 variance.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.chain import scanner
-from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.table import TableReadings, TableState
 from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector
 
-_MOST_POINTS = 128  # a profile's arc in steps of about a degree: finer ones say the same
 ARM_SCALE_SIGMA = 2e-4
 """How far an arm's lengths are off, as a share: beyond what its maker promises the captures must show it."""
 
@@ -187,150 +184,6 @@ class ChainData:
             anchor_gradient=self.anchor_gradient[used],
             table=self.table and self.table.chosen(used),
         )
-
-
-def chain_data(
-    observations: Sequence[SphereObservation],
-    sphere: SphereSize,
-    profile_sigma_mm: float | None,
-    priors: scanner.ScannerPriors | None = None,
-) -> ChainData:
-    """Return observations as arrays.
-
-    Parameters
-    ----------
-    observations, sphere
-    profile_sigma_mm : float or None
-        The points' standard deviation in every profile.
-    priors : ScannerPriors, optional
-        None takes the scanner and the arm's lengths as exact.
-    """
-    count = len(observations)
-    seen = [np.abs(o.points_in_laser_mm[:, 0]).max() for o in observations if len(o.points_in_laser_mm)]
-    half_width = float(max(seen, default=1.0))
-    merged = [_merged_points(o) for o in observations]
-    sigmas = np.array([profile_sigma_mm or o.point_sigma_mm or 1.0 for o in observations])
-    alike = np.array([o.points_per_independent for o in observations])
-    weights = 1 / (sigmas**2 * alike)
-    anchors, information, gradient = np.zeros((count, 3)), np.zeros((count, 11, 11)), np.zeros((count, 11))
-    effective = np.zeros(count)
-    for k, o in enumerate(observations):
-        if o.kind == "profile":
-            effective[k] = weights[k] * _scatter_left(o, *merged[k], sphere.radius_mm)
-        else:
-            anchors[k] = o.center_in_laser_mm
-            information[k], gradient[k] = _quadratic(o, sphere.radius_mm, half_width)
-    points = np.ascontiguousarray(np.concatenate([m[0] for m in merged]) if merged else np.empty((0, 3)))
-    lengths = [len(m[0]) for m in merged]
-    circles = np.array([[*o.center_in_laser_mm, o.circle_radius_mm or 0.0] for o in observations]).reshape(-1, 4)
-    circles = np.repeat(circles, lengths, axis=0)
-    # By x alone, in which a scanner's noise does not act: a point's own noise must not enter its shape.
-    across = (points[:, 0] - circles[:, 0]) / np.maximum(circles[:, 3], 1e-12)
-    cosine = np.sqrt(np.maximum(1 - across**2, 0.0)) * circles[:, 3] / sphere.radius_mm
-    basis = np.column_stack([scanner.bow_of(points, half_width), scanner.incidence_shapes(cosine)])
-    radius_sigma = sphere.sigma_mm / 2
-    return ChainData(
-        rotations=np.array([o.base_from_tool0.rotation for o in observations]).reshape(-1, 3, 3),
-        translations=np.array([o.base_from_tool0.translation_mm for o in observations]).reshape(-1, 3),
-        points=points,
-        counts=np.concatenate([m[1] for m in merged]) if merged else np.empty(0),
-        basis=np.ascontiguousarray(basis),
-        offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
-        weights=weights,
-        effective=effective,
-        anchors=anchors,
-        anchor_information=information,
-        anchor_gradient=gradient,
-        radius_mm=sphere.radius_mm,
-        nuisance_sigmas=priors.sigmas(radius_sigma) if priors else scanner.nothing_believed(radius_sigma),
-        half_width_mm=half_width,
-        order=np.linspace(-1.0, 1.0, count),
-        pose_scale=np.ones(count),
-        points_per_independent=alike,
-        arm_scale_sigma=ARM_SCALE_SIGMA if priors else 0.0,
-        drift_sigma_mm=DRIFT_SIGMA_MM if priors else 0.0,
-    )
-
-
-def _scatter_left(
-    observation: SphereObservation, points: FloatArray, counts: FloatArray, sphere_radius_mm: float
-) -> float:
-    """Return the mean square, mm², of a profile's distances to the sphere that merged points still show.
-
-    The density of points must count for as much as their distances do: those that cancelled where neighbours
-    were merged no longer pull at the scales, and with them counted in full all captures together would.
-    """
-    circle = observation.circle_radius_mm or 0.0
-    distances = np.hypot(*(points[:, [0, 2]] - observation.center_in_laser_mm[[0, 2]]).T) - circle
-    many = len(points)
-    zone = min(circle / sphere_radius_mm, 1.0)
-    return float(zone**2 * (counts @ distances**2) / counts.sum() * many / max(many - 3, 1))
-
-
-def _merged_points(observation: SphereObservation) -> tuple[FloatArray, FloatArray]:
-    """Return a profile's points (n, 3), neighbours along the arc merged, and how many each stands for.
-
-    Points are merged in angle and distance from the circle's centre, so that no chord shortens the radius.
-    """
-    points = observation.points_in_laser_mm
-    if observation.kind != "profile":
-        return np.empty((0, 3)), np.empty(0)
-    if len(points) <= _MOST_POINTS:
-        return points, np.ones(len(points))
-    x, z = (points[:, [0, 2]] - observation.center_in_laser_mm[[0, 2]]).T
-    middle = np.arctan2(z.mean(), x.mean())
-    angle = np.angle(np.exp(1j * (np.arctan2(z, x) - middle)))
-    order = np.argsort(angle, kind="stable")
-    starts = np.linspace(0, len(points), _MOST_POINTS, endpoint=False).astype(int)
-    counts = np.diff(np.append(starts, len(points))).astype(float)
-    angle = np.add.reduceat(angle[order], starts) / counts + middle
-    distance = np.add.reduceat(np.hypot(x, z)[order], starts) / counts
-    plane = (
-        observation.center_in_laser_mm
-        + np.column_stack([np.cos(angle), 0 * angle, np.sin(angle)]) * (distance[:, None])
-    )
-    return plane, counts
-
-
-def _quadratic(
-    observation: SphereObservation, radius_mm: float, half_width_mm: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return information (11, 11) and gradient (11,) of a cloud's or a measured centre's likelihood."""
-    center = observation.center_in_laser_mm
-    points = observation.points_in_laser_mm
-    if observation.kind == "center" or len(points) == 0:
-        jacobian = np.zeros((3, 11))
-        jacobian[:, :3] = np.eye(3)
-        jacobian[:, 4:8] = -scanner.displacements(center[None], np.zeros(1))[0]
-        weighted = jacobian.T @ np.linalg.inv(observation.center_covariance)
-        return weighted @ jacobian, np.zeros(11)
-    offsets = points - center
-    distances = np.linalg.norm(offsets, axis=1)
-    normals = offsets / distances[:, None]
-    moved = np.einsum("ni,nij->nj", normals, scanner.displacements(points, scanner.bow_of(points, half_width_mm)))
-    shapes = scanner.incidence_shapes(np.abs(normals[:, 2]))
-    jacobian = np.column_stack([-normals, -np.ones(len(points)), moved, -shapes])
-    weight = 1 / (observation.point_sigma_mm**2 * observation.points_per_independent)
-    gradient = weight * jacobian.T @ (distances - radius_mm)
-    return weight * jacobian.T @ jacobian, gradient + _density_slope(observation, normals, distances)
-
-
-def _density_slope(observation: SphereObservation, normals: FloatArray, distances: FloatArray) -> FloatArray:
-    """Return the gradient (11,) of the part of a cloud's density that `sphere_information` has of a profile's."""
-    from calib_core.kernels.chain import FLATTEST
-
-    points = observation.points_in_laser_mm
-    steep = np.abs(normals[:, 2]) > FLATTEST
-    points, normals, distances = points[steep], normals[steep], distances[steep]
-    by_point = normals / distances[:, None]
-    by_point[:, 2] = -(1 / normals[:, 2] - normals[:, 2]) / distances
-    slope = np.zeros(11)
-    slope[:3] = -by_point.sum(axis=0)
-    moved = scanner.displacements(points, np.zeros(len(points)))
-    slope[4:8] = np.einsum("ni,nij->j", by_point, moved)
-    slope[5] -= len(points)
-    slope[6] -= float(np.sum(normals[:, 0] / normals[:, 2]))
-    return slope / observation.points_per_independent
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.arms.alike import visits
+from calib_core.chain.arrays import chain_data
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import tool_difference
 from calib_core.chain.likelihood import fit
-from calib_core.chain.model import chain_data
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.scanner import OF_FILES
 from calib_core.chain.tcp import TcpSolution

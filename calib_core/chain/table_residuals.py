@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.chain.answer import surface_distances
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.table import TableReadings
 from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.table_start import both_centers_in_base
-from calib_core.chain.tcp import surface_distances
 from calib_core.frames import FloatArray, RigidTransform
 
 

@@ -11,10 +11,12 @@ import numpy as np
 
 from calib_core.arms.alike import visits
 from calib_core.causes.happened import Happened, named_causes
+from calib_core.chain.answer import Answer, answer_of, expected_in_laser
+from calib_core.chain.arrays import chain_data
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import Influence, influence_of
-from calib_core.chain.model import ChainState, Sigmas, chain_data
+from calib_core.chain.model import ChainState, Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, WithoutOne, judge, with_more_spread, without_each
@@ -25,7 +27,7 @@ from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orie
 from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray
 
 Progress = Callable[[float, str], None]
 _LEAST_CAPTURES = 5
@@ -46,39 +48,6 @@ class TcpOptions:
     point_sigma_mm: float | None = None
     priors: ScannerPriors = field(default_factory=ScannerPriors)
     apply_scanner: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """One answer to "where is the scanner?", and how the captures lie about it.
-
-    Attributes
-    ----------
-    tool0_from_laser : RigidTransform
-    center_in_base_mm : (3,)
-    surface_rms_mm : float
-        Of all used points' distances to the sphere, robot poses taken as recorded.
-    center_scatter_rms_mm : float
-        RMS distance in base of the used captures' own sphere centres to the solved one.
-    capture_rms_mm, offset_in_base_mm : (K,), (K, 3)
-        Per capture (used or not): its points' RMS distance, its own centre minus the solved one.
-    leave_one_out_rms_mm : (K,)
-        RMS distance of a used capture's points to the sphere found without it; NaN elsewhere.
-    """
-
-    tool0_from_laser: RigidTransform
-    center_in_base_mm: FloatArray
-    surface_rms_mm: float
-    center_scatter_rms_mm: float
-    capture_rms_mm: FloatArray
-    offset_in_base_mm: FloatArray
-    leave_one_out_rms_mm: FloatArray
-
-    @property
-    def leave_one_out_surface_rms_mm(self) -> float | None:
-        """Root of the mean, over used captures, of the left-out captures' mean squared distances."""
-        known = self.leave_one_out_rms_mm[np.isfinite(self.leave_one_out_rms_mm)]
-        return float(np.sqrt(np.mean(known**2))) if len(known) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,18 +260,6 @@ def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: Sphere
     return float(np.sqrt(np.average(sigmas**2, weights=freedom)))
 
 
-def _transform(rotation: FloatArray, translation: FloatArray) -> RigidTransform:
-    return RigidTransform.of(rotation, translation, "tool0", "laser")
-
-
-def expected_in_laser(observations: Sequence[SphereObservation], state: ChainState) -> FloatArray:
-    """Return where each capture should see the sphere's centre in L, its pose taken as recorded, (K, 3)."""
-    rotations = np.array([o.base_from_tool0.rotation for o in observations])
-    translations = np.array([o.base_from_tool0.translation_mm for o in observations])
-    arms = np.einsum("kji,kj->ki", rotations, state.center - translations)
-    return (arms - state.tool_translation) @ state.tool_rotation
-
-
 def seen_point(observations: Sequence[SphereObservation], state: ChainState, used: np.ndarray) -> FloatArray:
     """Return where the scanner saw the sphere on average, in the plane of light, (3,), mm."""
     return expected_in_laser(observations, state)[used].mean(axis=0) * [1.0, 0.0, 1.0]
@@ -323,60 +280,6 @@ def left_out_states(held: Held, without: WithoutOne, used: np.ndarray) -> list[C
     """Return, for each of the first captures (K,), the unknowns without it; None for a rejected one."""
     steps = without.steps[: len(used)]
     return [held.state.moved(s) if u else None for s, u in zip(steps, used, strict=True)]
-
-
-def answer_of(
-    observations: Sequence[SphereObservation],
-    used: np.ndarray,
-    sides: np.ndarray,
-    state: ChainState,
-    left_out: Sequence[ChainState | None],
-) -> Answer:
-    """Return how all captures lie about one state of the unknowns."""
-    tool0_from_laser = _transform(state.tool_rotation, state.tool_translation)
-    expected = expected_in_laser(observations, state)
-    radius = state.radius_mm
-    sphere = SphereSize(2 * radius)
-    distances = [surface_distances(o, q, radius) for o, q in zip(observations, expected, strict=True)]
-    offsets = np.array(
-        [
-            (o.base_from_tool0 @ tool0_from_laser).apply(o.sphere_center_in_laser_mm(sphere, int(side)))
-            - state.center
-            for o, side in zip(observations, sides, strict=True)
-        ]
-    )
-    used_distances = np.concatenate([d for d, u in zip(distances, used, strict=True) if u])
-    scatter = np.linalg.norm(offsets[used], axis=1)
-    without = [
-        np.nan if s is None else _rms(surface_distances(o, expected_in_laser([o], s)[0], s.radius_mm))
-        for o, s in zip(observations, left_out, strict=True)
-    ]
-    return Answer(
-        tool0_from_laser=tool0_from_laser,
-        center_in_base_mm=state.center,
-        surface_rms_mm=_rms(used_distances),
-        center_scatter_rms_mm=_rms(scatter),
-        capture_rms_mm=np.array([_rms(d) for d in distances]),
-        offset_in_base_mm=offsets,
-        leave_one_out_rms_mm=np.array(without),
-    )
-
-
-def surface_distances(
-    observation: SphereObservation, center_in_laser_mm: FloatArray, radius_mm: float
-) -> FloatArray:
-    """Return the signed distances (N,) of a capture's points to a sphere in L, mm.
-
-    A capture that reports only a centre gives the one distance between the centres.
-    """
-    if len(observation.points_in_laser_mm) == 0:
-        return np.array([float(np.linalg.norm(observation.center_in_laser_mm - center_in_laser_mm))])
-    offsets = observation.points_in_laser_mm - center_in_laser_mm
-    return np.sqrt(np.einsum("ij,ij->i", offsets, offsets)) - radius_mm
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _paper(

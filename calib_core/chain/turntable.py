@@ -14,11 +14,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from calib_core.chain.arrays import chain_data
 from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
-from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior, chain_data
+from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import COUNT, OF_FILES, ScannerPriors, corrected

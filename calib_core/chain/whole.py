@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.arms.alike import visits
+from calib_core.chain.answer import answer_of
+from calib_core.chain.arrays import chain_data
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
-from calib_core.chain.model import ChainState, chain_data
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, without_each
@@ -27,7 +29,6 @@ from calib_core.chain.table_start import readings_of
 from calib_core.chain.tcp import (
     Progress,
     TcpSolution,
-    answer_of,
     left_out_states,
     pooled_point_sigma,
     say_nothing,

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.arms.alike import alike_factors, visits
+from calib_core.chain.arrays import chain_data
 from calib_core.chain.held import point_rows
 from calib_core.chain.likelihood import linearise, linearised_at, noise_by, without_pose_errors
-from calib_core.chain.model import ChainData, ChainState, Sigmas, chain_data, prior
+from calib_core.chain.model import ChainData, ChainState, Sigmas, prior
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of

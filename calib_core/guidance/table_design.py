@@ -11,8 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from calib_core.arms.alike import visits
+from calib_core.chain.arrays import chain_data
 from calib_core.chain.likelihood import linearised_at
-from calib_core.chain.model import ChainState, chain_data
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, TableObservation
 from calib_core.chain.table import SCALE_COLUMN, TableReadings, TableState
 from calib_core.chain.table_frame import TableFrame, frame_by_rule, pose_by_unknowns

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from cells import ESTIMATED, GIVEN, SPHERE, Cell
 
+from calib_core.chain.answer import surface_distances
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp, surface_distances
+from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
 from calib_core.frames import FloatArray
 from calib_core.stages.tcp.verdict import tcp_verdict
 

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.chain import model
+from calib_core.chain import arrays
+from calib_core.chain.arrays import chain_data
 from calib_core.chain.centers import fit_centers
 from calib_core.chain.likelihood import fit, linearise, pose_spread, retract
-from calib_core.chain.model import ChainData, ChainState, Sigmas, chain_data
+from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
@@ -103,7 +104,7 @@ def test_normal_equations_are_those_with_every_pose_error_written_out(
 
     Without the density's other part, which the gradient's test above has.
     """
-    monkeypatch.setattr(model, "_density_slope", lambda *_: np.zeros(11))
+    monkeypatch.setattr(arrays, "_density_slope", lambda *_: np.zeros(11))
     data, state, spread, precision = problem(kinds, free_radius)
     data = replace(data, effective=np.zeros(data.count))
     at = linearise(data, state, spread, precision)

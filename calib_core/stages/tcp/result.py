@@ -3,9 +3,10 @@
 import numpy as np
 
 from calib_core.arms.alike import REACH_MM, REACH_RAD
+from calib_core.chain.answer import Answer
 from calib_core.chain.model import Sigmas
 from calib_core.chain.scanner import NAMES
-from calib_core.chain.tcp import Answer, TcpSolution
+from calib_core.chain.tcp import TcpSolution
 from calib_core.frames import FloatArray
 from calib_core.records import Undetermined, VarianceComponents
 from calib_core.records.results import AtPoint, ScannerFound
