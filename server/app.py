@@ -13,6 +13,7 @@ from calib_core import __version__
 from server.auth.logins import Logins
 from server.auth.middleware import AuthMiddleware
 from server.auth.refusals import Refusals
+from server.captures.cluster_measuring import ClusterMeasuring
 from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
 from server.health import HealthWatch
@@ -104,6 +105,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         )
         measuring_queue = MeasuringQueue(store, measuring)
         jobs = Jobs(settings, store, hub, measuring_queue.wake)
+        if settings.dask is not None:
+            measuring_queue.measure_far(ClusterMeasuring(jobs.submit_measuring, measuring, settings))
         past_scenes = PastScenes(store)
         health_watch = app.state.health = HealthWatch(
             {

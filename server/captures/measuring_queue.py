@@ -4,11 +4,13 @@ import logging
 import threading
 import time
 from collections.abc import Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import groupby
 
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.records import Capture, Measured, Session, parse_capture
+from server.captures.cluster_measuring import FAR_AT_ONCE, ClusterMeasuring, StoredFiles
 from server.captures.measurer import Measurer
 from server.jobs.measuring import unmeasured
 from server.jobs.measuring_processes import Measuring
@@ -28,12 +30,18 @@ class MeasuringQueue:
 
     def __init__(self, store: Store, measuring: Measuring) -> None:
         self._store = store
-        self._measuring = measuring
+        self._measure = measuring.measure
+        self._at_once, self._threads = _AT_ONCE, ThreadPoolExecutor(1, "measuring queue")
         self._lock = threading.Lock()
         self._batches = 0
         self._woken = threading.Event()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._work, name="measuring queue", daemon=True)
+
+    def measure_far(self, cluster: ClusterMeasuring) -> None:
+        """Measure many captures at once, on a cluster."""
+        self._measure = cluster.measure
+        self._at_once, self._threads = FAR_AT_ONCE, ThreadPoolExecutor(FAR_AT_ONCE, "measuring queue")
 
     def start(self) -> None:
         """Begin with what an earlier server left."""
@@ -62,6 +70,7 @@ class MeasuringQueue:
         self._woken.set()
         if self._thread.is_alive():
             self._thread.join()
+        self._threads.shutdown()
 
     def _work(self) -> None:
         while not self._stopping.is_set():
@@ -84,27 +93,28 @@ class MeasuringQueue:
     def _measure_some(self) -> bool:
         """Measure the first that wait; return whether there were any."""
         with self._store.read() as db:
-            waiting = first_waiting(db, _AT_ONCE)
+            waiting = first_waiting(db, self._at_once)
         for session_id, group in groupby(waiting, key=lambda w: w.session_id):
             self._measure_of_session(session_id, list(group))
         return bool(waiting)
 
     def _measure_of_session(self, session_id: str, waiting: Sequence[Waiting]) -> None:
         session = empty_session(waiting[0].session_record, session_id)
-        measurer = Measurer(self._measuring.measure, session, lambda: self._calibrated(session_id, session))
-        measured: list[Measured] = []
-        for one in waiting:
+        measurer = Measurer(self._measure, session, lambda: self._calibrated(session_id, session))
+
+        def measure(one: Waiting) -> Measured | None:
             if self._stopping.is_set():
-                break
+                return None
             capture = parse_capture(one.record, "record")
             try:
-                measured.append(
-                    measurer.measure(capture, lambda name, one=one: self._store.blobs.read(one.digests[name]))
-                )
+                return measurer.measure(capture, StoredFiles(self._store.blobs, one.digests))
             except CalibrationError as error:
-                measured.append(unmeasured(capture, f"Need {error.need}, got {error.got}.", error.to_do))
+                return unmeasured(capture, f"Need {error.need}, got {error.got}.", error.to_do)
+
+        found = list(zip(waiting, self._threads.map(measure, waiting), strict=True))
+        done = [(one, measured) for one, measured in found if measured is not None]
         with self._store.write() as db:
-            note_measured(db, session_id, waiting[: len(measured)], measured)
+            note_measured(db, session_id, [one for one, _ in done], [measured for _, measured in done])
 
     def _calibrated(self, session_id: str, session: Session) -> Calibrated:
         try:

@@ -58,13 +58,13 @@ class DaskCrew(Crew):
 
     def __init__(self, client: Client, options: MergeOptions) -> None:
         self._client: Any = client
-        workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
-        shares = min(len(workers), REGIONS)
+        self._workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
+        shares = min(len(self._workers), REGIONS)
         self._shares = [tuple(range(first, REGIONS, shares)) for first in range(shares)]
-        self._at_once = _SCANS_AT_ONCE * max(len(workers), 1)
+        self._at_once = _SCANS_AT_ONCE * len(self._workers)
         # One thread a worker, here too: a worker that has more is given more tasks instead.
         self._one_thread = replace(options.clean, workers=1)
-        self._owners = workers[: len(self._shares)]
+        self._owners = self._workers[: len(self._shares)]
         self._sums = [
             self._submit(_begin, options, share, workers=[worker])
             for share, worker in zip(self._shares, self._owners, strict=True)
@@ -78,19 +78,21 @@ class DaskCrew(Crew):
         assert isinstance(scans, SessionScans)
         names = scans.names
         task = replace(task, options=replace(task.options, clean=self._one_thread))
-        given = self._client.scatter([(scans.read_by(plain(scans.reader)), task)], broadcast=True, hash=False)[0]
+        given = self._client.scatter([(scans.read_by(plain(scans.reader)), task)], hash=False)[0]
         under_way: deque[_UnderWay] = deque()
         for done, number in enumerate(numbers):
             tell(done, names[number])
-            under_way.append(self._begin(given, number, task.fuse))
+            free = min(self._workers, key=lambda worker: sum(one.waits_for(worker) for one in under_way))
+            under_way.append(self._begin(given, number, task.fuse, free))
             while len(under_way) > self._at_once:
                 yield self._ended(under_way.popleft())
         while under_way:
             yield self._ended(under_way.popleft())
 
-    def _begin(self, given: Any, number: int, fuse: bool) -> "_UnderWay":
-        looked = self._submit(_look, given, number, self._shares)
-        begun = _UnderWay(self._submit(_report, looked, priority=_SUM_FIRST))
+    def _begin(self, given: Any, number: int, fuse: bool, worker: str) -> "_UnderWay":
+        """Have a scan cleaned by a worker; left to itself Dask would choose the one that has `given`."""
+        looked = self._submit(_look, given, number, self._shares, workers=[worker])
+        begun = _UnderWay(self._submit(_report, looked, priority=_SUM_FIRST), worker)
         if fuse:
             for place, owner in enumerate(self._owners):
                 part = self._submit(_part, looked, place, priority=_SUM_FIRST)
@@ -106,8 +108,8 @@ class DaskCrew(Crew):
         while any(not one.done() for one in every):
             with suppress(TimeoutError):
                 wait(every, timeout=_LOOK_S)
-            if not set(self._owners) <= set(self._client.scheduler_info(n_workers=-1)["workers"]):
-                raise LostWorkError("a worker ended that summed points")
+            if not set(self._workers) <= set(self._client.scheduler_info(n_workers=-1)["workers"]):
+                raise LostWorkError("a worker ended that had a share of the merge")
         for one in every:
             if one.status != "finished":
                 one.result()
@@ -145,7 +147,12 @@ class _UnderWay:
     """A scan that is worked on: what will be told of it, and the sums that it goes into."""
 
     report: Any
+    worker: str
     sums: list[Any] = field(default_factory=list[Any])
+
+    def waits_for(self, worker: str) -> bool:
+        """Return whether this worker has still to clean it."""
+        return self.worker == worker and not self.report.done()
 
 
 def _begin(options: MergeOptions, regions: Sequence[int]) -> RegionGrids:

@@ -50,6 +50,10 @@ class DaskPool(Pool):
         """Have work done by whichever worker is free."""
         return self.executor.submit(_work, self._settings, self._topic, work)
 
+    def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
+        """Have a capture measured by whichever worker is free, None while there is none."""
+        return self.executor.submit(_work, self._settings, self._topic, work) if self.trouble() is None else None
+
     def get_ready(self) -> "Future[bool]":
         """Return what is done once a worker is there."""
         return self.executor.submit(worker.ready)
@@ -118,7 +122,7 @@ class DaskPool(Pool):
             log.exception("worker %s could not be restarted", place)
 
 
-def _work(settings: Settings, topic: str, work: Callable[[], worker.Solved]) -> worker.Solved:
+def _work(settings: Settings, topic: str, work: Callable[[], Any]) -> Any:
     """Do a job on a worker of the cluster."""
     from distributed import get_worker
 

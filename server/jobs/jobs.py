@@ -163,6 +163,11 @@ class Jobs:
             self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
         future.add_done_callback(lambda done: self._ended(job_id, done))
 
+    def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
+        """Have a capture measured on the cluster; None where there is none that takes work."""
+        pool = self._pool
+        return pool.submit_measuring(work) if pool is not None and pool.takes_jobs else None
+
     def submit_all(self, job_id: str, stages: Sequence[str]) -> None:
         """Solve stages one after the other for a stored job, which ends with the last or with one that fails."""
         threading.Thread(target=self._solve_all, args=(job_id, stages), name="all stages", daemon=True).start()

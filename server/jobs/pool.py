@@ -27,6 +27,10 @@ class Pool(ABC):
     def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
         """Have work done; raises BrokenProcessPool if the pool is used up."""
 
+    def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
+        """Have a capture measured, None where the server has processes of its own for that."""
+        return None
+
     @abstractmethod
     def get_ready(self) -> "Future[bool]":
         """Return what is done once a worker waits for jobs."""

@@ -152,6 +152,22 @@ def replay(
     return Solved({"replay": compared.to_json(), "stages": stages}, {})
 
 
+def measure(cell: Mapping[str, Any], capture: Mapping[str, Any], digests: Mapping[str, str]) -> str:
+    """Return what is measured in a capture as JSON text, its files given by the SHA-256 of their blobs.
+
+    Raises
+    ------
+    CalibrationError
+        If the record or a file is of no use at all.
+    """
+    from calib_core.records import parse_capture, parse_session
+    from server.jobs.measuring import check_poses, measured_with_text
+
+    session, record = parse_session(cell, "session"), parse_capture(capture, "record")
+    check_poses(session, record)
+    return measured_with_text(session, record, _reader(digests))[1]
+
+
 def started(job_id: str) -> Callable[[float, str], None]:
     """Say that a job runs here, and return what tells of its progress."""
     assert _tell is not None

@@ -15,11 +15,14 @@ from distributed import LocalCluster
 import server.jobs.worker
 from calib_core.errors import InputError
 from server.jobs.dask_pool import DaskPool
+from server.jobs.measuring_processes import Measuring
 from server.settings import Settings
 from server.store.blob_places import open_blobs
 from tests.server.forked_commands import fork_from_one
 from tests.server.live_server import make_session, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
+from tests.server.test_batches import one, send, wait_until_measured
+from tests.server.test_captures import arc_csv
 from tests.server.test_jobs import wait_until_it_runs
 from tests.vase import vase_session
 
@@ -54,6 +57,22 @@ def test_a_session_is_solved_by_the_cluster(start: Callable[..., Any], cluster: 
         failed = wait_for(client, client.post(f"/sessions/{short}/solve/tcp").json()["id"])
         assert failed["status"] == "failed"
         assert failed["error"]["status"] == 422  # the solver's own words
+
+
+def test_captures_of_a_batch_are_measured_by_the_cluster(
+    start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Measuring, "measure", None)  # not here
+    with start(dask=cluster) as client:
+        session = make_session(client)
+        names = [f"p{number:02d}" for number in range(20)]
+        contents = [b"# %d\n" % number + (arc_csv() if number % 4 else b"0,0\n1,1\n") for number in range(20)]
+        body = b"".join(one(name, content) for name, content in zip(names, contents, strict=True))
+        assert send(client, session, body).json()["stored"] == 20
+        listed = wait_until_measured(client, session)
+        assert [item["id"] for item in listed] == names
+        assert [item["measured"]["verdict"] for item in listed] == ["fail", "pass", "pass", "pass"] * 5
+        assert listed[1]["measured"]["radius_mm"] == pytest.approx(15.0, abs=0.05)
 
 
 @pytest.mark.parametrize("memory_mb", [1000.0, 1.0])
