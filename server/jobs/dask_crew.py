@@ -58,7 +58,7 @@ class DaskCrew(Crew):
 
     def __init__(self, client: Client, options: MergeOptions) -> None:
         self._client: Any = client
-        self._workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
+        self._workers: list[str] = sorted(client.scheduler_info(n_workers=-1)["workers"])
         shares = min(len(self._workers), REGIONS)
         self._shares = [tuple(range(first, REGIONS, shares)) for first in range(shares)]
         self._at_once = _SCANS_AT_ONCE * len(self._workers)
@@ -82,8 +82,8 @@ class DaskCrew(Crew):
         under_way: deque[_UnderWay] = deque()
         for done, number in enumerate(numbers):
             tell(done, names[number])
-            free = min(self._workers, key=lambda worker: sum(one.waits_for(worker) for one in under_way))
-            under_way.append(self._begin(given, number, task.fuse, free))
+            to_clean = {worker: sum(one.waits_for(worker) for one in under_way) for worker in self._workers}
+            under_way.append(self._begin(given, number, task.fuse, min(to_clean, key=to_clean.__getitem__)))
             while len(under_way) > self._at_once:
                 yield self._ended(under_way.popleft())
         while under_way:
