@@ -1,5 +1,15 @@
 // Generated from the API's OpenAPI document by tests/web/api_types.py; do not edit.
 
+export interface Agreement {
+  with_stage: string;
+  angle_deg: number;
+  shift_mm: number;
+  sigmas: number[];
+  distance: number;
+  degrees_of_freedom?: number;
+  chance: number;
+}
+
 export interface AnsweredFrame {
   matrix: number[][];
   covariance: number[][];
@@ -696,7 +706,7 @@ export interface GuideLast {
 
 export interface GuideNow {
   step: string;
-  stage?: "camera" | "laser-plane" | "tcp" | "turntable" | "chain" | "verify" | "recheck" | "merge" | null;
+  stage?: "camera" | "laser-plane" | "tcp" | "turntable" | "chain" | "hand-eye" | "verify" | "recheck" | "merge" | null;
   action: "capture" | "solve" | "review";
   instruction: string;
   why: string;
@@ -715,6 +725,38 @@ export interface GuideStep {
   step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "scan" | "merge";
   status: "done" | "working" | "todo" | "later" | "stale" | "failing" | "known" | "not-needed";
   note?: string | null;
+}
+
+export interface HandEyeResidual {
+  capture: string;
+  used: boolean;
+  reason?: string | null;
+  angle_deg?: number | null;
+  shift_mm?: number | null;
+  mahalanobis?: number | null;
+}
+
+export interface HandEyeResult {
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
+  warnings?: string[];
+  notes?: string[];
+  causes?: RootCause[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
+  stage?: "hand-eye";
+  tool0_from_camera: number[][];
+  covariance: number[][];
+  base_from_board: number[][];
+  board_covariance: number[][];
+  position_sigma_mm: number;
+  orientation_sigma_deg: number;
+  tool0_from_laser_by_board?: number[][] | null;
+  laser_covariance?: number[][] | null;
+  agreement?: Agreement | null;
+  residuals?: HandEyeResidual[];
 }
 
 export interface Health {
@@ -976,7 +1018,7 @@ export interface MomentOfSession {
   place: number;
   session: Session;
   captures: StoredCapture[];
-  results: Record<string, StoredCameraResult | StoredLaserPlaneResult | StoredTcpResult | StoredTurntableResult | StoredChainResult | StoredVerifyResult | StoredRecheckResult | StoredMergeResult>;
+  results: Record<string, StoredCameraResult | StoredLaserPlaneResult | StoredTcpResult | StoredTurntableResult | StoredChainResult | StoredHandEyeResult | StoredVerifyResult | StoredRecheckResult | StoredMergeResult>;
   numbers: Record<string, number>;
   guide: Guide;
   frames: Record<string, unknown> | null;
@@ -1704,6 +1746,32 @@ export interface StoredCloudFile {
 
 export interface StoredCloudFiles {
   items: StoredCloudFile[];
+}
+
+export interface StoredHandEyeResult {
+  stale: boolean;
+  at_workpiece?: AtWorkpiece[];
+  turned_deg?: Record<string, number>;
+  method: string;
+  software: string;
+  inputs_sha256: string;
+  verdict: "pass" | "warn" | "fail";
+  pose_convention?: string | null;
+  warnings?: string[];
+  notes?: string[];
+  causes?: RootCause[];
+  evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
+  stage?: "hand-eye";
+  tool0_from_camera: number[][];
+  covariance: number[][];
+  base_from_board: number[][];
+  board_covariance: number[][];
+  position_sigma_mm: number;
+  orientation_sigma_deg: number;
+  tool0_from_laser_by_board?: number[][] | null;
+  laser_covariance?: number[][] | null;
+  agreement?: Agreement | null;
+  residuals?: HandEyeResidual[];
 }
 
 export interface StoredLaserPlaneResult {

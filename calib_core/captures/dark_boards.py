@@ -57,6 +57,15 @@ class PlaneViews:
     @cached_property
     def hand_eye(self) -> HandEye:
         """The camera on the flange, the board in the base; raises MotionError where lit frames do not tell."""
+        robot = self._session.cell.robot
+        degrees = robot.orientation_sigma_deg
+        turning = None if degrees is None else float(np.deg2rad(degrees))
+        poses = list(self.frames.values())
+        return solve_hand_eye([a for a, _ in poses], [b for _, b in poses], robot.position_sigma_mm, turning)
+
+    @cached_property
+    def frames(self) -> dict[str, tuple[RigidTransform, RigidTransform]]:
+        """base_from_tool0 and camera_from_board by the lit frames that have a pose; raises as `hand_eye`."""
         lit = [(self._pose(c), view) for c, view in self._lit.values()]
         if any(view.turn_is_ambiguous for _, view in lit):
             raise MotionError(
@@ -64,11 +73,9 @@ class PlaneViews:
                 "one that looks the same turned by 180°",
                 "Take another board, or light it in every frame.",
             )
-        poses, _ = board_poses(self._camera, [view for _, view in lit]) if lit else ([], None)
-        robot = self._session.cell.robot
-        degrees = robot.orientation_sigma_deg
-        turning = None if degrees is None else float(np.deg2rad(degrees))
-        return solve_hand_eye([pose for pose, _ in lit], poses, robot.position_sigma_mm, turning)
+        boards, _ = board_poses(self._camera, [view for _, view in lit]) if lit else ([], None)
+        pairs = [(pose, board) for (pose, _), board in zip(lit, boards, strict=True)]
+        return dict(zip(self._lit, pairs, strict=True))
 
     @cached_property
     def _lit(self) -> dict[str, tuple[Capture, BoardView]]:

@@ -1,0 +1,54 @@
+"""What the board's hand-eye calibration says of itself, and whether the sphere agrees."""
+
+from typing import Final
+
+from calib_core.evidence.numbers import fixed, quantity
+from calib_core.evidence.parts import captures_used, left_out, provenance, residual_table
+from calib_core.records import Session
+from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
+from calib_core.stages.hand_eye.record import Agreement, HandEyeResult
+
+_COLUMNS: Final = (("angle_deg", "Turned", "°"), ("shift_mm", "Shifted", "mm"), ("mahalanobis", "Distance", "σ"))
+_AXES: Final = ("rx", "ry", "rz", "x", "y", "z")
+
+
+def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
+    """Return the hand-eye calibration told in blocks, the agreement with the sphere first."""
+    place = [row[3] for row in result.tool0_from_camera[:3]]
+    sigmas = [result.covariance[k][k] ** 0.5 for k in (3, 4, 5)]
+    return [
+        *_agreement(result.agreement),
+        *(
+            Figure(label=f"Camera on the flange, {axis}", quantity=quantity(value, "mm", sigma))
+            for axis, value, sigma in zip("xyz", place, sigmas, strict=True)
+        ),
+        Figure(label="Robot's position, as the frames show it", quantity=quantity(result.position_sigma_mm, "mm")),
+        captures_used(result),
+        *left_out(result.residuals),
+        *residual_table(result.residuals, _COLUMNS),
+        *provenance(result),
+    ]
+
+
+def _agreement(found: Agreement | None) -> list[AnyBlock]:
+    if found is None:
+        return [Figure(label="Agreement with the sphere", text="no answer by the sphere yet", headline=True)]
+    rows = [Row(cells=[axis, value]) for axis, value in zip(_AXES, found.sigmas, strict=True)]
+    return [
+        Figure(
+            label="Board and sphere apart, in units of both uncertainties",
+            quantity=fixed(found.distance, 2, "σ"),
+            remark=f"of six; a right pair is as far apart in {100 * found.chance:.0f} %",
+            headline=True,
+        ),
+        Figure(label="Apart", quantity=quantity(found.shift_mm, "mm")),
+        Figure(label="Turned", quantity=fixed(found.angle_deg, 4, "°")),
+        Table(
+            id="agreement",
+            title="Board beside sphere",
+            caption=f"tool0_from_laser by the board less that of {found.with_stage}, in units of both "
+            "uncertainties. Both rest on one camera and one plane of light.",
+            columns=[Column(label="Axis", align="left"), Column(label="Difference", unit="σ", decimals=2)],
+            rows=rows,
+        ),
+    ]

@@ -1,0 +1,54 @@
+"""The result of the board's hand-eye calibration."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from calib_core.records.base import Matrix4, Record, Rows
+from calib_core.records.results import CaptureResidual, Result
+
+
+class HandEyeResidual(CaptureResidual):
+    """How far one frame saw the board from where the robot's pose puts it: in degrees, mm, and sigmas of six."""
+
+    angle_deg: float | None = None
+    shift_mm: float | None = None
+    mahalanobis: float | None = None
+
+
+class Agreement(Record):
+    """How far the board's tool0_from_laser lies from the sphere's.
+
+    `sigmas` are the six differences (rx ry rz tx ty tz, board less sphere) in units of both uncertainties,
+    `distance` is the Mahalanobis distance of all six, `chance` how often an equal or larger one happens where both
+    are right. Both rest on one camera and one plane of light, whose errors are in both: they agree better than
+    two that share nothing. `with_stage` is the stage whose answer it is, or "known".
+    """
+
+    with_stage: str
+    angle_deg: float
+    shift_mm: float
+    sigmas: list[float]
+    distance: float
+    degrees_of_freedom: int = 6
+    chance: float
+
+
+class HandEyeResult(Result):
+    """The camera on the flange and the board in the base, from frames of a fixed board.
+
+    `covariance` is of tool0_from_camera, `board_covariance` of base_from_board. `tool0_from_laser_by_board` is the
+    tool that follows with the plane of light, `laser_covariance` its own; null where there is none.
+    """
+
+    stage: Literal["hand-eye"] = "hand-eye"
+    tool0_from_camera: Matrix4
+    covariance: Rows
+    base_from_board: Matrix4
+    board_covariance: Rows
+    position_sigma_mm: float
+    orientation_sigma_deg: float
+    tool0_from_laser_by_board: Matrix4 | None = None
+    laser_covariance: Rows | None = None
+    agreement: Agreement | None = None
+    residuals: list[HandEyeResidual] = Field(default_factory=list[HandEyeResidual])

@@ -1,0 +1,161 @@
+"""The hand-eye stage: the lit boards of posed frames, A X = Z B, and the tool that follows beside the sphere's."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.camera_source import camera_of
+from calib_core.captures.dark_boards import PlaneViews
+from calib_core.errors import InputError
+from calib_core.estimation import chance_of
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.optics.hand_eye import HandEye
+from calib_core.records import Verdict
+from calib_core.stages.given import StageInput
+from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult
+from calib_core.stages.laser_plane.record import LaserPlaneResult
+from calib_core.stages.stage import SOFTWARE
+
+_RARE = 0.01
+_STEP = 1e-5  # rad and mm, of the numerical derivative
+_WELL_SIGMA_MM, _WELL_SIGMA_DEG = 1.0, 0.5
+
+
+def solve_hand_eye_stage(given: StageInput) -> HandEyeResult:
+    """Return the camera on the flange and the board in the base, and how the tool agrees with the sphere's.
+
+    Raises
+    ------
+    InputError
+        If the board is not fixed, or a file or a pose is of no use.
+    MotionError
+        If too few frames show the board, or all turns are about one axis.
+    """
+    board = given.session.cell.board
+    if board is None or not board.fixed:
+        raise InputError(
+            "a board that stands still in the base (cell.board.fixed)",
+            "none" if board is None else "one that is moved by hand",
+            "Fix it, set cell.board.fixed, and take its frames with the robot's poses.",
+            "cell.board.fixed",
+        )
+    camera, _ = camera_of(given.session, given.read)
+    given.progress(0.3, "Finding the board in the frames")
+    views = PlaneViews(given.session, camera, given.read)
+    found, frames = views.hand_eye, views.frames
+    given.progress(0.8, "Comparing with the sphere's answer")
+    residuals = _residuals(found, frames)
+    tool, covariance = _with_plane(given, found)
+    agreement = None if tool is None or covariance is None else _agreement(given, tool, covariance)
+    verdict, warnings = _judged(found, agreement)
+    return HandEyeResult(
+        method="A X = Z B in closed form, then by maximum likelihood of the robot's pose errors",
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict=verdict,
+        warnings=warnings,
+        tool0_from_camera=found.tool0_from_camera.to_rows(),
+        covariance=found.covariance[:6, :6].tolist(),
+        base_from_board=found.base_from_board.to_rows(),
+        board_covariance=found.covariance[6:, 6:].tolist(),
+        position_sigma_mm=found.position_sigma_mm,
+        orientation_sigma_deg=float(np.rad2deg(found.orientation_sigma_rad)),
+        tool0_from_laser_by_board=None if tool is None else tool.to_rows(),
+        laser_covariance=None if covariance is None else covariance.tolist(),
+        agreement=agreement,
+        residuals=residuals,
+    )
+
+
+def _residuals(
+    found: HandEye, frames: Mapping[str, tuple[RigidTransform, RigidTransform]]
+) -> list[HandEyeResidual]:
+    rows: list[HandEyeResidual] = []
+    for number, (name, (robot, board)) in enumerate(frames.items()):
+        predicted = found.predict(robot)
+        off = predicted.camera_from_board.difference(board)
+        used = number not in found.rejected
+        rows.append(
+            HandEyeResidual(
+                capture=name,
+                used=used,
+                reason=None if used else "It contradicts all others: its pose is not its own, or the board moved.",
+                angle_deg=float(np.rad2deg(np.linalg.norm(off[:3]))),
+                shift_mm=float(np.linalg.norm(off[3:])),
+                mahalanobis=float(np.sqrt(off @ np.linalg.solve(predicted.covariance, off))),
+            )
+        )
+    return rows
+
+
+def _with_plane(given: StageInput, found: HandEye) -> tuple[RigidTransform | None, FloatArray | None]:
+    """Return tool0_from_laser by the board and the plane of light, with its covariance (6, 6)."""
+    steps = {capture.step for capture in given.session.captures if not capture.excluded}
+    if given.session.cell.known.laser_plane is not None or "laser-plane" not in steps:
+        return None, None
+    plane = given.solve_other("laser-plane", lambda _fraction, _what: None)
+    assert isinstance(plane, LaserPlaneResult)
+    camera_from_laser = RigidTransform.from_rounded(plane.camera_from_laser, "camera", "laser")
+    covariances = found.covariance[:6, :6], np.array(plane.covariance, dtype=float)
+    return composed(found.tool0_from_camera, camera_from_laser, *covariances)
+
+
+def composed(
+    first: RigidTransform, second: RigidTransform, of_first: FloatArray, of_second: FloatArray
+) -> tuple[RigidTransform, FloatArray]:
+    """Return the product of two poses that err independently, and its covariance (6, 6)."""
+    whole = first @ second
+    by_first, by_second = np.empty((6, 6)), np.empty((6, 6))
+    for k in range(6):
+        step = np.zeros(6)
+        step[k] = _STEP
+        by_first[:, k] = whole.difference(first.perturbed(step) @ second) / _STEP
+        by_second[:, k] = whole.difference(first @ second.perturbed(step)) / _STEP
+    return whole, by_first @ of_first @ by_first.T + by_second @ of_second @ by_second.T
+
+
+def _agreement(given: StageInput, tool: RigidTransform, covariance: FloatArray) -> Agreement | None:
+    """Return how far the board's tool is from the sphere's, None where there is no answer by the sphere."""
+    cell = given.session.cell
+    steps = {capture.step for capture in given.session.captures if not capture.excluded}
+    if cell.known.tool0_from_laser is not None:
+        brought = RigidTransform.from_rounded(cell.known.tool0_from_laser, "tool0", "laser")
+        return agreement_of("known", tool, covariance, brought, np.zeros((6, 6)))
+    if "tcp" not in steps:
+        return None
+    table = "turntable" in steps and cell.known.base_from_turntable is None
+    stage = "chain" if table else "tcp"
+    answer: Any = given.solve_other(stage, lambda _fraction, _what: None)
+    sphere = RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser")
+    return agreement_of(stage, tool, covariance, sphere, np.array(answer.covariance, dtype=float))
+
+
+def agreement_of(
+    stage: str, board: RigidTransform, of_board: FloatArray, sphere: RigidTransform, of_sphere: FloatArray
+) -> Agreement:
+    """Return how far two tools lie apart, in units of both uncertainties (6, 6)."""
+    off, both = sphere.difference(board), of_board + of_sphere
+    squared = float(off @ np.linalg.solve(both, off))
+    return Agreement(
+        with_stage=stage,
+        angle_deg=float(np.rad2deg(np.linalg.norm(off[:3]))),
+        shift_mm=float(np.linalg.norm(off[3:])),
+        sigmas=(off / np.sqrt(np.diag(both))).tolist(),
+        distance=float(np.sqrt(squared)),
+        chance=chance_of(squared, 6),
+    )
+
+
+def _judged(found: HandEye, agreement: Agreement | None) -> tuple[Verdict, list[str]]:
+    sigmas = np.sqrt(np.diag(found.covariance)[:6])
+    if float(np.rad2deg(sigmas[:3].max())) > _WELL_SIGMA_DEG or float(sigmas[3:].max()) > _WELL_SIGMA_MM:
+        to_do = "Take the board from more robot poses, turned by 20° about different axes."
+        return "warn", [f"The camera on the flange is hardly determined by these frames. {to_do}"]
+    if agreement is not None and agreement.chance < _RARE:
+        return "warn", [
+            f"Board and sphere give tools {agreement.shift_mm:.3f} mm and {agreement.angle_deg:.3f}° apart, "
+            f"{agreement.distance:.1f} of both uncertainties: check the board's pitch, the sphere's diameter, and "
+            "that neither board nor sphere nor scanner moved in between."
+        ]
+    return "pass", []

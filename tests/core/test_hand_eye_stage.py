@@ -1,0 +1,77 @@
+"""The board as a second opinion: camera and tool against the truth, and beside the sphere's answer."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.simulation import SimulatedSession
+from calib_core.simulation.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
+from calib_core.stages.evidence import stored_evidence
+from calib_core.stages.hand_eye.solve import agreement_of, composed
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.registry import STAGES
+
+
+@pytest.fixture(scope="module")
+def made() -> SimulatedSession:
+    options = FixedBoardScenario("a fixed board, lit and dark", lit=9, dark=5)
+    return SimulatedSession(*simulate_fixed_board(options, "hand-eye", 3), None)
+
+
+def with_tool(made: SimulatedSession, tool: Any) -> Any:
+    known = made.session.cell.known.model_copy(update={"tool0_from_laser": tool})
+    return made.session.model_copy(update={"cell": made.session.cell.model_copy(update={"known": known})})
+
+
+def test_camera_and_board_against_the_truth_and_the_tool_beside_the_spheres(made: SimulatedSession) -> None:
+    tool = made.truth["tool0_from_laser"]
+    result = solve_stage(with_tool(made, tool), "hand-eye", made.files.__getitem__).to_json()
+    frames = [RigidTransform.from_rounded(d["tool0_from_camera"], "tool0", "camera") for d in (result, made.truth)]
+    off = frames[0].difference(frames[1])
+    assert off @ np.linalg.solve(np.array(result["covariance"]), off) < 22.5  # χ² of six, 99.9 %
+    assert np.linalg.norm(off[3:]) < 0.5
+    # The board lies where it does; which of its corners is the first one, its detection says.
+    normals = [np.array(d["base_from_board"])[:3, 2] for d in (result, made.truth)]
+    assert abs(normals[0] @ normals[1]) > 1 - 1e-6
+    agreement = result["agreement"]
+    assert agreement["with_stage"] == "known"
+    assert agreement["chance"] > 0.001
+    assert agreement["shift_mm"] < 1.0
+    assert result["verdict"] == "pass"
+    assert len(result["residuals"]) == 9
+    told = [block.model_dump() for block in stored_evidence(made.session, result)]
+    assert "units of both uncertainties" in str(told)
+
+
+def test_a_board_that_is_moved_by_hand_is_refused(made: SimulatedSession) -> None:
+    board = made.session.cell.board
+    assert board is not None
+    assert STAGES.get("hand-eye").is_wanted(made.session)
+    cell = made.session.cell.model_copy(update={"board": board.model_copy(update={"fixed": False})})
+    loose = made.session.model_copy(update={"cell": cell})
+    assert not STAGES.get("hand-eye").is_wanted(loose)
+    with pytest.raises(InputError, match="stands still"):
+        solve_stage(loose, "hand-eye", made.files.__getitem__)
+
+
+def test_agreement_and_composition_by_samples() -> None:
+    rng = np.random.default_rng(5)
+    first = RigidTransform.of([0.3, -0.2, 0.9], [30.0, -90.0, 60.0], "tool0", "camera")
+    second = RigidTransform.of([-0.1, 0.5, 0.2], [10.0, 40.0, 5.0], "camera", "laser")
+    scale = np.diag([1e-4, 2e-4, 1e-4, 0.02, 0.05, 0.03])
+    of_first, of_second = scale @ scale, 4 * scale @ scale
+    whole, covariance = composed(first, second, of_first, of_second)
+    draws = [(scale @ rng.normal(size=6), 2 * scale @ rng.normal(size=6)) for _ in range(500)]
+    off = np.array([whole.difference(first.perturbed(a) @ second.perturbed(b)) for a, b in draws])
+    np.testing.assert_allclose(np.sqrt(np.diag(np.cov(off.T))), np.sqrt(np.diag(covariance)), rtol=0.12)
+    squares = [
+        agreement_of("tcp", whole.perturbed(step), covariance, whole, np.zeros((6, 6))).distance ** 2
+        for step in rng.multivariate_normal(np.zeros(6), covariance, 300)
+    ]
+    far = agreement_of("tcp", whole.perturbed([0, 0, 0, 3.0, 0, 0]), covariance, whole, covariance)
+    assert (far.chance < 1e-6, far.with_stage) == (True, "tcp")
+    assert far.sigmas[3] > 20
+    assert np.mean(squares) == pytest.approx(6.0, abs=0.8)
