@@ -123,14 +123,16 @@ def solve_hand_eye(
 
 
 def _start(robots: Sequence[RigidTransform], boards: Sequence[RigidTransform]) -> _Pair:
-    _require_two_axes(np.array([(robots[0].inverse() @ robot).rotation_vector_rad for robot in robots[1:]]))
+    require_two_axes(robots)
     tool0_from_camera, base_from_board = solve_ax_zb(
         stack_matrices(robots), stack_matrices([board.inverse() for board in boards])
     )
     return RigidTransform(tool0_from_camera, "tool0", "camera"), RigidTransform(base_from_board, "base", "board")
 
 
-def _require_two_axes(turns_rad: FloatArray) -> None:
+def require_two_axes(robots: Sequence[RigidTransform]) -> None:
+    """Raise MotionError where poses of the flange turn about one axis, or hardly at all."""
+    turns_rad = np.array([(robots[0].inverse() @ robot).rotation_vector_rad for robot in robots[1:]])
     spread = np.linalg.svd(turns_rad, compute_uv=False) / np.sqrt(len(turns_rad))
     if spread[0] < _LEAST_TURN_RAD or spread[1] < _LEAST_SECOND_AXIS * spread[0]:
         raise MotionError(

@@ -56,7 +56,8 @@ def stages_to_solve(session: Session) -> list[str]:
     """
     if not any(stage_captures(session, stage.name) for stage in stages()):
         _require_captures([], answer_stages()[-1])
-    return [s.name for s in stages() if not s.is_brought(session) and _has_captures(session, s)]
+    some = [s for s in stages() if not s.is_brought(session) and _has_captures(session, s)]
+    return [s.name for s in some if s.is_wanted(session) or not s.optional]
 
 
 def solve_stage(

@@ -38,7 +38,6 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.stored_results import truth_of
     from calib_core.errors import CalibrationError
     from calib_core.formats.shared.writing import write_pieces
-    from calib_core.review.truth import off_the_truth
     from calib_core.stages.pipeline import run
     from server.console.progress import progress_bar
 
@@ -68,12 +67,7 @@ def _run(options: argparse.Namespace) -> int:
         for text in (str(result), *_truth_text(session, told[name], truth))
     ]
     text = "\n\n".join([*texts, *_causes_text(options, results)])
-    data: dict[str, Any] = {"session": session.to_json(), "results": told}
-    if truth is not None:
-        data["truth"] = {
-            name: [frame.model_dump(mode="json") for frame in off_the_truth(session, result, truth)]
-            for name, result in told.items()
-        }
+    data = {"session": session.to_json(), "results": told}
     print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is not None:
         _store(options, results, target)

@@ -16,7 +16,7 @@ from calib_core.stages.registry import STAGES, stages
 
 ALL = {stage.name for stage in stages()}
 OPTICS = {"camera", "laser-plane"}
-SPHERE = ALL - OPTICS  # the tool, and all that rests on it
+SPHERE = ALL - OPTICS - {"hand-eye"}  # the tool, and all that rests on it; no board is fixed here
 TABLE = {"turntable", "chain", "verify", "recheck", "merge"}
 NONE: set[str] = set()
 POSE = [900.0, 10.0, 700.0, 170.0, 5.0, 30.0]

@@ -12,6 +12,7 @@ import pytest
 
 from calib_core.archive.folder import load_session, result_data
 from calib_core.frames import RigidTransform
+from calib_core.review.truth import off_the_truth
 from calib_core.stages.pipeline import run
 from server.cli import main
 
@@ -42,19 +43,20 @@ def test_within_a_millionth_sigma_by_another_processors_linear_algebra(
 
 
 def test_the_truth_stands_beside_it_in_run_and_report(
-    solved_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    solved_folder: Path, stored: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["run", str(solved_folder), "--out", str(tmp_path), "--json"]) in (0, 1)
-    told = json.loads(capsys.readouterr().out)
-    (frame,) = told["truth"]["tcp"]
-    assert frame["frame"] == "tool0_from_laser"
+    assert main(["run", str(solved_folder), "--out", str(tmp_path)]) in (0, 1)
+    text = capsys.readouterr().out
+    assert "Beside the truth" in text
     truth = json.loads((solved_folder / "truth.json").read_text(encoding="utf-8"))
+    session, _ = load_session(solved_folder)
+    (frame,) = off_the_truth(session, stored, truth)
     found, true = (
-        RigidTransform.from_rounded(one["tool0_from_laser"], "tool0", "laser")
-        for one in (told["results"]["tcp"], truth)
+        RigidTransform.from_rounded(one["tool0_from_laser"], "tool0", "laser") for one in (stored, truth)
     )
-    assert frame["shift_mm"] == pytest.approx(float(np.linalg.norm(found.difference(true)[3:])))
-    assert 0 < frame["at_workpiece_mm"] < 5 * frame["at_workpiece_sigma_mm"]
+    assert frame.shift_mm == pytest.approx(float(np.linalg.norm(found.difference(true)[3:])))
+    assert f"{frame.shift_mm:.3f}" in text
+    assert 0 < frame.at_workpiece_mm < 5 * frame.at_workpiece_sigma_mm
 
     page = tmp_path / "report.html"
     assert main(["report", str(solved_folder), "--out", str(page)]) == 0

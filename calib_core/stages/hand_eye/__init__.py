@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, ClassVar
 from calib_core.stages.stage import FRAME_FIELDS, Stage
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from calib_core.records import Capture, Session
     from calib_core.stages.given import StageInput
     from calib_core.stages.hand_eye.record import HandEyeResult
@@ -36,12 +38,14 @@ class BoardHandEye(Stage):
         return solve_hand_eye_stage(given)
 
     def is_wanted(self, session: "Session") -> bool:
-        """Return whether a board stands still while the flange moves, in enough frames."""
+        """Return whether a board stands still, in enough frames of a flange that turns enough."""
         board = session.cell.board
-        return board is not None and board.fixed and len(_posed(session)) >= _LEAST_FRAMES
+        return board is not None and board.fixed and _turns_enough(session)
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the camera, the plane of light where there is one, and the stage of the sphere's answer."""
+        if not self.is_wanted(session):
+            return ()
         known = session.cell.known
         steps = {capture.step for capture in session.captures if not capture.excluded}
         found = ["camera"] if known.camera is None else []
@@ -52,9 +56,33 @@ class BoardHandEye(Stage):
             found.append("chain" if table else "tcp")
         return tuple(found)
 
+    def reads_of_captures(self, session: "Session") -> "Iterator[tuple[Capture, tuple[str, ...]]]":
+        """Give the captures that it reads; none where it is not wanted."""
+        if self.is_wanted(session):
+            yield from super().reads_of_captures(session)
+
     def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
         """Return the cell's fields that it reads: a tool that the user brought too, beside which it stands."""
+        if not self.is_wanted(session):
+            return ()
         return (*self.reads, "known") if session.cell.known.tool0_from_laser is not None else self.reads
+
+
+def _turns_enough(session: "Session") -> bool:
+    """Return whether the poses of the frames determine it, as `optics.hand_eye` requires."""
+    posed = _posed(session)
+    if len(posed) < _LEAST_FRAMES:
+        return False
+    from calib_core.errors import CalibrationError
+    from calib_core.optics.hand_eye import require_two_axes
+    from calib_core.robots import parse_pose
+
+    try:
+        poses = [parse_pose(session.cell.pose_convention, c.pose or [], c.id) for c in posed]
+        require_two_axes(poses)
+    except CalibrationError:
+        return False
+    return True
 
 
 def _posed(session: "Session") -> "list[Capture]":
