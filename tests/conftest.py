@@ -33,6 +33,20 @@ sys.dont_write_bytecode = False
 settings.register_profile("scancell", deadline=None, derandomize=True, database=None)
 settings.load_profile("scancell")
 
+# A minute each: begun last, they would keep one process busy while the others have nothing left.
+LONGEST = {
+    "test_turntable_walk.py",
+    "test_frames_walk.py",
+    "test_walk.py",
+    "test_random_walk.py",
+    "test_live_panel.py",
+}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let the longest tests begin first."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
 
 @pytest.fixture(scope="session")
 def rendered(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], SimulatedSession]:
