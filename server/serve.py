@@ -1,5 +1,6 @@
 """Serving over HTTP and WebSockets with uvicorn."""
 
+import ctypes
 import gc
 import math
 import sys
@@ -81,11 +82,13 @@ class WorkbenchServer(uvicorn.Server):
     def _collect(self) -> None:
         """Let go of what is in circles and has become old, such as closed scenes, unless nothing happened since.
 
-        By itself Python would wait for millions of new objects, and scenes hold megabytes in few of them.
+        By itself Python would wait for millions of new objects, and scenes hold megabytes in few of them; and each
+        of their threads has an own heap, which the C library would keep.
         """
         looked = gc.get_stats()[0]["collections"]
         if looked != self._looked:
             gc.collect()
+            _give_back()
             self._looked = gc.get_stats()[0]["collections"]
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
@@ -118,3 +121,10 @@ class WorkbenchServer(uvicorn.Server):
         host, port = self.servers[0].sockets[0].getsockname()[:2]
         scheme = "https" if self.config.is_ssl else "http"
         return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def _give_back() -> None:
+    """Give memory that is free in the C library's heaps back to the system, where that can be done."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)

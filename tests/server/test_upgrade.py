@@ -1,0 +1,95 @@
+"""What released versions have stored opens: session folders, archives, and data folders with their database.
+
+`tests/releases` has them as that version wrote them, of a TCP session with thinned profiles: 0.1.0 is `ae2ee4b`.
+"""
+
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from calib_core.archive.archive import opened, verify
+from calib_core.archive.folder import load_session
+from calib_core.archive.stored_results import result_record, stored_results
+from tests.server.live_server import wait_for
+
+RELEASES = Path(__file__).resolve().parents[1] / "releases"
+VERSIONS = sorted(path.name for path in RELEASES.iterdir())
+SIGMAS = 1.0
+"""How far a newer solver's answer may lie from the stored one: it is of the same captures."""
+
+
+@pytest.fixture(params=VERSIONS)
+def release(request: pytest.FixtureRequest) -> Path:
+    return RELEASES / request.param
+
+
+def stored_result(release: Path) -> dict[str, Any]:
+    with zipfile.ZipFile(release / "archive.zip") as archive:
+        (name,) = [name for name in archive.namelist() if name.endswith("results/tcp.json")]
+        return json.loads(archive.read(name))
+
+
+def require_near(tool: Any, stored: dict[str, Any]) -> None:
+    turned_rad, moved_mm = np.split(np.sqrt(np.diag(stored["covariance"])), 2)
+    off = np.array(tool) - np.array(stored["tool0_from_laser"])
+    assert np.abs(off[:3, 3]).max() < SIGMAS * moved_mm.max()
+    assert np.abs(off[:3, :3]).max() < SIGMAS * turned_rad.max()
+
+
+def test_an_archive_is_whole_and_its_session_is_read(release: Path) -> None:
+    assert verify(release / "archive.zip").captures == 14
+    with opened(release / "archive.zip") as folder:
+        session, read = load_session(folder)
+        for capture in session.captures:
+            assert read(capture.files[0]).count(b"\n") > 50
+        kept = result_record("tcp").model_validate(stored_results(folder)["tcp"]).to_json()
+    assert kept["tool0_from_laser"] == stored_result(release)["tool0_from_laser"]
+
+
+def test_an_archive_is_imported_with_its_result(release: Path, client: httpx.Client) -> None:
+    content = (release / "archive.zip").read_bytes()
+    made = client.post("/archives", content=content, headers={"Content-Type": "application/zip"})
+    assert made.status_code == 201, made.text
+    require_all_there(client, made.json()["id"], release)
+
+
+def test_a_data_folder_is_served_and_solved_again(
+    release: Path, start: Callable[..., Any], tmp_path: Path
+) -> None:
+    with zipfile.ZipFile(release / "data.zip") as data:
+        data.extractall(tmp_path / "data")
+    with start() as client:
+        (session,) = [item["id"] for item in client.get("/sessions").json()["items"]]
+        require_all_there(client, session, release)
+        job = wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])
+        assert job["status"] == "done", job
+        answer = client.get(f"/sessions/{session}/answer").json()
+        assert (answer["verdict"], answer["stale"], answer["faults"]) == ("pass", False, [])
+        require_near(answer["tool0_from_laser"]["matrix"], stored_result(release))
+        assert client.get(f"/sessions/{session}/exports/json").status_code == 200
+
+
+def require_all_there(client: httpx.Client, session: str, release: Path) -> None:
+    """Every capture with its files, and the result with its numbers, as they were stored."""
+    captures = client.get(f"/sessions/{session}/captures").json()["items"]
+    with zipfile.ZipFile(release / "archive.zip") as archive:
+        names = archive.namelist()
+        for capture in captures:
+            (name,) = capture["files"]
+            (entry,) = [entry for entry in names if entry.endswith(f"data/{name}")]
+            file = client.get(f"/sessions/{session}/captures/{capture['id']}/files/{name}")
+            assert file.content == archive.read(entry)
+    assert len(captures) == 14
+    stored = stored_result(release)
+    result = client.get(f"/sessions/{session}/results/tcp").json()
+    for field in ("tool0_from_laser", "covariance", "surface_rms_mm", "verdict", "inputs_sha256"):
+        assert result[field] == stored[field], field
+    assert client.get(f"/sessions/{session}/report").status_code == 200
+    history = client.get(f"/sessions/{session}/results/tcp/history")
+    assert history.status_code == 200
