@@ -21,6 +21,7 @@ _LARGEST_STEP_SQUARED = (
     1e-8  # Newton squares the error: after a step of 1e-4 at most 1e-8 is left (0.01 µm at 1 m)
 )
 _MOST_STEPS = 30
+_UNSOLVED = 1e-7  # above what the last step may leave: a ray that is found must not be taken for one that is not
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
@@ -61,7 +62,7 @@ def _void_unsolved(xd: FloatArray, yd: FloatArray, x: FloatArray, y: FloatArray,
     for i in range(n):
         a, b, j_xx, j_xy, j_yx, j_yy = distortion_and_slopes(x[i], y[i], d)
         upright = j_xx > 0 and j_xx * j_yy - j_xy * j_yx > 0
-        if not (upright and abs(a - xd[i]) < 1e-10 and abs(b - yd[i]) < 1e-10):
+        if not (upright and abs(a - xd[i]) < _UNSOLVED and abs(b - yd[i]) < _UNSOLVED):
             x[i] = np.nan
             y[i] = np.nan
 

@@ -10,7 +10,7 @@ from calib_core.errors import MotionError
 from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera_choice import choose_model
+from calib_core.optics.camera_choice import choose_model, held_out_errors
 from calib_core.optics.camera_evidence import summarise
 from calib_core.optics.camera_layout import Layout, restart
 from calib_core.optics.camera_model import Model
@@ -27,7 +27,9 @@ FEWEST_VIEWS = 3
 _VIEWS_TO_TELL_A_BEND = 5
 _VIEWS_TO_COMPARE = 6
 _NO_BOARD_SHARE = 0.03  # of the image; distortion alone bends a board by less
-K3 = 8  # its place in the shared vector
+K2, K3 = 5, 8  # their places in the shared vector
+_DECENTRING = (6, 7)
+_LEAST_GAIN = 0.03  # p1 and p2 go with the principal point: without them it seems better known than it is
 _HUBER_SIGMAS = 3.0
 _OUTLIER_SIGMAS = 6.0
 _LEAST_OUTLIER_PX = 0.5  # below, it may be the model that is wrong, not the corner
@@ -133,9 +135,8 @@ def calibrate_camera(
         chosen, layout = "plain", layouts["plain"]  # what the views do not determine is not worth having
         layout = layout.with_bent_board() if options.refine_board else layout
         final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
-    if options.model == "auto" and chosen in ("plain", "tilted") and _is_idle(final, K3):
-        layout = replace(layout, free=layout.free[layout.free != K3])
-        final = _robust_fit(corners, layout, restart(final.adjusted.state, layout), final.rejected)
+    if options.model == "auto" and chosen in ("plain", "tilted"):
+        final, layout = _without_idle(corners, final, layout, options.folds)
     bent = None if options.refine_board else _bent_fit(corners, layout, final)
     return summarise(final, layout, image_size, candidates, bent)
 
@@ -182,6 +183,29 @@ def _bent_fit(corners: Corners, layout: Layout, flat: Fit) -> "Fit | None":
     if len(flat.used) < _VIEWS_TO_TELL_A_BEND:
         return None
     return _robust_fit(corners, layout.with_bent_board(), flat.adjusted.state, flat.rejected)
+
+
+def _without_idle(corners: Corners, fit: Fit, layout: Layout, folds: int) -> tuple[Fit, Layout]:
+    """Return the fit without k3, then k2, then p1 and p2, where held-out views are met no worse without."""
+    for places, least_gain in (((K3,), 0.0), ((K2, K3), 0.0), (_DECENTRING, _LEAST_GAIN)):
+        fewer = replace(layout, free=np.setdiff1d(layout.free, places))
+        idle = places == (K3,) and _is_idle(fit, K3)
+        if len(fewer.free) == len(layout.free) or (places == (K2, K3) and K3 in layout.free):
+            continue
+        if idle or _foretells_worse(fit, layout, fewer, folds, least_gain):
+            layout = fewer
+            fit = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
+    return fit, layout
+
+
+def _foretells_worse(fit: Fit, layout: Layout, fewer: Layout, folds: int, least_gain: float) -> bool:
+    """Whether corners of held-out views are met better, by a share of their squares, with fewer parameters."""
+    if len(fit.used) < _VIEWS_TO_COMPARE:
+        return False
+    errors = [held_out_errors(fit.corners, fit.adjusted.state, one, folds) for one in (layout, fewer)]
+    if errors[0] is None or errors[1] is None:
+        return False
+    return bool(errors[1][0].mean() <= (1 - least_gain) * errors[0][0].mean())
 
 
 def _is_idle(fit: Fit, place: int) -> bool:

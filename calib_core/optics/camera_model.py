@@ -20,6 +20,7 @@ Model = Literal["plain", "rational", "tilted", "segmental"]
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tauX", "tauY")
 PLAIN_COUNT = 5
+_FARTHEST_RAY = 5.0  # 79° off the axis
 TILT = slice(12, 14)
 
 
@@ -156,6 +157,30 @@ class CameraModel:
             np.array([s.far_mm for s in self.segments]),
         )
 
+    @cached_property
+    def fold(self) -> float:
+        """How far from the axis a ray (x, y, 1) may be: where the radial polynomial turns back; else infinite.
+
+        Infinite too where no pixel of the image comes near: what lies beyond is then of no concern.
+        """
+        r = np.linspace(0.0, _FARTHEST_RAY, 4001)
+        s = r**2
+        nearest, seen = np.inf, _image_reach(self)
+        for d in self.bands[0]:
+            under = 1.0 + s * (d[5] + s * (d[6] + s * d[7]))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                distorted = r * (1.0 + s * (d[0] + s * (d[1] + s * d[4]))) / under
+            turns = np.flatnonzero(~(np.diff(distorted) > 0) | (under[1:] <= 0))
+            if len(turns) and distorted[turns[0]] < seen:
+                nearest = min(nearest, float(r[turns[0]]))
+        return nearest
+
+    def within_fold(self, rays: FloatArray) -> FloatArray:
+        """Return rays (N, 2), NaN for those beyond the fold: every way from pixels to rays ends at this gate."""
+        if np.isfinite(self.fold):
+            rays[~(np.hypot(rays[:, 0], rays[:, 1]) <= self.fold)] = np.nan
+        return rays
+
     def with_laser_plane(self, normal: ArrayLike, distance_mm: float) -> "CameraModel":
         """Return the camera with the plane of light, normal · p = distance in the camera frame.
 
@@ -174,6 +199,8 @@ class CameraModel:
     def undistort(self, pixels: ArrayLike, depth_mm: ArrayLike | None = None) -> FloatArray:
         """Return the rays (x, y, 1) of pixels, as (N, 2): the exact inverse of `project`, by Newton's iteration.
 
+        NaN where a pixel has no ray: beyond the fold of the distortion.
+
         Parameters
         ----------
         pixels : (N, 2)
@@ -190,7 +217,7 @@ class CameraModel:
 
         p = np.ascontiguousarray(pixels, dtype=float).reshape(-1, 2)
         if not self.segments:
-            return undistort_pixels(p, self.rays_from_pixels, self.distortion, self.is_plain)
+            return self.within_fold(undistort_pixels(p, self.rays_from_pixels, self.distortion, self.is_plain))
         q = np.zeros((len(p), 3))
         if depth_mm is not None:
             q[:, 2] = 1.0 / np.asarray(depth_mm, dtype=float)
@@ -202,7 +229,17 @@ class CameraModel:
                 "neither",
                 "Calibrate the laser plane first.",
             )
-        return undistort_over_depth(p, self.rays_from_pixels, *self.bands, q)
+        return self.within_fold(undistort_over_depth(p, self.rays_from_pixels, *self.bands, q))
+
+
+def _image_reach(camera: CameraModel) -> float:
+    """Return how far from the axis the image's corners lie as distorted rays, with a margin; else infinite."""
+    width, height = camera.image_size
+    if not width or not height:
+        return np.inf
+    corners = np.array([[u, v, 1.0] for u in (-0.5, width - 0.5) for v in (-0.5, height - 0.5)])
+    distorted = corners @ camera.rays_from_pixels.T
+    return 1.05 * float(np.hypot(*(distorted[:, :2] / distorted[:, 2:]).T).max())
 
 
 def name_distortion(distortion: FloatArray) -> dict[str, float]:

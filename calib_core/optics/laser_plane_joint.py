@@ -24,6 +24,7 @@ from calib_core.optics.adjust import (
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.hand_eye import PredictedPose
+from calib_core.optics.laser_plane_held_out import stripes_worsen_corners
 from calib_core.optics.stripe import StripeCenters
 
 FloatArray = NDArray[np.float64]
@@ -74,6 +75,8 @@ class Joint:
     camera_moved_sigmas : float
         How far the stripes drew the camera from where its boards have it: the largest change of a parameter in its
         standard deviations, or that of all together where it is the rarer one.
+    corners_worsened : float or None
+        By what share the stripes raise the squared error of corners that were held out, where they do.
     """
 
     camera: CameraModel
@@ -82,6 +85,7 @@ class Joint:
     state: State
     noise_factor: float
     camera_moved_sigmas: float
+    corners_worsened: float | None = None
 
 
 def refine_together(
@@ -130,7 +134,8 @@ def refine_together(
         covariance = _carried_through(problem, adjusted, uncertainty, covariance)
     moved = _moved_sigmas(camera, shared, uncertainty) if uncertainty is not None and with_camera else 0.0
     final = _camera_with(camera, shared) if with_camera else camera
-    return Joint(final, shared[plane], covariance, adjusted.state, factor, moved)
+    worsened = stripes_worsen_corners(problem, adjusted) if with_camera else None
+    return Joint(final, shared[plane], covariance, adjusted.state, factor, moved, worsened)
 
 
 def _moved_sigmas(camera: CameraModel, shared: FloatArray, uncertainty: CameraUncertainty) -> float:

@@ -31,7 +31,7 @@ from calib_core.optics.laser_plane import (
     points_on_board,
     straight_part,
 )
-from calib_core.optics.laser_plane_joint import CameraUncertainty, refine_together
+from calib_core.optics.laser_plane_joint import CameraUncertainty, Joint, refine_together
 from calib_core.optics.stripe import StripeCenters
 
 FloatArray = NDArray[np.float64]
@@ -76,7 +76,7 @@ def view_of_known_board(
 
 @dataclass(frozen=True, eq=False)
 class ViewFigures:
-    """What one view contributed."""
+    """What one view contributed; `without_ray`: centres dropped because they lie beyond the distortion's fold."""
 
     name: str
     reason: str | None
@@ -86,6 +86,7 @@ class ViewFigures:
     stripe_sigma_px: float
     board_sigma_px: float
     board_distance_mm: float
+    without_ray: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +115,8 @@ class PlaneSolution:
         All views, in the order given.
     noise_factor : float
         How much larger the stripe's residuals are than its centres' own standard deviations.
-    camera_held : bool
-        The stripes would have drawn the camera farther than its boards allow, so that it stays as they gave it.
+    camera_held : str or None
+        Why the camera stays as its boards gave it although the stripes were there to refine it.
     """
 
     camera: CameraModel
@@ -129,7 +130,7 @@ class PlaneSolution:
     fit: PlaneFit
     views: tuple[ViewFigures, ...]
     noise_factor: float
-    camera_held: bool = False
+    camera_held: str | None = None
 
 
 def solve_plane(
@@ -184,7 +185,7 @@ def solve_plane(
     joint = refine_together(
         camera, weighted, inliers, posed.take(adjusted), inverse_plane, camera_uncertainty, known
     )
-    held = camera_uncertainty is not None and joint.camera_moved_sigmas > _MOST_CAMERA_SIGMAS
+    held = _why_held(joint)
     if camera_uncertainty is not None and held:
         camera_uncertainty = replace(camera_uncertainty, boards=None)
         joint = refine_together(
@@ -199,7 +200,7 @@ def solve_plane(
     everywhere = np.concatenate([line.points_in_camera_mm for line in final])
     for i, line, pose in zip(used, final, ended, strict=True):
         lines[i], poses[i] = line, pose
-    figures = _figures(views, lines, poses, corner_sigma[: len(views)], reasons, normal, distance)
+    figures = _figures(camera, views, lines, poses, corner_sigma[: len(views)], reasons, normal, distance)
     return PlaneSolution(
         camera,
         normal,
@@ -214,6 +215,15 @@ def solve_plane(
         joint.noise_factor,
         held,
     )
+
+
+def _why_held(joint: Joint) -> str | None:
+    """Return why the refined camera is not to be taken, None where it is."""
+    if joint.camera_moved_sigmas > _MOST_CAMERA_SIGMAS:
+        return "the stripes would have drawn it by more than three of its standard deviations"
+    if joint.corners_worsened is not None:
+        return f"with the stripes, corners of other boards are met {100 * joint.corners_worsened:.1f} % worse"
+    return None
 
 
 def board_poses(camera: CameraModel, views: Sequence[BoardView]) -> tuple[list[RigidTransform], FloatArray]:
@@ -334,6 +344,7 @@ def _pose_sigma_mm(view: PlaneView) -> float:
 
 
 def _figures(
+    camera: CameraModel,
     views: Sequence[PlaneView],
     lines: Sequence[BoardLine],
     poses: Sequence[RigidTransform],
@@ -355,6 +366,7 @@ def _figures(
                 float(np.median(view.stripe.sigma_px)),
                 float(rms) if view.known is None else float("nan"),
                 float(pose.translation_mm[2]),
+                int(np.isnan(points_on_board(camera, view.stripe.pixels, pose)[:, 0]).sum()),
             )
         )
     return tuple(figures)

@@ -93,7 +93,10 @@ class ProfileCalibration:
         """Return the points (N, 3) of L, mm, of pixels (N, 2); NaN where a pixel has no ray or meets no plane."""
         p = np.ascontiguousarray(pixels, dtype=float).reshape(-1, 2)
         if not self.camera.segments:
-            return self._points_of(p)
+            points = self._points_of(p)
+            if np.isfinite(self.camera.fold):
+                points[np.isnan(self.camera.undistort(p)[:, 0])] = np.nan
+            return points
         plane, x_axis, z_axis, offsets = self._axes
         rays = np.column_stack([self.camera.undistort(p), np.ones(len(p))])
         on_plane = rays / (rays @ plane)[:, None]
@@ -110,10 +113,13 @@ class Triangulated:
         y is 0.
     covariance : (N, 2, 2)
         Of (x, z), mm²; of rank one, as a centre's error has one direction.
+    without_ray : int
+        Centres that were dropped because they have no ray: they lie beyond the fold of the distortion.
     """
 
     points_in_laser_mm: FloatArray
     covariance: FloatArray
+    without_ray: int = 0
 
     @property
     def profile_mm(self) -> FloatArray:
@@ -151,7 +157,7 @@ def triangulate_stripe(calibration: ProfileCalibration, stripe: StripeCenters) -
     in_camera = calibration.camera_from_laser.apply(points)
     order = np.argsort(points[:, 0], kind="stable")
     order = order[np.isfinite(points[order, 0]) & (in_camera[order, 2] > 0)]
-    return Triangulated(points[order], found.covariance[order])
+    return Triangulated(points[order], found.covariance[order], int(np.isnan(points[:, 0]).sum()))
 
 
 def profile_from_frame(
@@ -183,9 +189,12 @@ def profile_from_frame(
         )
     found = triangulate_stripe(calibration, find_stripe(image, options))
     if not len(found.points_in_laser_mm):
+        beyond = (
+            f", {found.without_ray} of its centres beyond the fold of the distortion" if found.without_ray else ""
+        )
         raise MeasurementError(
             "a stripe on the plane of light",
-            "a line that cannot lie on it",
+            f"a line that cannot lie on it{beyond}",
             "Check that the plane was calibrated with this camera and laser.",
         )
     return found.profile_mm

@@ -160,6 +160,25 @@ def test_stripes_that_draw_the_camera_too_far_leave_it_where_its_boards_have_it(
     np.testing.assert_allclose(found.joint_covariance, alone.joint_covariance)
 
 
+def test_stripes_that_make_other_boards_corners_worse_leave_the_camera_as_it_is() -> None:
+    """Stripes bent as by another lens, of a camera whose boards say so little of it that three sigmas are far."""
+    seen = views(7)
+    solved = calibrate_camera([v.board for v in seen], (640, 480), CameraOptions(model="plain"))
+    known = CameraUncertainty(parameter_places(solved.parameters), 400 * solved.covariance, ())
+    assert solve_plane(solved.camera, seen, known).camera_held is None
+    other = CameraModel.from_names(MATRIX, {"k1": -0.24, "k2": 0.08, "p1": 4e-4}, (640, 480))
+    found = solve_plane(solved.camera, [seen_through(other, v) for v in seen], known)
+    assert "corners of other boards" in (found.camera_held or "")
+    np.testing.assert_array_equal(found.camera.camera_matrix, solved.camera.camera_matrix)
+
+
+def seen_through(other: CameraModel, view: PlaneView) -> PlaneView:
+    rays = np.column_stack([CAMERA.undistort(view.stripe.pixels), np.ones(len(view.stripe.pixels))])
+    column, row = other.project(rays).T
+    stripe = StripeCenters(column, row, view.stripe.sigma_px, view.stripe.amplitude, "columns", 2.0, 1.0)
+    return PlaneView(view.name, view.board, stripe)
+
+
 def test_figures_of_the_boards_are_those_of_the_total() -> None:
     found = solve_plane(CAMERA, views(8))
     squares = sum(view.points * view.line_rms_mm**2 for view in found.views if view.reason is None)

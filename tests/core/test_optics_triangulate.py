@@ -14,7 +14,13 @@ from calib_core.optics.laser_plane import (
     oriented_plane,
     plane_covariance_from_inverse,
 )
-from calib_core.optics.triangulate import ProfileCalibration, profile_from_frame, triangulate
+from calib_core.optics.stripe import StripeCenters
+from calib_core.optics.triangulate import (
+    ProfileCalibration,
+    profile_from_frame,
+    triangulate,
+    triangulate_stripe,
+)
 
 MATRIX = np.array([[900.0, 0, 320.0], [0, 905.0, 240.0], [0, 0, 1]])
 NORMAL, DISTANCE = np.array([0.03, np.cos(0.5), np.sin(0.5)]), 120.0
@@ -43,6 +49,35 @@ def test_projected_points_come_back(name: str) -> None:
     # 0.02 µm, the figure for the kernel's iteration.
     np.testing.assert_allclose(c.points(pixels), points, atol=2e-5)
     assert np.all(c.points(pixels)[:, 1] == 0)
+
+
+STRONG = np.array([[500.0, 0, 320.0], [0, 500.0, 240.0], [0, 0, 1]])
+
+
+def test_a_strong_lens_keeps_every_ray_that_it_has() -> None:
+    """Newton's last step leaves 1e-8: rays that were found counted as lost, 61 of these 400."""
+    camera = CameraModel.from_names(STRONG, {"k1": -0.3, "k2": 0.05, "k3": 0.03}, (640, 480))
+    diagonal = np.column_stack([np.linspace(0, 319, 400), np.linspace(0, 239, 400)])
+    rays = camera.undistort(diagonal)
+    assert np.isinf(camera.fold)
+    np.testing.assert_allclose(camera.project(np.column_stack([rays, np.ones(400)])), diagonal, atol=1e-4)
+
+
+def test_rays_beyond_the_fold_are_dropped_and_counted() -> None:
+    """The polynomial turns back at 0.7525 and rises again: beyond, a pixel seemed to have a ray of that branch."""
+    camera = CameraModel.from_names(STRONG, {"k1": -0.8, "k2": 0.2, "k3": 0.03}, (640, 480))
+    assert camera.fold == pytest.approx(0.7525, abs=2e-3)
+    diagonal = np.column_stack([np.linspace(0, 319, 400), np.linspace(0, 239, 400)])
+    rays = camera.undistort(diagonal)
+    lost = np.isnan(rays[:, 0])
+    assert 100 < lost.sum() < 250
+    assert not lost[np.argmax(lost == 0) :].any()  # a border, beyond which all is lost
+    assert np.hypot(*rays[~lost].T).max() <= camera.fold
+    light = ProfileCalibration.of(camera, NORMAL, DISTANCE)
+    np.testing.assert_array_equal(np.isnan(light.points(diagonal)[:, 0]), lost)
+    one = np.ones(400)
+    stripe = StripeCenters(diagonal[:, 0], diagonal[:, 1], 0.05 * one, 100 * one, "columns", 2.0, 1.0)
+    assert triangulate_stripe(light, stripe).without_ray == lost.sum()
 
 
 def test_covariance_is_that_of_repeated_noise() -> None:

@@ -1,15 +1,25 @@
 """Simulated sessions with what goes wrong in real cells, none of which the solvers' model was made from.
 
-Every family of trouble is one module with a constant `TROUBLES`; the forward model (`cell.py`, `arm.py`) shares no
-code with the solvers.
+Every family of trouble is one module with a constant `TROUBLES`, turntables' are `tables.py`; the forward model
+(`cell.py`, `arm.py`, `table_cell.py`) shares no code with the solvers.
 """
 
 from importlib import import_module
 from pkgutil import iter_modules
 
 from calib_core.simulation.trouble.cell import Trouble, Troubled, troubled
+from calib_core.simulation.trouble.table_cell import TableTrouble, TroubledTable, troubled_table
 
-__all__ = ["Trouble", "Troubled", "all_troubles", "troubled"]
+__all__ = [
+    "TableTrouble",
+    "Trouble",
+    "Troubled",
+    "TroubledTable",
+    "all_table_troubles",
+    "all_troubles",
+    "troubled",
+    "troubled_table",
+]
 
 
 def all_troubles() -> dict[str, Trouble]:
@@ -20,3 +30,10 @@ def all_troubles() -> dict[str, Trouble]:
         for trouble in getattr(family, "TROUBLES", ()):
             found[f"{module.name}: {trouble.name}"] = trouble
     return found
+
+
+def all_table_troubles() -> dict[str, TableTrouble]:
+    """Return every class of trouble of a cell with a turntable, by name."""
+    from calib_core.simulation.trouble.tables import TABLE_TROUBLES
+
+    return {trouble.name: trouble for trouble in TABLE_TROUBLES}

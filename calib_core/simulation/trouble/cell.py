@@ -11,6 +11,9 @@ from calib_core.simulation.motion import FloatArray, back, pose, turn
 from calib_core.simulation.profile_cell import pose_numbers
 from calib_core.simulation.trouble.arm import ArmErrors, flange, joints_for
 
+NOMINAL = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
+"""How the flange stands in base where it is not tilted (3, 3)."""
+
 
 @dataclass(eq=False)
 class Plan:
@@ -102,17 +105,34 @@ class Troubled:
     laser_from_files: FloatArray
 
 
-def troubled(trouble: Trouble, seed: int) -> Troubled:
-    """Return a session of a cell that has a trouble, all drawn from a seed."""
+TOLD: dict[str, Any] = {
+    "robot": {"position_sigma_mm": 0.03, "orientation_sigma_deg": 0.0057},
+    "scanner": {"kind": "profile", "point_sigma_mm": 0.02},
+}
+"""What the makers of robot and scanner state: true of a clean cell, and all the same told where it is not."""
+
+
+def troubled(trouble: Trouble, seed: int, told: bool = False) -> Troubled:
+    """Return a session of a cell that has a trouble, all drawn from a seed; `told`: with the makers' sigmas."""
     rng = np.random.default_rng([seed, 907])
     plan = Plan()
     trouble.change(plan, rng)
-    mounting = turn([0.0, 0.0, -1.6]) @ turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3))
-    tool = pose(mounting, np.array([35.0, -120.0, 140.0]) + rng.uniform(-5, 5, 3))
+    tool = drawn_tool(rng)
     center = np.array([1000.0, 150.0, 350.0]) + rng.uniform(-60, 60, 3)
     poses, profiles, seen = _captures(plan, tool, center, rng)
     plan.book(poses, profiles, rng)
-    files = {f"captures/p{k:03d}.csv": _csv(profile) for k, profile in enumerate(profiles)}
+    files = {f"captures/p{k:03d}.csv": profile_csv(profile) for k, profile in enumerate(profiles)}
+    captures = [
+        {"id": f"p{k:03d}", "step": "tcp", "kind": "profile", "files": [name], "pose": numbers}
+        for k, (name, numbers) in enumerate(zip(files, poses, strict=True))
+    ]
+    cell = cell_record(plan) | (TOLD if told else {})
+    session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
+    return Troubled(session, files, tool, seen, seen_by(plan), plan.laser_from_files)
+
+
+def cell_record(plan: Plan) -> dict[str, Any]:
+    """Return what is told of a cell."""
     cell: dict[str, Any] = {
         "pose_convention": "abb",
         "sphere_diameter_mm": plan.told_diameter_mm or 2 * plan.radius_mm,
@@ -120,48 +140,102 @@ def troubled(trouble: Trouble, seed: int) -> Troubled:
     }
     if plan.told_diameter_sigma_mm is not None:
         cell["sphere_diameter_sigma_mm"] = plan.told_diameter_sigma_mm
-    cell |= plan.told
-    captures = [
-        {"id": f"p{k:03d}", "step": "tcp", "kind": "profile", "files": [name], "pose": numbers}
-        for k, (name, numbers) in enumerate(zip(files, poses, strict=True))
-    ]
-    session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
-    still = np.random.default_rng(0)
-    return Troubled(session, files, tool, seen, lambda points: plan.scanner(points, still), plan.laser_from_files)
+    return cell | plan.told
+
+
+def seen_by(plan: Plan) -> Callable[[FloatArray], FloatArray]:
+    """Return the scanner's errors without its noise: points (N, 2) that a right one gives → those of this one."""
+    return lambda points: plan.scanner(points, np.random.default_rng(0))
+
+
+def drawn_tool(rng: np.random.Generator) -> FloatArray:
+    """Return how a scanner is mounted on the flange (4, 4)."""
+    mounting = turn([0.0, 0.0, -1.6]) @ turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3))
+    return pose(mounting, np.array([35.0, -120.0, 140.0]) + rng.uniform(-5, 5, 3))
 
 
 def _captures(
     plan: Plan, tool: FloatArray, center: FloatArray, rng: np.random.Generator
 ) -> tuple[list[list[float]], list[FloatArray], FloatArray]:
     count = plan.shifts + plan.tilts
-    nominal = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
     tilts = [np.zeros(3)] * plan.shifts + [
         rng.uniform(-plan.tilt_rad, plan.tilt_rad, 3) for _ in range(plan.tilts)
     ]
-    joints: FloatArray | None = None
     poses: list[list[float]] = []
     profiles: list[FloatArray] = []
     seen: list[FloatArray] = []
+    arm = Arm(plan)
     for k, tilt in enumerate(tilts):
-        y = rng.uniform(*plan.offset) * plan.radius_mm * (1.0 if plan.one_side else rng.choice([-1.0, 1.0]))
-        x = rng.uniform(-plan.lateral_mm, plan.lateral_mm)
-        place = np.array([x, y, rng.uniform(plan.near_mm, plan.far_mm)])
-        rotation = nominal @ turn(tilt)
-        commanded = pose(rotation, center - rotation @ (tool[:3, :3] @ place + tool[:3, 3]))
-        reached = commanded
-        if plan.arm is not None:
-            joints = joints_for(commanded, joints)
-            reached = flange(joints, plan.arm)
-        reached = plan.pose_error(reached, k, rng)
-        own = turn(rng.standard_normal(3) * plan.orientation_rad)
-        reached = pose(reached[:3, :3] @ own, reached[:3, 3] + rng.standard_normal(3) * plan.position_mm)
-        laser_from_base = back(reached @ tool @ plan.mounting(k))
-        there = center + plan.sphere_at(k, count)
-        in_laser = laser_from_base[:3, :3] @ there + laser_from_base[:3, 3]
-        poses.append(pose_numbers(commanded))
-        profiles.append(_profile(plan, in_laser, rng))
-        seen.append(in_laser)
+        place, rotation = drawn_place(plan, rng), NOMINAL @ turn(tilt)
+        taken = take(arm, tool, rotation, place, (center, center + plan.sphere_at(k, count)), k, rng)
+        poses.append(taken.pose)
+        profiles.append(taken.profile)
+        seen.append(taken.center_in_laser_mm)
     return poses, profiles, np.mean(seen, axis=0)
+
+
+@dataclass(eq=False)
+class Arm:
+    """The arm of a session: its plan, and the joints (6,) at which it stood last."""
+
+    plan: Plan
+    joints_rad: FloatArray | None = None
+
+    def led_to(self, commanded: FloatArray, k: int, rng: np.random.Generator) -> FloatArray:
+        """Return the pose (4, 4) that a commanded one becomes, before each pose's own random error."""
+        plan, reached = self.plan, commanded
+        if plan.arm is not None:
+            self.joints_rad = joints_for(commanded, self.joints_rad)
+            reached = flange(self.joints_rad, plan.arm)
+        return plan.pose_error(reached, k, rng)
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """One capture.
+
+    Attributes
+    ----------
+    pose : list of float
+        As it is reported.
+    profile : (N, 2)
+    center_in_laser_mm : (3,)
+        Where the sphere was.
+    told_from_base : (4, 4)
+        Base as the arm tells it there: off by all of the arm's error but the random one.
+    """
+
+    pose: list[float]
+    profile: FloatArray
+    center_in_laser_mm: FloatArray
+    told_from_base: FloatArray
+
+
+def drawn_place(plan: Plan, rng: np.random.Generator) -> FloatArray:
+    """Return where in the laser's frame (3,) a capture is meant to see the sphere's centre."""
+    y = rng.uniform(*plan.offset) * plan.radius_mm * (1.0 if plan.one_side else rng.choice([-1.0, 1.0]))
+    x = rng.uniform(-plan.lateral_mm, plan.lateral_mm)
+    return np.array([x, y, rng.uniform(plan.near_mm, plan.far_mm)])
+
+
+def take(
+    arm: Arm,
+    tool: FloatArray,
+    rotation: FloatArray,
+    place: FloatArray,
+    centers: tuple[FloatArray, FloatArray],
+    k: int,
+    rng: np.random.Generator,
+) -> Taken:
+    """Return a capture by a flange turned so (3, 3); `centers`: where the sphere is thought to be, and is."""
+    plan, (thought, there) = arm.plan, centers
+    commanded = pose(rotation, thought - rotation @ (tool[:3, :3] @ place + tool[:3, 3]))
+    led = arm.led_to(commanded, k, rng)
+    own = turn(rng.standard_normal(3) * plan.orientation_rad)
+    reached = pose(led[:3, :3] @ own, led[:3, 3] + rng.standard_normal(3) * plan.position_mm)
+    laser_from_base = back(reached @ tool @ plan.mounting(k))
+    in_laser = laser_from_base[:3, :3] @ there + laser_from_base[:3, 3]
+    return Taken(pose_numbers(commanded), _profile(plan, in_laser, rng), in_laser, commanded @ back(led))
 
 
 def _profile(plan: Plan, center: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -181,6 +255,7 @@ def _profile(plan: Plan, center: FloatArray, rng: np.random.Generator) -> FloatA
     return points
 
 
-def _csv(points: FloatArray) -> bytes:
+def profile_csv(points: FloatArray) -> bytes:
+    """Return a profile's file."""
     lines = [f"{x:.5f},{z:.5f}" for x, z in points.tolist()]
     return "\n".join(["x_mm,z_mm", *lines, ""]).encode()

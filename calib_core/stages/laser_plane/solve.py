@@ -124,7 +124,7 @@ def _result(
         if not row.used and row.reason and not row.reason.startswith("excluded")
     }
     verdict: Verdict = "warn" if warnings or sum(row.used for row in rows) < 0.5 * len(rows) else "pass"
-    failures = _failures(solution, sigma_deg)
+    failures = plane_failures(solution, sigma_deg)
     if failures:
         verdict, warnings = "fail", [*failures, *warnings]
     return LaserPlaneResult(
@@ -148,7 +148,7 @@ def _result(
     )
 
 
-def _failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str]:
+def plane_failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str]:
     """Return why the plane must not be used."""
     distance_sigma_mm = float(np.sqrt(solution.covariance[3, 3]))
     figures = [*solution.normal, solution.distance_mm, normal_sigma_deg, distance_sigma_mm, solution.rms_mm]
@@ -175,11 +175,17 @@ def _failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str]:
 
 
 def _notes(solution: PlaneSolution) -> list[str]:
+    dropped = sum(view.without_ray for view in solution.views)
+    found = [
+        f"{dropped} stripe centres were dropped: they lie beyond the fold of the camera's distortion, where a "
+        "pixel has no ray. Show the board there, too, when the camera is calibrated."
+    ] * bool(dropped)
     if not solution.camera_held:
-        return []
+        return found
     return [
-        "The camera is the one that the boards' corners gave: the stripes would have drawn it by more than three "
-        "of its standard deviations. Its uncertainty is in the plane's."
+        *found,
+        f"The camera is the one that the boards' corners gave: {solution.camera_held}. Its uncertainty is in the "
+        "plane's.",
     ]
 
 
