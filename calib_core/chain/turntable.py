@@ -26,6 +26,7 @@ from calib_core.chain.scanner import COUNT, OF_FILES, ScannerPriors, corrected
 from calib_core.chain.table import SCALE_COLUMN
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
+from calib_core.chain.table_patterns import Pattern, pattern_of
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import TableStart, both_centers_in_base, find_table_start, readings_of
 from calib_core.chain.tcp import pooled_point_sigma, say_nothing
@@ -95,6 +96,8 @@ class TurntableSolution:
         The paper's way on the same captures, by the two steps' tool where there is one.
     encoder : EncoderScale
     options : TurntableOptions
+    pattern : Pattern or None
+        What repeats with the table's angle, beyond chance.
     """
 
     frame: TableFrame
@@ -111,6 +114,7 @@ class TurntableSolution:
     circles: PaperAxis
     encoder: EncoderScale
     options: TurntableOptions
+    pattern: Pattern | None = None
 
 
 def solve_turntable(
@@ -178,6 +182,7 @@ def solve_turntable(
         circles=paper_circles(observations, sphere, tool, residuals.sides, judged.used),
         encoder=encoder,
         options=options,
+        pattern=pattern_of(judged, TABLE_COLUMN),
     )
 
 

@@ -24,6 +24,7 @@ from calib_core.chain.scanner import corrected
 from calib_core.chain.table import SCALE_COLUMN, TableReadings
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
+from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_start import readings_of
 from calib_core.chain.tcp import (
@@ -238,6 +239,7 @@ def _table_part(
         circles=paper_circles(observations, sphere, tool, residuals.sides, used),
         encoder=encoder,
         options=options,
+        pattern=pattern_of(judged, TABLE_COLUMN),
     )
 
 

@@ -1,4 +1,4 @@
-"""What goes wrong with real turntables: no `pass` is far off.  All classes, 20 seeds: `bench table_trouble --full`."""
+"""What goes wrong with real turntables: no `pass` is far off.  20 seeds: `scancell bench table_trouble --full`."""
 
 import pytest
 from bench_table_trouble import outcome
@@ -16,3 +16,13 @@ def test_no_pass_is_far_off_and_a_clean_table_passes(name: str) -> None:
         else:
             assert found.verdict != "pass", stage
         assert found.worst < 2, stage  # stated 95 % intervals
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [("wobbles by 1 mrad three times a turn", "wobble"), ("encoder eccentric by 0.1°", "eccentric encoder")],
+)
+def test_what_repeats_with_the_angle_is_said(name: str, word: str) -> None:
+    for stage, found in outcome(TROUBLES[name], 0).items():
+        assert found.verdict == "warn", stage
+        assert any(word in sentence for sentence in found.warnings), stage

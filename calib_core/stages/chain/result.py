@@ -39,6 +39,7 @@ def chain_result(
             table.encoder,
             table.options,
             remounted(observations, table.used, table.residuals, table.frame),
+            table.pattern,
         )
     )
     doubts = _disagreements(solution)

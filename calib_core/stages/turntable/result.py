@@ -47,6 +47,7 @@ def turntable_result(
             solution.encoder,
             solution.options,
             remounted(observations, solution.used, solution.residuals, solution.frame),
+            solution.pattern,
         )
     )
     state = solution.state

@@ -8,6 +8,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import named
 from calib_core.chain.table_frame import TableCovariance, TableFrame
 from calib_core.chain.table_judging import EncoderScale
+from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_residuals import TableResiduals
 from calib_core.chain.turntable import TurntableOptions
 from calib_core.evidence.words import by_to_do
@@ -39,6 +40,7 @@ class TableJudgement:
     encoder: EncoderScale
     options: TurntableOptions
     remounted: str | None
+    pattern: Pattern | None
 
 
 def turntable_verdict(judgement: TableJudgement) -> tuple[Verdict, list[str]]:
@@ -144,7 +146,7 @@ def _doubts_about_direction(j: TableJudgement) -> list[str]:
 
 
 def _doubts_about_encoder(j: TableJudgement) -> list[str]:
-    found: list[str] = []
+    found = [j.pattern.sentence] if j.pattern is not None else []
     scale = j.encoder
     if scale.significant and not j.options.encoder_scale:
         done = (
@@ -156,7 +158,7 @@ def _doubts_about_encoder(j: TableJudgement) -> list[str]:
             f"The table turns by {100 * scale.error:+.3f} ± {200 * scale.sigma:.3f} % more than its angles say. "
             f"{done}; check the encoder and the gear."
         )
-    if j.options.angle_sigma_rad is None and j.sigmas.angle_rad > _LARGE_ANGLE_RAD:
+    if j.pattern is None and j.options.angle_sigma_rad is None and j.sigmas.angle_rad > _LARGE_ANGLE_RAD:
         found.append(
             f"The table's angles scatter by {np.rad2deg(j.sigmas.angle_rad):.3f}°: check the encoder and the "
             "table's brake."

@@ -1,0 +1,107 @@
+"""Errors of a table that repeat with its angle: an axis that wobbles, an encoder that is eccentric.
+
+Once a turn, an axis that leans with the table is part of the mounting, and one that leans in base is the axis;
+twice and three times a turn are the bearing's.  Each adds unknowns to the normal equations at the answer; how much
+likelier all captures get with them, and how large they are, follows from those (a score test).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.chain.likelihood import without_pose_errors
+from calib_core.chain.rejection import Judged
+from calib_core.chain.table import SCALE_COLUMN
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray
+
+_FAR_RAD = 5e-3
+_RARE = 0.003  # of three patterns: one sound table in a hundred is doubted
+_LEAST_LEAN_RAD = 2e-4
+_LEAST_ECCENTRIC_RAD = np.deg2rad(0.02)
+_LEAST_SPARE = 6  # captures beyond the unknowns that a pattern brings
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """One pattern: what repeats, how often a turn, its amplitude, and how rare so much is by chance."""
+
+    kind: str
+    times: int
+    size_rad: float
+    chance: float
+
+    @property
+    def sentence(self) -> str:
+        """What to say of it."""
+        degrees = np.rad2deg(self.size_rad)
+        if self.kind == "wobble":
+            often = "twice" if self.times == 2 else "three times"
+            return (
+                f"The table's axis seems to wobble by {degrees:.3f}° {often} a turn: the stated axis is a mean, "
+                "and a scan at one angle may be off by as much. Check the bearing, or capture at more angles."
+            )
+        return (
+            f"The table's angle seems to err by {degrees:.3f}° once a turn, as of an eccentric encoder or an "
+            "axis that wobbles: scans at different angles are off by as much. Check the encoder's mounting and the bearing."
+        )
+
+
+def pattern_of(judged: Judged, table_column: int) -> Pattern | None:
+    """Return the likeliest pattern that chance does not explain and that is large enough to matter, or None.
+
+    Parameters
+    ----------
+    judged : Judged
+        Of captures of the table, with others or alone.
+    table_column : int
+        Where the table's unknowns begin.
+    """
+    found = [p for p in _patterns(judged, table_column) if p.chance < _RARE and p.size_rad > _least(p.kind)]
+    return min(found, key=lambda p: p.chance, default=None)
+
+
+def _least(kind: str) -> float:
+    return _LEAST_LEAN_RAD if kind == "wobble" else _LEAST_ECCENTRIC_RAD
+
+
+def _patterns(judged: Judged, table_column: int) -> list[Pattern]:
+    from scipy.stats import chi2
+
+    at, table = judged.fit.minimum.at, judged.data.table
+    assert table is not None
+    on_table = (table.mounts >= 0) & judged.used
+    angle = table.angles_rad
+    tilts = at.jacobian[:, :, table_column : table_column + 2]
+    by_angle = at.jacobian[:, :, table_column + SCALE_COLUMN] / np.where(angle == 0, 1.0, angle)[:, None]
+    lever = np.zeros_like(by_angle) if at.levers is None else at.levers
+    by_angle = np.where(on_table[:, None], lever, by_angle)
+    found: list[Pattern] = []
+    for kind, times in (("wobble", 2), ("wobble", 3), ("encoder", 1)):
+        moves = tilts if kind == "wobble" else by_angle[:, :, None]
+        waves = [np.cos(times * angle), np.sin(times * angle)]
+        rows = np.concatenate([moves * (wave * on_table)[:, None, None] for wave in waves], axis=2)
+        width = rows.shape[2]
+        if np.count_nonzero(on_table) < width + _LEAST_SPARE:
+            continue
+        gain, size = _score(judged, rows)
+        # The amplitude of a wave of two components (leans across, cos and sin), at its largest.
+        largest = float(np.linalg.svd(size.reshape(2, -1), compute_uv=False)[0])
+        found.append(Pattern(kind, times, largest, float(chi2.sf(gain, width))))
+    return found
+
+
+def _score(judged: Judged, rows: FloatArray) -> tuple[float, FloatArray]:
+    """Return twice the log-likelihood that unknowns with these rows (K, 3, W) gain, and their values (W,)."""
+    at = judged.fit.minimum.at
+    reduced, rest = without_pose_errors(at.information, at.vector, at.gain, at.share)
+    rest = rest - np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
+    product = reduced[:, :3, :3] @ at.jacobian
+    product[:, :, at.nuisances] += reduced[:, :3, 3:]
+    turned = np.swapaxes(rows, 1, 2)
+    score = np.einsum("kpi,ki->p", turned, rest[:, :3])
+    square = (turned @ reduced[:, :3, :3] @ rows).sum(axis=0) + np.eye(rows.shape[2]) / _FAR_RAD**2
+    cross = (turned @ product).sum(axis=0)
+    information = square - cross @ covariance_of(at.hessian) @ cross.T
+    size = np.linalg.solve(information, score)
+    return float(score @ size) / judged.excess, size
