@@ -43,7 +43,8 @@ class Pattern:
             )
         return (
             f"The table's angle seems to err by {degrees:.3f}° once a turn, as of an eccentric encoder or an "
-            "axis that wobbles: scans at different angles are off by as much. Check the encoder's mounting and the bearing."
+            "axis that wobbles: scans at different angles are off by as much. Check the encoder's mounting and "
+            "the bearing."
         )
 
 

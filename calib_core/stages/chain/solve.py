@@ -16,6 +16,7 @@ def solve_chain_stage(given: StageInput) -> ChainResult:
     """Return tool and turntable from all captures of both; raises as the two stages do."""
     from calib_core.chain.whole import solve_chain
     from calib_core.stages.chain.result import chain_result
+    from calib_core.stages.tcp.verdict import with_repeats
 
     turning = [capture for capture in given.captures if capture.step == "turntable"]
     for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
@@ -41,4 +42,5 @@ def solve_chain_stage(given: StageInput) -> ChainResult:
         part_of(given.progress, _TABLE_SHARE, 1.0),
     )
     result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
+    result = with_repeats(result, solved.observations, solution.tcp.sigmas)
     return with_unused(result, given.captures, solved.unused | table.unused)

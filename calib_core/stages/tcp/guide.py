@@ -25,7 +25,12 @@ from calib_core.stages.tcp.motion import (
     next_turn,
     turn_between_deg,
 )
+from calib_core.stages.tcp.record import NOT_CHECKED
 
+ASK_FOR_REPEAT = (
+    "Nothing shows a lag that is always in one direction yet: drive to an earlier pose again from the other side, "
+    "let the arm come to rest, and capture the sphere once more."
+)
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
 _MANY = 12  # so many captures of different orientations do without pure translations
 
@@ -296,6 +301,8 @@ def review(
     else:
         instruction = look
         why = _sentence(doubts[0]) if doubts else "An answer is as good as its evidence."
+        if any(note.startswith(NOT_CHECKED) for note in result.get("notes", [])):
+            why += " " + ASK_FOR_REPEAT
     return GuideNow(
         step="tcp",
         stage="tcp",

@@ -37,6 +37,7 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         If the motions do not determine the answer.
     """
     from calib_core.stages.tcp.result import tcp_result
+    from calib_core.stages.tcp.verdict import with_repeats
 
     try:
         solved = solve_tcp_captures(given)
@@ -44,6 +45,7 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         doubt = _doubt_of_pitch(given)
         raise (error.adding(doubt) if doubt else error) from None
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
+    result = with_repeats(result, solved.observations, solved.solution.sigmas)
     result = _with_causes(with_unused(result, given.captures, solved.unused), given, solved)
     if whose := told_by_joints(given.session.cell, [c for c in given.captures if c.id not in solved.unused]):
         verdict = "warn" if result.verdict == "pass" else result.verdict

@@ -1,13 +1,20 @@
 """Whether a TCP can be trusted: the verdict, and every reason for doubt as a sentence."""
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 import numpy as np
 
 from calib_core.chain.held import ScannerError
-from calib_core.chain.observations import named
+from calib_core.chain.model import Sigmas
+from calib_core.chain.observations import SphereObservation, named
+from calib_core.chain.repeated import repeats
 from calib_core.chain.tcp import TcpSolution
 from calib_core.evidence.words import by_to_do
-from calib_core.records import Verdict
+from calib_core.records import Result, Verdict
+from calib_core.stages.tcp.record import NOT_CHECKED
 
+Judged = TypeVar("Judged", bound=Result)
 _HOPELESS_SCATTER_MM = 5.0
 _HOPELESS_SIGMA_MM = 2.5  # inverted poses leave 2.9 mm and more; arms that are only untrue stay below 1 mm
 _LARGE_SIGMA_MM = 1.0
@@ -16,6 +23,7 @@ _CHI2_6_RARE = 22.5  # 99.9 %
 _LIGHT = 0.5
 _RIVAL_NEAR = 1.5
 _CLEAR_LOG_ODDS = 5.0  # 150 : 1
+_LEAST_LAG_MM = 0.05
 _FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may be small by chance alone
 
 
@@ -173,7 +181,40 @@ def tcp_notes(solution: TcpSolution) -> list[str]:
     if light:
         found.append(f"Counted less because they lie off: {', '.join(light)}.")
     found.append(
-        "Not checked: a lag that is always in one direction, and errors of the arm that all captures share. "
+        f"{NOT_CHECKED}, and errors of the arm that all captures share. "
         "Approach some poses from another side and let the arm come to rest to show them."
     )
     return found
+
+
+def with_repeats(result: Judged, observations: Sequence[SphereObservation], sigmas: Sigmas) -> Judged:
+    """Return a result with what captures of a pose that was taken twice say of lag and play, if there are any.
+
+    Parameters
+    ----------
+    result : TcpResult or ChainResult
+    observations : the captures of the still sphere, in the order in which they were taken
+    sigmas : Sigmas
+        A pose's own scatter counts twice in a difference.
+    """
+    found = repeats(observations)
+    if not found:
+        return result
+    largest = max(found, key=lambda one: one.shift_mm)
+    usual_mm = 3 * np.sqrt(2) * sigmas.position_mm
+    names = f"{largest.first} and {largest.again}"
+    if largest.is_shift and largest.shift_mm > max(usual_mm, _LEAST_LAG_MM):
+        warning = (
+            f"{names} are one pose, reached twice, but see the sphere {largest.shift_mm:.2f} mm apart: the arm "
+            "lags or has play, or the sphere moved. By as much the TCP may be off in the direction of approach: "
+            "let the arm come to rest before each capture."
+        )
+        verdict = "warn" if result.verdict == "pass" else result.verdict
+        return result.model_copy(update={"verdict": verdict, "warnings": [*result.warnings, warning]})
+    checked = (
+        f"Poses taken again after the arm had been elsewhere differ by {largest.shift_mm:.3f} mm at most "
+        f"({names}): where they were reached from another side, a lag is no larger. Not checked: errors of the "
+        "arm that all captures share."
+    )
+    notes = [checked if note.startswith(NOT_CHECKED) else note for note in result.notes]
+    return result.model_copy(update={"notes": notes})
