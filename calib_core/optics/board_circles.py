@@ -8,6 +8,9 @@ from calib_core.optics.adjust import Corners
 from calib_core.optics.camera_start import homographies
 from calib_core.records import Board
 
+_LEAST_WHITE = 12
+_NEARLY_WHITE = 0.85
+
 
 def find_circles(grey: NDArray[np.uint8], board: Board, places_mm: FloatArray) -> FloatArray | None:
     """Return the circles' centres as (rows, columns, 2), px, or None where the grid is not seen.
@@ -32,7 +35,7 @@ def find_circles(grey: NDArray[np.uint8], board: Board, places_mm: FloatArray) -
             )
             if found:
                 grid = np.asarray(centres, dtype=float).reshape(board.rows, board.columns, 2)
-                centroids, areas_px = _centroids(255.0 - image.astype(np.float64), grid)
+                centroids, areas_px = _centroids(grey.astype(np.float64), grid, dark=image is grey)
                 return _seen_centers(centroids.reshape(-1, 2), areas_px, places_mm).reshape(grid.shape)
     return None
 
@@ -68,25 +71,50 @@ def _blob_detector(grey: NDArray[np.uint8]):
     return cv2.SimpleBlobDetector.create(parameters)
 
 
-def _centroids(brightness: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return each circle's centroid of light above its surroundings, in a window between the circles; its area."""
+def _evenly_lit(window: FloatArray, inside: NDArray[np.bool_]) -> FloatArray:
+    """Return grey values over what white would have there: a plane through the bright pixels inside a window.
+
+    Light that falls off across a circle would draw its centroid to one side.
+    """
+    rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
+    places = np.stack([np.ones(window.shape), rows - rows.mean(), columns - columns.mean()], axis=2)
+    dark, bright = np.percentile(window[inside], [5, 95])
+    white = inside & (window > (dark + bright) / 2)
+    plane = np.full(window.shape, max(bright, 1.0))
+    for _ in range(2):
+        if white.sum() < _LEAST_WHITE:
+            break
+        plane = np.maximum(places @ np.linalg.lstsq(places[white], window[white], rcond=None)[0], 1.0)
+        ratio = window / plane
+        white = inside & (ratio > 0.5 * (1 + np.percentile(ratio[inside], 5)))
+        white &= ratio > _NEARLY_WHITE
+    return window / plane
+
+
+def _centroids(grey: FloatArray, grid: FloatArray, dark: bool) -> tuple[FloatArray, FloatArray]:
+    """Return each circle's centroid of what it differs from its ground by, in a window between circles; its area.
+
+    `dark`: circles on a bright ground, else bright ones.
+    """
     points = grid.reshape(-1, 2)
     apart = np.linalg.norm(points[:, None] - points[None], axis=2) + 1e9 * np.eye(len(points))
     reach = 0.48 * apart.min(axis=1)
-    height, width = brightness.shape
+    height, width = grey.shape
     result, areas = points.copy(), np.zeros(len(points))
     for k in range(len(points)):
         u, v = points[k]
         r = int(np.ceil(reach[k]))
         left, top = max(int(u) - r, 0), max(int(v) - r, 0)
-        window = brightness[top : min(int(v) + r + 2, height), left : min(int(u) + r + 2, width)]
+        window = grey[top : min(int(v) + r + 2, height), left : min(int(u) + r + 2, width)]
         rows, columns = np.mgrid[top : top + window.shape[0], left : left + window.shape[1]]
         inside = (rows - v) ** 2 + (columns - u) ** 2 <= reach[k] ** 2
-        dark, bright = np.percentile(window[inside], [5, 95])
+        even = _evenly_lit(window, inside)
+        even = -even if dark else even
+        low, high = np.percentile(even[inside], [5, 95])
         # Cut at a tenth of the contrast: noise of the ground must not pull the centroid.
-        weight = np.where(inside, np.clip(window - dark - 0.1 * (bright - dark), 0, 0.8 * (bright - dark)), 0.0)
+        weight = np.where(inside, np.clip(even - low - 0.1 * (high - low), 0, 0.8 * (high - low)), 0.0)
         total = weight.sum()
         if total > 0:
             result[k] = (weight * columns).sum() / total, (weight * rows).sum() / total
-            areas[k] = total / (0.8 * (bright - dark))
+            areas[k] = total / (0.8 * (high - low))
     return result.reshape(grid.shape), areas

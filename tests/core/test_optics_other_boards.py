@@ -1,5 +1,6 @@
 """ChArUco boards and grids of circles on rendered frames: where they are found, against the truth."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -8,7 +9,7 @@ from calib_core.records import Board
 from calib_core.simulation import simulate
 from calib_core.simulation.frame_camera import SimulatedCamera
 from calib_core.simulation.frame_surfaces import BoardSurface
-from calib_core.simulation.frames import Exposure, render
+from calib_core.simulation.frames import Exposure, light, render, sense
 from calib_core.simulation.motion import pose, turn
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.pipeline import solve_stage
@@ -52,6 +53,29 @@ def test_circles_are_told_by_their_own_centres_not_those_of_their_ellipses(
     # The ellipses' middles are off by 0.02 to 0.07 px at the first two tilts, all alike.
     assert np.sqrt(np.mean(error**2)) < 0.01
     assert np.abs(error.mean(axis=0)).max() < 0.004
+
+
+@pytest.mark.parametrize(("kind", "worst_px"), [("across", 0.02), ("shadow", 0.02)])
+def test_circles_under_uneven_light_are_where_they_are(kind: str, worst_px: float) -> None:
+    """Light that falls to a third across the image, or to a half within 25 px: OpenCV is 0.05 px off."""
+    rotation = turn(TURNS[0])
+    middle = CIRCLES.points_on_board_mm().mean(axis=0)
+    board = BoardSurface(pose(rotation, np.array([0, 0, 250.0]) - rotation @ middle), 9, 6, 9.0, "circles")
+    exposure = Exposure(ambient=190.0, hot_pixels=80)
+    even = light(CAMERA, [board], None, exposure, np.random.default_rng(4))
+    across = np.linspace(0.0, 1.0, even.shape[1])
+    lamp = 1 - 0.66 * across if kind == "across" else 0.5 + 0.5 / (1 + np.exp((across - 0.5) * 50))
+    image = sense(even * lamp, exposure, np.random.default_rng(4))
+    record = {"kind": "circles", "columns": 9, "rows": 6, "pitch_mm": 9.0}
+    view = find_board(image, Board.model_validate(record))
+    truth = CAMERA.pixels(board.points_on_board_mm() @ rotation.T + board.camera_from_board[:3, 3])
+    error = view.points_px - truth[view.ids]
+    assert np.sqrt(np.mean(np.sum(error**2, axis=1))) < worst_px
+    found, centers = cv2.findCirclesGrid(image, (9, 6), flags=cv2.CALIB_CB_SYMMETRIC_GRID)
+    assert found
+    peer = np.asarray(centers, dtype=float).reshape(-1, 2)
+    off = min(np.sqrt(np.mean(np.sum((p - truth) ** 2, axis=1))) for p in (peer, peer[::-1]))
+    assert np.sqrt(np.mean(np.sum(error**2, axis=1))) < off
 
 
 @pytest.mark.parametrize("scenario", ["camera-charuco", "camera-circles"])
