@@ -10,6 +10,7 @@ from calib_core.records import Board
 
 _LEAST_WHITE = 12
 _NEARLY_WHITE = 0.85
+_EVEN = 0.03  # of the brightness: a plane's own error is as large
 
 
 def find_circles(grey: NDArray[np.uint8], board: Board, places_mm: FloatArray) -> FloatArray | None:
@@ -88,6 +89,8 @@ def _evenly_lit(window: FloatArray, inside: NDArray[np.bool_]) -> FloatArray:
         ratio = window / plane
         white = inside & (ratio > 0.5 * (1 + np.percentile(ratio[inside], 5)))
         white &= ratio > _NEARLY_WHITE
+    if np.ptp(plane[inside]) < _EVEN * bright:
+        plane = np.full(window.shape, max(bright, 1.0))
     return window / plane
 
 
