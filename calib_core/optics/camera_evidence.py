@@ -142,10 +142,8 @@ def remarks_of(solution: "CameraSolution") -> list[str]:
         errors = ", ".join(f"{c.model} {c.held_out_rms_px:.3f} px" for c in solution.candidates)
         why = "no other is" if chosen == "plain" else "it is"
         found.append(f"The {chosen} model was chosen: {why} significantly better on held-out views ({errors}).")
-    usual = ("k2", "p1", "p2", "k3") if chosen == "plain" else ("k2", "k3")
-    idle = [name for name in usual if name not in solution.parameters] if chosen in ("plain", "tilted") else []
-    if idle:
-        none = f"{idle[0]} is" if len(idle) == 1 else f"{', '.join(idle[:-1])} and {idle[-1]} are"
+    if chosen in ("plain", "tilted") and "k3" not in solution.parameters:
+        none = "k3 is" if "k2" in solution.parameters else "k2 and k3 are"
         found.append(
             f"{none} fixed at zero: views that have no part in the fit are not foretold better with more."
         )

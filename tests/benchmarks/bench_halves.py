@@ -1,8 +1,14 @@
-"""Random halves of both real sets: do they differ as they say, and does the diameter's sigma move the tool?"""
+"""Random halves of real sets: do they differ as they say, and does the diameter's sigma move the tool?
+
+Tools of spheres, cameras of boards, planes of light by boards.
+"""
 
 import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from harness import Row
@@ -11,19 +17,29 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpSolution, solve_tcp
+from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray
-from calib_core.records import parse_session
+from calib_core.records import Session, parse_session
+from calib_core.stages.stage import ReadFile
+
+T = TypeVar("T")
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SETS = ("tcp-sphere-80mm", "tcp-sphere-25mm")
+CAMERAS = ("camera-chessboard", "laser-plane-arm-640", "hand-eye-circles-10x10")
+PLANES = ("laser-plane-arm-640", "laser-plane-green-line")
 _CHI2_6_95 = 12.6
+_MOST_FACTOR = 1.15
+_PINHOLE = ("fx", "fy", "cx", "cy")
 
 
 def run(full: bool) -> list[Row]:
     """Return the rows; `full` takes the twelve halves of the target, otherwise four."""
     if not DATA.is_dir():
         return [Row("real sets beside the project (../shared/data)", "", "not there")]
-    return [row for name in SETS for row in (*halves(name, 12 if full else 4), diameter(name))]
+    tools = [row for name in SETS for row in (*halves(name, 12 if full else 4), diameter(name))]
+    count = 40 if full else 8
+    return [*tools, *(camera_halves(n, count) for n in CAMERAS), *(plane_halves(n, count) for n in PLANES)]
 
 
 @cache
@@ -79,3 +95,74 @@ def diameter(name: str) -> Row:
             off = one.joint.tool0_from_laser.difference(other.joint.tool0_from_laser)
             most = max(most, float(np.abs(off / np.sqrt(np.diag(other.covariance)[:6])).max()))
     return Row(f"{name}: tool moves with the diameter's sigma", "≤ 0.3 sigmas", f"{most:.2f}", most <= 0.3)
+
+
+def opened(name: str) -> tuple[Session, ReadFile]:
+    folder = DATA / name
+    session = parse_session(json.loads((folder / "session.json").read_text(encoding="utf-8")))
+    return session, lambda file: (folder / file).read_bytes()
+
+
+def random_halves(items: Sequence[T], count: int) -> Iterator[tuple[list[T], list[T]]]:
+    rng = np.random.default_rng(2026)
+    for _ in range(count):
+        order = rng.permutation(len(items))
+        middle = len(items) // 2
+        yield [items[i] for i in order[:middle]], [items[i] for i in order[middle:]]
+
+
+def factor_row(what: str, squares: list[float], freedom: int) -> Row:
+    """Return by what factor sigmas are too small: the root of the mean χ² over what is expected of it."""
+    factor = float(np.sqrt(np.mean(squares) / freedom)) if squares else float("nan")
+    return Row(
+        f"{what}: {len(squares)} halves, sigmas too small by",
+        f"≤ {_MOST_FACTOR:g}",
+        f"{factor:.2f}",
+        bool(factor <= _MOST_FACTOR),
+    )
+
+
+def camera_halves(name: str, count: int) -> Row:
+    """By how much halves of a set's boards differ in focal lengths and principal point, as they state it."""
+    from calib_core.captures.boards import board_in
+    from calib_core.optics.camera import calibrate_camera
+
+    session, read = opened(name)
+    assert session.cell.board is not None
+    views = []
+    for capture in session.captures:
+        with suppress(CalibrationError):  # dark frames, the stripe alone
+            views.append(board_in(capture, session.cell.board, read))
+    squares: list[float] = []
+    for pair in random_halves(views, count):
+        solved = [calibrate_camera(half, views[0].image_size) for half in pair]
+        places = [[s.parameters.index(p) for p in _PINHOLE] for s in solved]
+        off = np.subtract(*(s.camera.camera_matrix[[0, 1, 0, 1], [0, 1, 2, 2]] for s in solved))
+        covariance = sum(s.covariance[np.ix_(p, p)] for s, p in zip(solved, places, strict=True))
+        squares.append(float(off @ np.linalg.solve(covariance, off)))
+    return factor_row(f"{name}: camera", squares, 4)
+
+
+def plane_halves(name: str, count: int) -> Row:
+    """The same of the plane of light by halves of the boards that carry it, the camera being that of all."""
+    from calib_core.captures.camera_source import camera_of
+    from calib_core.captures.dark_boards import PlaneViews
+    from calib_core.optics.laser_plane_solve import solve_plane
+
+    session, read = opened(name)
+    camera, _ = camera_of(session, read)
+    boards, views = PlaneViews(session, camera, read), []
+    for capture in session.captures:
+        if capture.step == "laser-plane":
+            with suppress(CalibrationError):
+                views.append(boards.of(capture))
+    used = {view.name for view in solve_plane(camera, views).views if view.reason is None}
+    views = [view for view in views if view.name in used]
+    squares: list[float] = []
+    for pair in random_halves(views, count):
+        with suppress(CalibrationError):  # lines of three boards may lie too close to one another
+            first, other = (solve_plane(camera, half) for half in pair)
+            off = np.append(first.normal - other.normal, first.distance_mm - other.distance_mm)
+            inverse = np.linalg.pinv(first.covariance + other.covariance, rcond=1e-9, hermitian=True)
+            squares.append(float(off @ inverse @ off))
+    return factor_row(f"{name}: plane of light", squares, 3)
