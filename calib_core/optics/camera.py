@@ -184,9 +184,9 @@ def _bent_fit(corners: Corners, layout: Layout, flat: Fit) -> "Fit | None":
 
 
 def _without_idle(corners: Corners, fit: Fit, layout: Layout, folds: int) -> tuple[Fit, Layout]:
-    """Return the fit without k3, then without k2, where held-out views are met no worse so.
-
     """Return the fit without k3, then without k2, as long as held-out views are met no worse.
+
+    Decentring stays: without p1 and p2 the principal point seems better known than halves of real sets agree.
     """
     for place in (K3, K2):
         fewer = replace(layout, free=layout.free[layout.free != place])
