@@ -64,7 +64,7 @@ def _counted(problem: Adjustment) -> FloatArray:
 def _of_views(problem: Adjustment, views: np.ndarray) -> Adjustment:
     lines = problem.lines
     assert lines is not None
-    spans = [np.arange(lines.ends[v], lines.ends[v + 1]) for v in views]
+    spans = [np.arange(int(lines.ends[v]), int(lines.ends[v + 1])) for v in views]
     index = np.concatenate(spans)
     ends = np.concatenate([[0], np.cumsum([len(s) for s in spans])]).astype(np.int64)
     own = LaserLines(lines.pixels[index], lines.axes[index], ends, lines.weights[index])

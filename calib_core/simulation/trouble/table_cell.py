@@ -138,7 +138,8 @@ def _by_the_rule(table: FloatArray) -> FloatArray:
     z = table[:3, 2]
     x = np.array([1.0, 0.0, 0.0]) - z[0] * z
     x = x / np.sqrt(x @ x)
-    return pose(np.column_stack([x, np.cross(z, x), z]), table[:3, 3])
+    rotation = np.array([x, np.cross(z, x), z], dtype=float).T
+    return pose(rotation, table[:3, 3])
 
 
 def _on_table(
@@ -180,5 +181,5 @@ def _rigid(true: FloatArray, told: FloatArray) -> FloatArray:
     """Return the move (4, 4) that brings places (N, 3) nearest to others (Kabsch)."""
     middles = true.mean(axis=0), told.mean(axis=0)
     u, _, vt = np.linalg.svd((told - middles[1]).T @ (true - middles[0]))
-    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    rotation = np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt, dtype=float)
     return pose(rotation, middles[1] - rotation @ middles[0])

@@ -40,7 +40,10 @@ def _random_encoder(degrees: float) -> Change:
 
 
 def _scaled_encoder(share: float) -> Change:
-    return _set(encoder=lambda angle, rng: angle * (1 + share))
+    def change(plan: TablePlan, rng: Rng) -> None:
+        plan.encoder = lambda angle, rng: angle * (1 + share)
+
+    return change
 
 
 def _eccentric_encoder(degrees: float) -> Change:
@@ -53,7 +56,11 @@ def _eccentric_encoder(degrees: float) -> Change:
 
 def _backlash(degrees: float) -> Change:
     """Approached from both sides without a rule."""
-    return _set(encoder=lambda angle, rng: angle + np.deg2rad(degrees) / 2 * rng.choice([-1.0, 1.0]))
+
+    def change(plan: TablePlan, rng: Rng) -> None:
+        plan.encoder = lambda angle, rng: angle + np.deg2rad(degrees) / 2 * float(rng.choice([-1.0, 1.0]))
+
+    return change
 
 
 def _wobble(mrad: float, times: int) -> Change:
