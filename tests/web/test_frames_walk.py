@@ -39,15 +39,12 @@ def test_the_page_leads_from_board_frames_to_the_tcp(open_page: Callable[..., An
             assert go_on(page) or solved[-1] == "TCP"
             continue
         assert taken < FRAMES, words
-        told = page.locator(".guide-words").inner_text()
         count = take_one(page)
         taken += 1
         if "Laser plane" in solved:  # a frame of the sphere is a profile as soon as it is there
             expect(page.locator("sc-quality h2")).to_contain_text(f"p{count:02d}")
             expect(page.locator("sc-quality .profile-plot .on").first).to_be_attached()
-            page.wait_for_timeout(500)  # a shift too short to count leaves the guide's words as they are
             continue
-        expect(page.locator(".guide-words")).not_to_have_text(told, timeout=30_000, use_inner_text=True)
         if not solved and taken in (1, 6):
             frames, share = seen_so_far(page)
             assert frames == taken

@@ -170,6 +170,7 @@ export class ActionsElement extends StateElement {
     await attempt(async () => {
       const { id } = this.state;
       const capture = await api.captureSimulated(id, this.#step);
+      this.state.hurry();
       const kept = keep(id, [capture]);
       did(t("captures.added", { captures: capture.id }), kept.remove, { redo: kept.restore });
       const { verdict, reason } = capture.measured;

@@ -179,6 +179,12 @@ export class SessionState extends EventTarget {
     return own.length ? own : this.captures.filter((capture) => taken.includes(capture.step));
   }
 
+  /** What was done here is shown at once, without the rest between two loads. */
+  hurry() {
+    this.#restsUntilMs = 0;
+    if (this.#stale.size) this.#later();
+  }
+
   /** A job that was started here; its events may have come before the answer that names it. @param {Job} job */
   follows(job) {
     if (this.job?.id !== job.id) this.job = job;
