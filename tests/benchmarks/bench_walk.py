@@ -50,4 +50,4 @@ def run(full: bool) -> list[Row]:
     problems = [problem for one in found for problem in one.problems]
     shown = f"{actions} actions ({', '.join(f'{n} {what}' for what, n in kinds.most_common(6))})"
     rows = [Row("random walk: console errors and dead ends", "none", f"{len(problems)} in {shown}", not problems)]
-    return rows + [Row(f"  {problem[:160]}", "", "") for problem in problems[:10]]
+    return rows + [Row(f"  {problem[:400]}", "", "") for problem in problems[:10]]

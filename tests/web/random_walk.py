@@ -5,7 +5,7 @@ After each action the page must still be itself: something to read, something to
 
 import random
 import re
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -79,6 +79,7 @@ _KEYS = (
     "Control+y",
 )
 _REFUSED = re.compile(r"Failed to load resource: the server responded with a status of 4\d\d")
+_SHORT = re.compile("Failed to load resource: the server responded with a status of ")
 # The session that is walked in stays: what ends it for good is not pressed.
 _NOT = ("Delete session", "Delete sessions", "Log out")
 
@@ -96,17 +97,18 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
     """Do so many actions from `home`, an address; it goes back there where a dead end is found, and says so."""
     lot = random.Random(seed)
     done = Walk()
-    last = ""
+    recent: deque[str] = deque(maxlen=3)
 
     def complain(words: str) -> None:
-        done.problems.append(f"action {done.actions}, after {last!r} at {page.url.split('/', 3)[-1]}: {words}")
+        done.problems.append(f"action {done.actions}, after {list(recent)} at {page.url.split('/', 3)[-1]}: {words}")
 
     refused: list[str] = []
 
     def heard(message: ConsoleMessage) -> None:
         if message.type == "error":
             # What the server refuses must be told to who asked; anything else is a defect.
-            (refused.append if _REFUSED.search(message.text) else complain)(message.text)
+            words = f"{message.text} {message.location['url'].split('/', 3)[-1]}"
+            (refused.append if _REFUSED.search(words) else complain)(words)
 
     page.on("console", heard)
     page.on("pageerror", lambda error: complain(str(error)))
@@ -117,7 +119,8 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
     while done.actions < actions and len(done.problems) < stop_at:
         done.actions += 1
         try:
-            last = _act(page, lot, done) or last
+            if did := _act(page, lot, done):
+                recent.append(did)
             alive: dict[str, Any] = page.evaluate(_ALIVE)
         except Error as error:
             if "context was destroyed" in str(error) or "navigat" in str(error).lower():
@@ -125,7 +128,7 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
                 continue
             raise
         if refused and not _told(page):
-            complain(f"refused without a word: {refused[0]}")
+            complain(f"refused without a word: {_SHORT.sub('', refused[0])}")
         refused.clear()
         if alive["bad"]:
             complain(f"the page says {alive['bad']}")

@@ -59,8 +59,9 @@ function exportMenu(sessionId) {
     const entry = entries.find(({ name }) => name === list.value);
     list.value = "";
     if (!entry) return;
-    if (!Object.keys(entry.settings.properties ?? {}).length) window.location.assign(api.exportAddress(sessionId, entry.name));
-    else (await import("./export-dialog.js")).exportDialog(sessionId, entry);
+    const { exportDialog, saveExport } = await import("./export-dialog.js");
+    if (Object.keys(entry.settings.properties ?? {}).length) exportDialog(sessionId, entry);
+    else await attempt(() => saveExport(sessionId, entry, {}));
   } }, h("option", { value: "" }, t("result.export")));
   void attempt(async () => {
     entries = await registry("exports");
