@@ -862,6 +862,12 @@ export interface LayerShown {
   shown: boolean;
 }
 
+export interface LikelyConvention {
+  convention: string;
+  spread_mm: number;
+  told_spread_mm?: number | null;
+}
+
 export interface Limits {
   reach?: Box | null;
   tilt_deg?: number | null;
@@ -1192,6 +1198,7 @@ export interface PoseLine {
 
 export interface PoseLines {
   items: PoseLine[];
+  likely_convention?: LikelyConvention | null;
 }
 
 export interface PoseList {

@@ -135,10 +135,19 @@ class PoseLine(BaseModel):
     problem: str | None = None
 
 
+class LikelyConvention(BaseModel):
+    """The convention that poses are clearly written in: by it they look at one place."""
+
+    convention: str
+    spread_mm: float
+    told_spread_mm: float | None = None
+
+
 class PoseLines(BaseModel):
-    """The lines that are not empty."""
+    """The lines that are not empty; `likely_convention` where the poses tell another one."""
 
     items: list[PoseLine]
+    likely_convention: LikelyConvention | None = None
 
 
 class Problem(BaseModel):

@@ -1,6 +1,7 @@
 """Sessions."""
 
 from collections.abc import AsyncIterator
+from dataclasses import asdict
 from typing import Annotated, Any
 
 from fastapi import Depends, Query, Response
@@ -163,10 +164,14 @@ def check(session_id: SessionId, store: StoreDep) -> Findings:
 @router.post("/{session_id}/pose-lines", response_model=PoseLines)
 def pose_lines(session_id: SessionId, body: PoseText, _: IdempotencyDep, store: StoreDep) -> Response:
     """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
+    from calib_core.causes.likely import likely_convention
+    from calib_core.records import Cell
     from calib_core.robots import parse_pose_lines
 
     with store.read() as db:
-        convention = body.convention or session_row(db, session_id).record["cell"]["pose_convention"]
+        cell = session_row(db, session_id).record["cell"]
+    convention = body.convention or cell["pose_convention"]
+    rows = parse_pose_lines(convention, body.text)
     items = [
         PoseLine(
             line=row.line,
@@ -175,9 +180,13 @@ def pose_lines(session_id: SessionId, body: PoseText, _: IdempotencyDep, store: 
             matrix=row.pose.to_rows() if row.pose else None,
             problem=row.problem,
         ).model_dump(exclude_none=True)
-        for row in parse_pose_lines(convention, body.text)
+        for row in rows
     ]
-    return JSONResponse(plain_json({"items": items}))
+    numbers = [row.numbers for row in rows if row.numbers is not None]
+    likely = likely_convention(Cell.model_validate({**cell, "pose_convention": convention}), numbers)
+    return JSONResponse(
+        plain_json({"items": items, "likely_convention": None if likely is None else asdict(likely)})
+    )
 
 
 def existing_session(session_id: SessionId, store: StoreDep) -> str:

@@ -7,6 +7,7 @@ from typing import TypeVar
 from calib_core.frames import FloatArray
 from calib_core.records import Capture
 from server.scenes.facts import SceneInput
+from server.scenes.merged import KnownScans
 
 Read = TypeVar("Read")
 
@@ -35,6 +36,7 @@ class PointCache:
 
     def __init__(self) -> None:
         self._points: dict[str, tuple[Capture, FloatArray]] = {}
+        self._scans: KnownScans = {}
         self._kept = Kept()
 
     def on(self, scene: SceneInput) -> SceneInput:
@@ -51,11 +53,12 @@ class PointCache:
             return known[1]
 
         solved = tuple(f"{stage} {result.inputs_sha256}" for stage, result in scene.results.items())
+        scans = tuple(capture for capture in scene.session.captures if capture.step == "scan")
         of = self._kept.of
         return replace(
             scene,
             load_points=load,
-            load_scans=of("scans", solved, scene.load_scans),
+            load_scans=of("scans", (solved, scans), lambda: scene.load_scans(self._scans)),
             load_merged=of("merged", (solved, scene.outputs), scene.load_merged),
             load_reference=of("reference", scene.outputs, scene.load_reference),
         )

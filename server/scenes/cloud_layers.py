@@ -69,7 +69,7 @@ def cloud_colors(merged: MergedScans, look: Look) -> NDArray[np.uint8]:
     if look.cloud.colors == "by deviation":
         values = look.deviation.values_mm if isinstance(look.deviation, CloudDeviation) else None
         return deviation_colors(values, len(merged.points_mm), look)
-    if look.cloud.colors == "by scan" and len(merged.scan):
+    if len(merged.scan) and (merged.waiting or look.cloud.colors == "by scan"):
         return scan_colors(merged.scan)
     return height_colors(merged.points_mm[:, 2].astype(float), *height_range_mm(merged))
 

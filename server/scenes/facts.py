@@ -38,7 +38,8 @@ class SceneInput:
     load_points : callable
         Gives the points (N, 3) on the sphere of one capture, in L, mm; none when there are none.
     load_scans : callable
-        Gives the merge's scans as they were measured, None where nothing was merged.
+        Gives the scans as they were measured, those of the merge where there is one, None where there are none or
+        the scanner is not known; takes a dict in which it keeps each scan from one call to the next.
     load_merged : callable
         Gives the merged cloud that was stored, None where there is none.
     load_reference : callable
@@ -53,7 +54,7 @@ class SceneInput:
     load_points: LoadPoints
     measured: Sequence[Measured] = ()
     results: Mapping[str, Result] = field(default_factory=dict[str, Result])
-    load_scans: Callable[[], MergedScans | None] = lambda: None
+    load_scans: Callable[..., MergedScans | None] = lambda _known=None: None
     load_merged: Callable[[], MergedScans | None] = lambda: None
     load_reference: Callable[[], ReferenceMesh | None] = lambda: None
     outputs: tuple[str, ...] = ()

@@ -108,7 +108,7 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
     frame = "T" if merged.frame == "turntable" else "base"
     if look.cloud.colors == "by deviation":
         parts += _of_deviation(look.deviation)
-    elif look.cloud.colors == "by height" or not merged.names:
+    elif (look.cloud.colors == "by height" and not merged.waiting) or not merged.names:
         low, high = height_range_mm(merged)
         parts.append(_bar(VIRIDIS))
         parts.append(f'<div class="ticks"><span>z {low:.1f} mm</span><span>{high:.1f} mm in {frame}</span></div>')

@@ -190,7 +190,8 @@ class LiveScene:
         sent = self._send(draw(facts, look))
         self.legend = legend_html(facts, look)
         self._panel.say_rejected(rejected_html(facts))
-        self._panel.show_captures(len(facts.captures), facts.merged is not None)
+        colored = facts.merged is not None and not facts.merged.waiting
+        self._panel.show_captures(len(facts.captures), colored)
         self._details.refresh(self._server.get_clients())
         return sent
 

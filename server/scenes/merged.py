@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,17 @@ from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.registry import table_stages, tool_stages
 from calib_core.stages.stage import ReadFile
 
+if TYPE_CHECKING:
+    from calib_core.captures.scans import Placement, ScanGroup
+
 MAX_SCAN_POINTS = 500_000
 """At most this many points of cloud or scans are sent as a whole; with captures and details it stays below 1M."""
+
+MAX_WAITING_POINTS = 120_000
+"""At most so many points of scans that wait to be merged: they are sent again as each one comes."""
+
+KnownScans = dict[str, tuple[object, FloatArray, int]]
+"""By a scan's name: what it was read from, its points, and how many there were."""
 
 Points = TypeVar("Points", bound=NDArray[Any])
 
@@ -43,6 +52,8 @@ class MergedScans:
         All points of a merged cloud.
     every_scan : (measured,) int or None
         Of the same points, as `scan`.
+    waiting : bool
+        Whether these are scans that nothing was merged of yet: they are told apart by their colours.
     """
 
     points_mm: NDArray[np.floating]
@@ -52,6 +63,7 @@ class MergedScans:
     measured: int
     every_mm: NDArray[np.floating] | None = None
     every_scan: NDArray[np.int64] | None = None
+    waiting: bool = False
 
     @property
     def fused(self) -> bool:
@@ -85,40 +97,63 @@ def merged_cloud(results: Mapping[str, Result], read: ReadOutput) -> MergedScans
 
 
 def merged_scans(
-    session: Session, results: Mapping[str, Result], read: ReadFile, most: int = MAX_SCAN_POINTS
+    session: Session, results: Mapping[str, Result], read: ReadFile, known: KnownScans | None = None
 ) -> MergedScans | None:
-    """Return the scans that a merge used, evenly thinned; None without a merge, or where none of them can be read.
+    """Return the scans that a merge used, before it those that count, evenly thinned; None where none can be read.
 
-    Scans stand where the calibration puts them: nothing is registered here.
+    Scans stand where the calibration puts them: nothing is registered here. Each is read once if `known` is kept.
     """
-    merge = results.get("merge")
-    if not isinstance(merge, MergeResult):
-        return None
-    from calib_core.captures.scans import Placement, read_scan, scan_groups
+    from calib_core.captures.scans import Placement, scan_groups
 
     tool = scanner_on_flange(session, results)
     if tool is None:
         return None
-    used = {row.capture for row in merge.residuals if row.used}
-    groups = scan_groups([c for c in session.captures if c.step == "scan" and c.id in used])
-    table = _table(session, results) if merge.frame == "turntable" else None
+    scans = [c for c in session.captures if c.step == "scan" and not c.excluded]
+    table, most = _table(session, results), MAX_WAITING_POINTS
+    if not any(scan.table_deg is not None for scan in scans):
+        table = None
+    merge = results.get("merge")
+    if isinstance(merge, MergeResult):
+        used = {row.capture for row in merge.residuals if row.used}
+        scans, most = [scan for scan in scans if scan.id in used], MAX_SCAN_POINTS
+        table = table if merge.frame == "turntable" else None
+    groups = scan_groups(scans)
     placement = Placement(tool, *table) if table else Placement(tool, None)
-    clouds: list[FloatArray] = []
-    names: list[str] = []
+    known = {} if known is None else known
+    waiting = not isinstance(merge, MergeResult)
+    basis = (tool.to_rows(), None if table is None else (table[0].to_rows(), table[1:]), waiting)
+    placed: dict[str, np.ndarray] = {}
     measured = 0
     for group in groups:
-        try:
-            scan = read_scan(session, group, placement, read)
-        except CalibrationError:
-            continue  # the merge has said why it was not used
-        points = _placed(scan.points_in_laser_mm, scan.turntable_from_laser)
-        measured += len(points)
-        clouds.append(thinned(points, max(most // len(groups), 1)))
-        names.append(group.name)
+        key = (basis, tuple(group.captures))
+        if known.get(group.name, (None,))[0] != key:
+            known[group.name] = (key, *_read(session, group, placement, read, most))
+        _, points, count = known[group.name]
+        if count:
+            placed[group.name] = thinned(points, max(most // len(groups), 1))
+            measured += count
+    for gone in known.keys() - {group.name for group in groups}:
+        del known[gone]
     if not measured:
         return None
-    numbers = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
-    return MergedScans(np.concatenate(clouds), numbers, tuple(names), merge.frame, measured)
+    numbers = np.repeat(np.arange(len(placed)), [len(cloud) for cloud in placed.values()])
+    frame = "base" if table is None else "turntable"
+    points = np.concatenate(list(placed.values()))
+    return MergedScans(points, numbers, tuple(placed), frame, measured, waiting=waiting)
+
+
+def _read(
+    session: Session, group: "ScanGroup", placement: "Placement", read: ReadFile, most: int
+) -> tuple[FloatArray, int]:
+    """Return a scan's points in the frame of all, thinned, and how many there are: none where it is of no use."""
+    from calib_core.captures.scans import read_scan
+
+    try:
+        scan = read_scan(session, group, placement, read)
+    except CalibrationError:
+        return np.zeros((0, 3)), 0  # its measurement, or the merge, has said why
+    points = _placed(scan.points_in_laser_mm, scan.turntable_from_laser)
+    return thinned(points, most), len(points)
 
 
 def thinned(points: Points, most: int) -> Points:

@@ -30,7 +30,7 @@ def session_picture(scene: SceneInput) -> str:
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{"".join(parts)}</svg>'
 
 
-def _nothing() -> None:
+def _nothing(_known: object = None) -> None:
     """Give no cloud: it is not drawn, and reading it takes long."""
 
 

@@ -1,5 +1,6 @@
 """A session of 2,000 captures in the real Chromium: the longest task of what one does with them."""
 
+import json
 import shutil
 import tempfile
 import time
@@ -18,19 +19,40 @@ from tests.web.browsing import BROWSER_ARGUMENTS
 MOST_MS = 100
 
 
-def longest_tasks_ms(page: Page, client: httpx.Client, session: str, count: int, solve: bool) -> dict[str, float]:
-    """Return the longest task of each thing that is done with so many captures, in milliseconds."""
-    longest: dict[str, float] = {}
+def longest_task_ms(trace: bytes) -> tuple[float, float]:
+    """Return the longest task of the page's main thread: processor time, and as long as it took; milliseconds.
+
+    Where other programs have the processors, the second tells of them, the first of the page.
+    """
+    events: list[dict[str, Any]] = json.loads(trace)["traceEvents"]
+    named = [event for event in events if event["ph"] == "M" and event["name"] == "thread_name"]
+    main = {(e["pid"], e["tid"]) for e in named if e["args"]["name"] == "CrRendererMain"}
+    tasks = [e for e in events if e["ph"] == "X" and "RunTask" in e["name"] and (e["pid"], e["tid"]) in main]
+    assert tasks, "the trace holds no task"
+    return tuple(max(task.get(length, 0) / 1000 for task in tasks) for length in ("tdur", "dur"))
+
+
+def longest_tasks_ms(
+    page: Page, client: httpx.Client, session: str, count: int, solve: bool
+) -> dict[str, tuple[float, float]]:
+    """Return the longest task of each thing that is done with so many captures: processor time, and in all; ms."""
+    longest: dict[str, tuple[float, float]] = {}
+    browser = page.context.browser
+    assert browser
     table, rows = page.locator("table.captures"), page.locator("table.captures tbody:not(.space) tr")
 
     def noted(what: str) -> None:
         page.wait_for_timeout(500)
-        tasks: list[dict[str, Any]] = page.evaluate("window.longTasks.splice(0)")
-        longest[what] = max([task["length_ms"] for task in tasks], default=0.0)
+        longest[what] = longest_task_ms(browser.stop_tracing())
+        begin()
+
+    def begin() -> None:
+        browser.start_tracing(page=page, categories=["toplevel", "__metadata"])
 
     def scroll(share: float) -> None:
         page.locator(".work").evaluate("(work, share) => { work.scrollTop = share * work.scrollHeight; }", share)
 
+    begin()
     page.goto(f"/sessions/{session}#tcp")
     expect(table).to_have_attribute("aria-rowcount", str(count + 1), timeout=60_000)
     noted("open")
@@ -58,7 +80,7 @@ def longest_tasks_ms(page: Page, client: httpx.Client, session: str, count: int,
     page.wait_for_timeout(1500)
     noted("leave one out, elsewhere")
     if solve:
-        job = wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=300)
+        job = wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=1500)
         assert job["status"] == "done", job["error"]
         expect(page.locator("sc-rail .answer")).to_contain_text("±", timeout=30_000)
         noted("a result arrives")
@@ -67,6 +89,7 @@ def longest_tasks_ms(page: Page, client: httpx.Client, session: str, count: int,
         noted("show the result")
         page.locator(".plot-captures .dot").nth(40).dispatch_event("click")
         noted("pick in the plot")
+    browser.stop_tracing()
     return longest
 
 
@@ -84,7 +107,9 @@ def run(full: bool) -> list[Row]:
             with fresh_page(browser, address) as page:
                 tasks_ms = longest_tasks_ms(page, client, session, count, full)
         browser.close()
-    worst = max(tasks_ms, key=lambda name: tasks_ms[name])
-    shown = f"{tasks_ms[worst]:.0f} ms ({worst}); stored in {stored_s:.0f} s"
-    rows = [Row("2,000 captures: longest task", "≤ 100 ms", shown, tasks_ms[worst] <= MOST_MS)]
-    return rows + [Row(f"  {name}", "", f"{length_ms:.0f} ms") for name, length_ms in tasks_ms.items()]
+    worst = max(tasks_ms, key=lambda name: tasks_ms[name][0])
+    shown = f"{tasks_ms[worst][0]:.0f} ms ({worst}); stored in {stored_s:.0f} s"
+    rows = [Row("2,000 captures: longest task, processor time", "≤ 100 ms", shown, tasks_ms[worst][0] <= MOST_MS)]
+    slowest = max(tasks_ms, key=lambda name: tasks_ms[name][1])
+    rows.append(Row("  as long as it took", "≤ 100 ms", f"{tasks_ms[slowest][1]:.0f} ms ({slowest})"))
+    return rows + [Row(f"  {name}", "", f"{own:.0f} ms; {took:.0f} ms") for name, (own, took) in tasks_ms.items()]

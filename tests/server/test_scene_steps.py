@@ -17,7 +17,7 @@ from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.live import LiveScene
 from server.scenes.look import look_at
-from server.scenes.merged import thinned
+from server.scenes.merged import KnownScans, merged_scans, thinned
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
 from server.scenes.player import Player
@@ -301,7 +301,10 @@ def test_the_legend_says_what_of_the_camera_is_missing() -> None:
     assert "/camera/frustum" in drawn(brought)
 
 
-def merged_scene(points: int = 500) -> tuple[SceneInput, FloatArray]:
+SCAN_FILES: dict[str, bytes] = {}
+
+
+def merged_scene(points: int = 500, merged: bool = True) -> tuple[SceneInput, FloatArray]:
     """Return three scans of one part, each point measured from a table turned otherwise."""
     rng = np.random.default_rng(3)
     part = rng.uniform([-50, -50, 0], [50, 50, 100], (points, 3))
@@ -333,7 +336,8 @@ def merged_scene(points: int = 500) -> tuple[SceneInput, FloatArray]:
         "residuals": [{"capture": c["id"], "used": c["id"] != "s1"} for c in captures],
     }
     known = {"tool0_from_laser": TOOL.to_rows(), "base_from_turntable": TABLE.to_rows()}
-    return scene_of(captures, files, {"merge": merge}, known=known), part
+    SCAN_FILES.update(files)
+    return scene_of(captures, files, {"merge": merge} if merged else {}, known=known), part
 
 
 def test_merged_scans_lie_on_each_other_in_the_tables_frame_and_turn_with_it() -> None:
@@ -404,3 +408,32 @@ def test_turning_sends_one_capture_moves_the_table_and_all_comes_back() -> None:
         assert live.node_names == before
     finally:
         live.stop()
+
+
+def test_scans_are_drawn_each_in_its_colour_before_they_are_merged() -> None:
+    scene, part = merged_scene(merged=False)
+    facts = scene_facts(scene)
+    assert facts.merged is not None
+    assert facts.merged.names == ("s0", "s1", "s2")
+    for number in range(3):
+        np.testing.assert_allclose(facts.merged.points_mm[facts.merged.scan == number], part, atol=0.01)
+    colors = drawn(facts)["/scans/merged/0"].arguments["colors"]
+    assert {tuple(color) for color in colors.tolist()} == set(SCANS[:3])  # whatever a merged cloud is coloured by
+    assert "<h2>Scans</h2>" in legend_html(facts, look_at(facts))
+
+
+def test_a_scan_that_comes_in_is_read_and_the_others_are_not_again() -> None:
+    scene, _ = merged_scene(merged=False)
+    read: list[str] = []
+    known: KnownScans = {}
+
+    def counted(name: str) -> bytes:
+        read.append(name)
+        return SCAN_FILES[name]
+
+    for count in (2, 3, 2):
+        some = scene.session.model_copy(update={"captures": scene.session.captures[:count]})
+        found = merged_scans(some, {}, counted, known)
+        assert found is not None
+        assert len(found.names) == len(known) == count
+    assert read == ["s0.npy", "s1.npy", "s2.npy"]

@@ -100,7 +100,9 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
     recent: deque[str] = deque(maxlen=3)
 
     def complain(words: str) -> None:
-        done.problems.append(f"action {done.actions}, after {list(recent)} at {page.url.split('/', 3)[-1]}: {words}")
+        done.problems.append(
+            f"action {done.actions}, after {list(recent)} at {page.url.split('/', 3)[-1]}: {words}"
+        )
 
     refused: list[str] = []
 

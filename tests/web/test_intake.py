@@ -9,6 +9,7 @@ import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
+from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import simulate
 from server.settings import Settings
 from tests.server.live_server import make_session, serving
@@ -88,6 +89,30 @@ def test_metres_are_offered_to_be_read_as_such_before_anything_is_stored(
     stored = api.get(f"/sessions/{session}/captures").json()["items"]
     assert [c["pose"] for c in stored] == [pytest.approx(c["pose"]) for c in CAPTURES[:3]]
     assert {c["measured"]["verdict"] for c in stored} <= {"pass", "warn"}
+    assert watched.complaints == []
+
+
+def test_a_wrong_convention_is_offered_to_be_read_otherwise_before_anything_is_stored(
+    open_page: Callable[..., Any], api: httpx.Client
+) -> None:
+    session = make_session(api, cell={"pose_convention": "kuka", "sphere_diameter_mm": 40.0})
+    page, watched = open_page(f"/sessions/{session}")
+    page.get_by_role("button", name="Paste poses").click()
+    poses = [parse_pose(RECORD["cell"]["pose_convention"], c["pose"]) for c in CAPTURES]
+    paste(page, "\n".join(" ".join(f"{v:.4f}" for v in to_pose("fanuc", pose)) for pose in poses))
+    looks, offer = page.locator(".match tbody tr td:last-child").first, page.locator("sc-pose-offers .pose-offer")
+    expect(offer).to_contain_text("The poses look at one place within ±")
+    expect(offer).to_contain_text("Read as KUKA, that place wanders by ±")
+    as_kuka = looks.inner_text()
+    with page.expect_request(re.compile("/trial$")) as trial:  # the scene shows them as well
+        offer.get_by_role("button", name="Read as FANUC").click()
+    assert trial.value.post_data_json["poses"][0] == [pytest.approx(row, abs=1e-3) for row in poses[0].matrix]
+    expect(looks).not_to_have_text(as_kuka)
+    expect(offer).to_contain_text("Read as FANUC: the poses look at one place")
+    offer.get_by_role("button", name="Read as KUKA").click()
+    expect(looks).to_have_text(as_kuka)
+    expect(offer.get_by_role("button", name="Read as FANUC")).to_be_visible()
+    assert api.get(f"/sessions/{session}").json()["cell"]["pose_convention"] == "kuka"
     assert watched.complaints == []
 
 

@@ -65,16 +65,16 @@ async function describeMotion(sessionId, a, b, into) {
   const words = [];
   if (a.pose && b.pose) {
     const read = await api.readPoseLines(sessionId, [a.pose, b.pose].map((pose) => pose.join(" ")).join("\n")).catch(unless);
-    const [from, to] = read.map(({ matrix }) => matrix);
+    const [from, to] = read.items.map(({ matrix }) => matrix);
     if (from && to) words.push(t("both.moved", { a: a.id, b: b.id, distance: millimetres(distance(from, to)), angle: fixed(turn_deg(from, to), 2) }));
   }
   if (typeof a.table_deg === "number" && typeof b.table_deg === "number") words.push(t("both.table", { angle: fixed(b.table_deg - a.table_deg, 3) }));
   into.textContent = words.join(" ");
 }
 
-/** @param {unknown} error @returns {never[]} */
+/** @param {unknown} error @returns {import("../state/model.js").PoseLines} */
 function unless(error) {
-  if (error instanceof Problem) return [];
+  if (error instanceof Problem) return { items: [] };
   throw error;
 }
 

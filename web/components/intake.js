@@ -6,7 +6,6 @@ import { h, make } from "../dom.js";
 import { chosen, controllerFiles, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
-import { lookLikeMetres, readInMetres } from "../state/pose-unit.js";
 import { did } from "../state/undo.js";
 import { freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "./base.js";
@@ -15,6 +14,7 @@ import { matchRow, numbersOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { knowConventions } from "../state/pose-table.js";
 import { PoseFileElement } from "./pose-file.js";
+import { PoseOffersElement } from "./pose-offers.js";
 import { stepName } from "./rail.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -43,12 +43,11 @@ export class IntakeElement extends StateElement {
   #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
   #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
   #columns = make(PoseColumnsElement, { changed: () => void this.#read() });
-  #metres = false;
-  #unit = h("p", { class: "row pose-unit", role: "status", hidden: true });
+  #offers = make(PoseOffersElement, { columns: this.#columns, changed: () => void this.#read() });
   #poseFile = make(PoseFileElement, { changed: () => this.#draw() });
   /** Loaded with the first file. @type {import("./file-reading.js").FileReadingElement | null} */ #scannerFile = null;
   #scannerFilePlace = h("div");
-  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#poseFile, this.#columns, this.#unit);
+  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#poseFile, this.#columns, this.#offers);
   #turning = h("div", { hidden: true, class: "field" },
     h("label", { for: "intake-angles" }, t("intake.angles")), this.#angles,
     h("label", { for: "intake-mount" }, t("place.mount")), h("span", { class: "hint", id: "intake-mount-hint" }, t("place.mount_hint")), this.#mount);
@@ -155,8 +154,7 @@ export class IntakeElement extends StateElement {
     this.#files = [];
     this.#stored.clear();
     this.#poses = [];
-    this.#metres = false;
-    this.#unit.hidden = true;
+    this.#offers.clear();
     this.#text.value = this.#angles.value = "";
     this.#keep();
     this.#panel.hidden = true;
@@ -242,27 +240,11 @@ export class IntakeElement extends StateElement {
     this.#columns.read(this.#text.value);
     const text = this.#columns.lines;
     await attempt(async () => {
-      const poses = text.trim() ? await api.readPoseLines(this.state.id, text, this.#columns.convention) : [];
-      if (reading !== this.#reading) return;
-      this.#poses = this.#metres ? poses.map((pose) => readInMetres(pose, this.#columns.convention)) : poses;
-      this.#offerUnit(lookLikeMetres(poses, this.#columns.convention));
+      const read = text.trim() ? await api.readPoseLines(this.state.id, text, this.#columns.convention) : { items: [] };
+      if (reading === this.#reading) this.#poses = this.#offers.take(read, this.state.shows(this.#step.value) === "sphere");
     });
     this.#draw();
     this.#showInScene();
-  }
-
-  /** Metres that were read as millimetres are offered to be read as such, and back. @param {boolean} likely */
-  #offerUnit(likely) {
-    if (this.#metres && !likely) {
-      this.#metres = false; // other poses
-      return void this.#read();
-    }
-    this.#unit.hidden = !likely;
-    const words = t(this.#metres ? "intake.metres_read" : "intake.metres");
-    this.#unit.replaceChildren(mark(this.#metres ? "pass" : "warn", words), h("button", { type: "button", onclick: () => {
-      this.#metres = !this.#metres;
-      void this.#read();
-    } }, t(this.#metres ? "intake.millimetres_go" : "intake.metres_go")));
   }
 
   /** The scene shows at once where the poses put the flange. */

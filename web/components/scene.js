@@ -166,7 +166,7 @@ export class SceneElement extends StateElement {
     const plays = this.#timer !== 0;
     window.clearInterval(this.#timer);
     this.#timer = 0;
-    if (plays) void this.#tell("turn", { capture: null }).catch(() => undefined);
+    if (plays) this.#turn(null);
     else {
       this.#next();
       this.#timer = window.setInterval(() => this.#next(), STEP_MS);
@@ -180,7 +180,12 @@ export class SceneElement extends StateElement {
     const next = ids[(ids.indexOf(this.state.selected ?? "") + 1) % ids.length];
     if (next === undefined) return;
     if (this.state.selected !== next) this.state.select(next);
-    void this.#tell("turn", { capture: next }).catch(() => undefined);
+    this.#turn(next);
+  }
+
+  /** A scene that is not there turns nothing; table and plots go on. @param {string | null} capture */
+  #turn(capture) {
+    if (this.#drawn) void this.#tell("turn", { capture }).catch(() => undefined);
   }
 
   #showPlay() {

@@ -2,7 +2,7 @@
 
 import { all, get, json, LOGIN, madeAgainst, request, ROOT, sendFile } from "./http.js";
 
-/** @import {CellDrift, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, ParsedPose, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
+/** @import {CellDrift, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
 /** @param {string} id */
 export const session = (id) => `/sessions/${encodeURIComponent(id)}`;
@@ -112,8 +112,8 @@ export const api = {
   /** One of `step` where the simulated cell has some left. @param {string} id @param {string} [step] @returns {Promise<CaptureOut>} */
   captureSimulated: async (id, step) => (await request(`${session(id)}/sources/simulated/capture${step ? `?step=${encodeURIComponent(step)}` : ""}`, json("POST"))).json(),
 
-  /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<ParsedPose[]>} */
-  readPoseLines: async (id, text, convention) => (await (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json()).items,
+  /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<PoseLines>} */
+  readPoseLines: async (id, text, convention) => (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json(),
 
   /** What stands in a controller's files; nothing is stored. @param {readonly { path: string, file: File }[]} found @param {string} [arm] whose joints are asked whose the poses are @returns {Promise<ControllerFile>} */
   readControllerFiles: async (found, arm) => {

@@ -3,7 +3,7 @@
 import type {
   AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord,
   CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
-  CameraResult as CameraRecord, Capture, Cell, CellDrift, DriftSeries, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, PoseLine, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResult as CameraRecord, Capture, Cell, CellDrift, DriftSeries, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile, ToolComparison,
@@ -26,6 +26,8 @@ export type CaptureOut = StoredCapture;
 export type SessionOut = StoredSession;
 export type SessionBody = NewSession;
 export type ParsedPose = PoseLine;
+export type { LikelyConvention };
+export type PoseLines = PoseLinesRead;
 export type Kind = Capture["kind"];
 export type PoseConvention = Cell["pose_convention"];
 export type ProblemBody = Pick<Problem, "type" | "title" | "status" | "detail"> & Partial<Problem>;

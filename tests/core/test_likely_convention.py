@@ -1,0 +1,61 @@
+"""A wrong convention told by the poses alone, before anything is measured."""
+
+import numpy as np
+import pytest
+
+from calib_core.causes.likely import likely_convention
+from calib_core.records import Cell
+from calib_core.robots import CONVENTIONS, parse_pose, to_pose
+from calib_core.simulation import TcpScenario, simulate_tcp
+
+
+def rows_of(convention: str, seed: int) -> list[list[float]]:
+    """Return the poses of a simulated session, of which some hardly turn, in a convention."""
+    session = simulate_tcp(seed, TcpScenario(orientations=3 + seed % 8)).session
+    told = session.cell.pose_convention
+    return [to_pose(convention, parse_pose(told, capture.pose)) for capture in session.captures if capture.pose]
+
+
+@pytest.mark.parametrize("written", ["kuka", "fanuc", "staubli", "kawasaki", "abb", "quaternion-xyzw"])
+def test_a_right_convention_stands_and_a_wrong_one_is_told(written: str) -> None:
+    found, wrong = 0, 0
+    for seed in range(1, 7):
+        rows = rows_of(written, seed)
+        for told in CONVENTIONS.values():
+            if told.count != len(rows[0]):
+                continue
+            likely = likely_convention(Cell(pose_convention=told.name), rows)
+            same = (told.form, told.listed) == (CONVENTIONS[written].form, CONVENTIONS[written].listed)
+            if same:
+                assert likely is None, (told.name, likely)
+                continue
+            wrong += 1
+            if likely is not None:
+                found += 1
+                right = CONVENTIONS[likely.convention]
+                assert (right.form, right.listed) == (CONVENTIONS[written].form, CONVENTIONS[written].listed)
+                assert likely.spread_mm < 60
+    assert found >= 0.85 * wrong
+
+
+def test_metres_are_seen_through() -> None:
+    rows = [[*np.array(row[:3]) / 1000, *row[3:]] for row in rows_of("fanuc", 3)]
+    likely = likely_convention(Cell(pose_convention="kuka"), rows)
+    assert likely is not None
+    assert CONVENTIONS[likely.convention].form == CONVENTIONS["fanuc"].form
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [],
+        [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]] * 4,
+        [[500.0, 0.0, 500.0, 180.0, 0.0, 0.0]] * 12,
+        [[0.0] * 6] * 12,
+        [[1e300, 2.0, 3.0, 4.0, 5.0, 6.0]] * 12,
+        [[1.0, 2.0, 3.0]] * 12,
+    ],
+    ids=["none", "few", "equal", "zero", "huge", "short"],
+)
+def test_poses_that_tell_nothing(rows: list[list[float]]) -> None:
+    assert likely_convention(Cell(pose_convention="kuka"), rows) is None
