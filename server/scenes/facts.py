@@ -24,6 +24,10 @@ State = Literal["used", "rejected", "waiting"]
 MAX_POINTS = 200_000
 
 
+def _no_scans(_known: object = None) -> None:
+    """Give no scans."""
+
+
 @dataclass(frozen=True, eq=False)
 class SceneInput:
     """A session as its scene needs it.
@@ -54,7 +58,7 @@ class SceneInput:
     load_points: LoadPoints
     measured: Sequence[Measured] = ()
     results: Mapping[str, Result] = field(default_factory=dict[str, Result])
-    load_scans: Callable[..., MergedScans | None] = lambda _known=None: None
+    load_scans: Callable[..., MergedScans | None] = _no_scans
     load_merged: Callable[[], MergedScans | None] = lambda: None
     load_reference: Callable[[], ReferenceMesh | None] = lambda: None
     outputs: tuple[str, ...] = ()
