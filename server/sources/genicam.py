@@ -7,6 +7,7 @@ from pydantic import Field
 
 from calib_core.errors import InputError
 from server.sources.device import Description, Frame, host_now_s
+from server.sources.lossless import lossless
 from server.sources.source import Settings, Source
 
 _DISCOVERY_MS = 500
@@ -19,7 +20,8 @@ class GenicamSettings(Settings):
     """Which camera, and what is set in it; what is left out stays as the camera has it.
 
     `address` is the camera's IP address, or a serial number on USB; without it the only one is taken.
-    `interface` is the name or address of this computer's network interface.
+    `interface` is the name or address of this computer's network interface.  `features` are set before all else,
+    by their GenICam names.
     """
 
     transport: Literal["gige", "usb3"] = "gige"
@@ -28,6 +30,9 @@ class GenicamSettings(Settings):
     exposure_us: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     gain: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     frame_rate_hz: float | None = Field(default=None, gt=0, le=10_000)
+    features: dict[str, str] = Field(
+        default={}, max_length=50, examples=[{"Width": "1280", "PixelFormat": "Mono8"}]
+    )
 
 
 class GenicamCamera:
@@ -41,6 +46,8 @@ class GenicamCamera:
         self._model = f"{device.manufacturer} {device.model}".strip()
         self._silent = 0
         try:
+            for name, value in settings.features.items():
+                self._camera.set(name, value)
             for value, write in (
                 (settings.exposure_us, self._camera.set_exposure_time),
                 (settings.gain, self._camera.set_gain),
@@ -61,8 +68,7 @@ class GenicamCamera:
         return Description(self._model, "pixels", can=("images", "device time"), more=size)
 
     def read(self) -> Frame | None:
-        """Return the next whole frame as PNG; raises OSError where none comes for a second and a half."""
-        import cv2
+        """Return the next whole frame; raises OSError where none comes for a second and a half."""
         import numpy as np
 
         try:
@@ -84,11 +90,9 @@ class GenicamCamera:
         if image.dtype == np.uint16 and depth is not None:
             image = image << (16 - int(depth.group()))  # so that the brightest value is the type's largest
         shown = image[..., ::-1] if image.ndim == 3 else image
-        content = cv2.imencode(".png", shown, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+        name, content = lossless(shown, frame.block_id)
         ticks = frame.ts_dev
-        return Frame(
-            arrived_s, f"{frame.block_id:012d}.png", content, None if ticks is None else ticks * self._tick_s
-        )
+        return Frame(arrived_s, name, content, None if ticks is None else ticks * self._tick_s)
 
     def close(self) -> None:
         """Stop the stream and give the camera back."""

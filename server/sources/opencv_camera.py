@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import Field
 
 from server.sources.device import Description, Frame, host_now_s
+from server.sources.lossless import lossless
 from server.sources.source import Settings, Source
 
 
@@ -23,7 +24,7 @@ class OpenCvSettings(Settings):
 
 
 class OpenCvCamera:
-    """Takes frames as they come, and keeps them without loss as PNG."""
+    """Takes frames as they come, and keeps them without loss."""
 
     def __init__(self, settings: OpenCvSettings) -> None:
         import cv2
@@ -58,9 +59,8 @@ class OpenCvCamera:
             raise ConnectionError("the camera sends no frames")
         if self._settings.gray and image.ndim == 3:
             image = self._cv2.cvtColor(image, self._cv2.COLOR_BGR2GRAY)
-        _, content = self._cv2.imencode(".png", image, [self._cv2.IMWRITE_PNG_COMPRESSION, 1])
         self._number += 1
-        return Frame(host_now_s(), f"{self._number:08d}.png", content.tobytes())
+        return Frame(host_now_s(), *lossless(image, self._number))
 
     def close(self) -> None:
         """Give the camera back."""

@@ -59,9 +59,11 @@ class LineServer:
 class Rig:
     """The simulated cell, its robot's line server and its scanner's folder."""
 
-    def __init__(self, folder: Path, scenario: str = "tcp", seed: int = 7, every_s: float = 0.05) -> None:
+    def __init__(
+        self, folder: Path, scenario: str = "tcp", seed: int = 7, every_s: float = 0.05, travel_s: float = 0.4
+    ) -> None:
         self.simulated = simulate(scenario, seed)
-        self.cell = LiveCell(self.simulated, travel_s=0.4)
+        self.cell = LiveCell(self.simulated, travel_s)
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
         self.blind = threading.Event()

@@ -4,6 +4,9 @@ import io
 import re
 import zipfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -17,7 +20,7 @@ from calib_core.simulation import simulate
 from tests.server.live_rig import Rig, rig, until
 from tests.server.live_server import assert_problem, make_session
 from tests.server.test_live_devices import ABB_CELL, captures, devices
-from tests.server.test_robot_port import program, token
+from tests.server.test_robot_port import Program, program, token
 
 POSES = [c.pose or [] for c in simulate("tcp", 7).session.captures]
 PLANNED = [{"id": f"p{k + 1:02d}", "pose": pose} for k, pose in enumerate(POSES)]
@@ -118,35 +121,42 @@ DIALOGUES = {
 }
 
 
-@pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    with rig(tmp_path_factory.mktemp("exposures"), every_s=0.03) as made:
+@pytest.fixture
+def cell(tmp_path: Path) -> Any:
+    with rig(tmp_path / "exposures", every_s=0.03, travel_s=0.1) as made:
         yield made
 
 
-@pytest.mark.parametrize("name", DIALOGUES)
-def test_the_dialogue_of_each_dialect_takes_its_captures(client: httpx.Client, cell: Rig, name: str) -> None:
-    convention, said, hello, done, good = DIALOGUES[name]
-    session = make_session(client, cell={**ABB_CELL, "pose_convention": convention})
-    scanner = {"source": "frame-folder", "settings": {"folder": str(cell.folder)}}
-    assert client.put(f"/sessions/{session}/devices/scanner", json=scanner).status_code == 200
-    port = client.put(f"/sessions/{session}/robot-port", json={}).json()["port"]
-    until(lambda: devices(client, session)["scanner"]["status"] == "live")
-    stops = cell.good if name == "krl" else cell.good[:3]
-    again = (cell.good * 2)[:14] if name == "krl" else stops
-    with program(port) as robot:
-        assert good in robot.say(hello % token(client).encode())
-        for count, number in enumerate(again, start=1):
+def test_the_dialogue_of_each_dialect_takes_fourteen_captures(client: httpx.Client, cell: Rig) -> None:
+    """One cell, and at each stop the four dialects speak at once, each on the port of its own session."""
+    sessions: dict[str, str] = {}
+    with ExitStack() as stack, ThreadPoolExecutor(len(DIALOGUES)) as together:
+        robots = {}
+        for name, (convention, _, hello, _, good) in DIALOGUES.items():
+            own = {**ABB_CELL, "pose_convention": convention}
+            session = sessions[name] = make_session(client, name=f"program in {name}", cell=own)
+            scanner = {"source": "frame-folder", "settings": {"folder": str(cell.folder)}}
+            assert client.put(f"/sessions/{session}/devices/scanner", json=scanner).status_code == 200
+            port = client.put(f"/sessions/{session}/robot-port", json={}).json()["port"]
+            robots[name] = stack.enter_context(program(port))
+            assert good in robots[name].say(hello % token(client).encode())
+        until(lambda: all(devices(client, s)["scanner"]["status"] == "live" for s in sessions.values()))
+        stops = (cell.good * 2)[:14]
+        for count, number in enumerate(stops, start=1):
             cell.go(number)
             until(lambda: not cell.cell.at(cell.now()).moving)
             reported = RigidTransform(cell.cell.shots[number].reported, "base", "tool0")
-            answer = robot.say(said(reported, f"p{count:02d}"))
-            assert good in answer, answer
-        assert f"done {len(again)} captures" in robot.say(done)
-    client.delete(f"/sessions/{session}/robot-port")
-    client.delete(f"/sessions/{session}/devices/scanner")
-    found = captures(client, session)
-    assert len(found) == len(again)
-    for capture, number in zip(found, again, strict=True):
-        wanted = RigidTransform(cell.cell.shots[number].reported, "base", "tool0")
-        assert np.abs(wanted.difference(parse_pose(convention, capture["pose"]))).max() < 2e-3
+            said = [DIALOGUES[name][1](reported, f"p{count:02d}") for name in robots]
+            answers = list(together.map(Program.say, robots.values(), said))
+            assert all(DIALOGUES[n][4] in answer for n, answer in zip(robots, answers, strict=True)), answers
+        for name, robot in robots.items():
+            assert "done 14 captures" in robot.say(DIALOGUES[name][3])
+    for name, session in sessions.items():
+        client.delete(f"/sessions/{session}/robot-port")
+        client.delete(f"/sessions/{session}/devices/scanner")
+        found = captures(client, session)
+        assert len(found) == len(stops)
+        for capture, number in zip(found, stops, strict=True):
+            wanted = RigidTransform(cell.cell.shots[number].reported, "base", "tool0")
+            told = parse_pose(DIALOGUES[name][0], capture["pose"])
+            assert np.abs(wanted.difference(told)).max() < 2e-3
