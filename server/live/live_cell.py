@@ -15,6 +15,7 @@ from calib_core.clock_offset import ClockOffset, clock_offset
 from calib_core.errors import CalibrationError, ConflictError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Cell, Measured
+from server.live.clock_watch import ClockWatch
 from server.live.exposures import Exposure, Optics, exposure_of, in_short
 from server.live.link import Link
 from server.live.recording import Recording, on_one_clock, sweep_fields
@@ -71,6 +72,7 @@ class LiveCell:
         self.waits_for = ""
         self.clocks: ClockOffset | None = None
         self.clocks_by_device = (False, False)
+        self.clock_watch = ClockWatch.new()
         self.recording: Recording | None = None
         self.version = 0
         self._thread = threading.Thread(target=self._run, name="live cell", daemon=True)
@@ -103,6 +105,7 @@ class LiveCell:
         with self._arrived:
             recording = self.recording
             if isinstance(reading, Frame):
+                self.clock_watch.scanner.take(reading)
                 if recording is not None:
                     recording.expose(reading)
                 self._frame = reading
@@ -112,6 +115,7 @@ class LiveCell:
             delivers = link.source.delivers if link is not None else ()
             if reading.base_from_tool0 is not None and "robot" in delivers:
                 self._robot.append(reading)
+                self.clock_watch.robot.take(reading)
                 if recording is not None:
                     recording.move(reading)
             if reading.table_deg is not None and "table" in delivers:
@@ -127,12 +131,14 @@ class LiveCell:
                 self.recording.fail(f"{name} was lost meanwhile")
             if "robot" in link.source.delivers:
                 self._robot.clear()
+                self.clock_watch.robot.clear()
             if "table" in link.source.delivers:
                 self._table.clear()
             if "scanner" in link.source.delivers:
                 self._exposures.clear()
                 self._seen.clear()
                 self._frame = None
+                self.clock_watch.scanner.clear()
             self.version += 1
 
     def ask(self, shot: Shot) -> None:
@@ -191,6 +197,7 @@ class LiveCell:
             raise MeasurementError("exposures within the robot's track", f"none ({clocks})", to_do)
         found = clock_offset(times, positions, [moments[k] for k in kept], [arcs[k] for k in kept])
         self.clocks, self.clocks_by_device = found, (seen[-1][1], by_device)
+        self.clock_watch.mark()
         return found, clocks
 
     def sweep(self, shot: Shot, seconds: float, folder: Path) -> Taken:
@@ -215,7 +222,8 @@ class LiveCell:
             self.recording = None
         recorded = recording.end()
         cell, taken, _ = self._load()
-        kept, frames_s, track_s = on_one_clock(recorded, self.clocks, self.clocks_by_device)
+        clocks = self.clocks, self.clocks_by_device, self.clock_watch.drift_s
+        kept, frames_s, track_s = on_one_clock(recorded, *clocks)
         fields = sweep_fields(kept, frames_s, track_s, self.clocks, cell.pose_convention)
         capture, files = capture_of_sweep(kept, fields, self.settings, taken, shot)
         return self._keep(capture, files, shot)

@@ -48,7 +48,7 @@ Newest = tuple[Sample | None, float | None, Exposure | None]
 def live_data(live: LiveCell | None, newest: Newest | None = None) -> dict[str, Any]:
     """Return what a live cell shows at this moment, or with readings that are `newest` already."""
     if live is None:
-        nothing = dict.fromkeys(("robot", "table_deg", "exposure", "last"))
+        nothing = dict.fromkeys(("robot", "table_deg", "exposure", "clocks", "last"))
         return {"version": 0, "step": "", "devices": [], "automatic": False, "waits_for": "", **nothing}
     robot, table_deg, exposure = newest or live.newest()
     last = live.last
@@ -71,10 +71,19 @@ def live_data(live: LiveCell | None, newest: Newest | None = None) -> dict[str, 
         "robot": None if robot is None else _robot(robot),
         "table_deg": table_deg,
         "exposure": None if exposure is None else _exposure(exposure),
+        "clocks": _clocks(live),
         "last": None
         if last is None
         else {"id": last.capture, "verdict": last.verdict, "zone": last.zone, "text": last.text},
     }
+
+
+def _clocks(live: LiveCell) -> dict[str, Any] | None:
+    found = live.clocks
+    if found is None:
+        return None
+    drift_s, warning = live.clock_watch.drift_s, live.clock_watch.warning
+    return {"offset_s": found.offset_s, "sigma_s": found.sigma_s, "drift_s": round(drift_s, 4), "warning": warning}
 
 
 def _robot(sample: Sample) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import ConflictError, MeasurementError
 from calib_core.robots import to_pose
+from server.live.clock_watch import LEAST_DRIFT_S
 from server.sources.device import Frame, Sample
 
 MOST_SHIFT_MM = 0.05
@@ -115,9 +116,11 @@ class Recording:
 
 
 def on_one_clock(
-    recorded: Recorded, clocks: ClockOffset | None, clocks_by_device: tuple[bool, bool]
+    recorded: Recorded, clocks: ClockOffset | None, clocks_by_device: tuple[bool, bool], drift_s: float = 0.0
 ) -> tuple[Recorded, list[float], list[float]]:
     """Return what was recorded while both told, and the times of exposures and poses by the robot's clock.
+
+    `drift_s` is how far the clocks have moved apart since the offset was measured.
 
     Raises
     ------
@@ -152,7 +155,7 @@ def on_one_clock(
         )
     speed_mm_s = speed_of(kept)
     if speed_mm_s > _STANDS_MM_S:
-        _require_offset(speed_mm_s, clocks, same_clocks)
+        _require_offset(speed_mm_s, clocks, same_clocks, drift_s)
     return kept, [frames_s[k] for k in both], kept_s
 
 
@@ -192,12 +195,19 @@ def _times(readings: tuple[Frame, ...] | tuple[Sample, ...], by_device: bool) ->
     return [(one.device_time_s if by_device else None) or one.host_time_s for one in readings]
 
 
-def _require_offset(speed_mm_s: float, clocks: ClockOffset | None, same_clocks: bool) -> None:
+def _require_offset(speed_mm_s: float, clocks: ClockOffset | None, same_clocks: bool, drift_s: float) -> None:
     if clocks is None or not same_clocks:
         raise ConflictError(
             f"the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s",
             "none that was measured",
             "Measure the clocks' offset first, or capture at standstill.",
+            "clock-offset",
+        )
+    if abs(drift_s) >= LEAST_DRIFT_S and abs(drift_s) * speed_mm_s > MOST_SHIFT_MM:
+        raise ConflictError(
+            "clocks that stand to each other as when their offset was measured",
+            f"a drift of {1000 * drift_s:+.0f} ms, {abs(drift_s) * speed_mm_s:.2f} mm at {speed_mm_s:.0f} mm/s",
+            "Measure the clocks' offset again.",
             "clock-offset",
         )
     shift_mm = 2 * clocks.shift_mm(speed_mm_s)

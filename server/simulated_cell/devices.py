@@ -50,7 +50,7 @@ class SimulatedDevices:
             raise InputError("a cell whose scanner sends profiles of the sphere", f"'{scenario}'", to_do)
         self.cell = LiveCell(self.simulated, travel_s)
         self._rng = np.random.default_rng([seed, 20_270])
-        self._scanner_clock_s = scanner_clock_s
+        self.scanner_clock_s = scanner_clock_s
         self._lock = threading.Lock()
         self._arm = SimulatedArm()
         self.scanner = StreamServer(self._exposure, rate_hz, host)
@@ -104,7 +104,7 @@ class SimulatedDevices:
     def _exposure(self) -> tuple[bytes, str, float]:
         with self._lock:
             now_s = time.monotonic()
-            return self.cell.profile(now_s, self._rng), "text/csv", now_s + self._scanner_clock_s
+            return self.cell.profile(now_s, self._rng), "text/csv", now_s + self.scanner_clock_s
 
     def _flange(self) -> tuple[RigidTransform, bool, float, float]:
         now_s = time.monotonic()

@@ -1,5 +1,6 @@
 """The simulated cell through live sources: nothing at a move, the clocks' offset, and sweeps once it is known."""
 
+import json
 import time
 from collections.abc import Callable
 from typing import Any
@@ -70,10 +71,21 @@ def test_the_clocks_offset_is_measured_over_the_protocols(client: httpx.Client) 
         taken = recorded(lambda: client.post(f"/sessions/{session}/live/sweep", json=sweep))
         assert taken.status_code == 201, taken.text
         assert_poses_belong_to_their_exposures(client, session, made)
+        clocks = preview(client, session)["clocks"]
+        assert abs(clocks["offset_s"] - 0.037) < 0.001
+        made.scanner_clock_s += 0.085
+        until(lambda: "drifted by +8" in preview(client, session)["clocks"]["warning"])
+        refused = recorded(lambda: client.post(f"/sessions/{session}/live/sweep", json={"seconds": 0.5}))
+        assert_problem(refused, 409, "drift of +8", "again")
         for name in made.sources():
             client.delete(f"/sessions/{session}/devices/{name}")
     finally:
         made.stop()
+
+
+def preview(client: httpx.Client, session: str) -> dict[str, Any]:
+    with client.stream("GET", f"/sessions/{session}/live/events") as stream:
+        return next(json.loads(line[5:]) for line in stream.iter_lines() if line.startswith("data:"))
 
 
 def recorded(post: Callable[[], httpx.Response]) -> httpx.Response:

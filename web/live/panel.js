@@ -58,7 +58,8 @@ class LivePanelElement extends StateElement {
       this.#advice, this.#figures,
       h("div", { class: "row live-capture" },
         h("div", { class: "row" }, this.#automatic, h("label", { for: "live-automatic" }, t("capture.automatic"))),
-        h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("capture.sound")))),
+        h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("capture.sound"))),
+        h("button", { type: "button", needs: "capture", title: t("clocks.how"), onclick: () => void attempt(() => live.measureClocks(this.state.id)) }, t("clocks.measure"))),
       h("div", { class: "row live-capture" },
         h("div", { class: "field" }, h("label", { for: "live-step" }, t("capture.step")), this.#step), this.#mountField, this.#angleField, this.#now)));
   }
@@ -125,7 +126,7 @@ class LivePanelElement extends StateElement {
     this.#nothing.hidden = exposure !== null;
     drawPreview(this.#canvas, preview, image);
     this.#measureRate(preview);
-    const told = JSON.stringify([exposure?.zone?.toFixed(2), exposure?.rms_mm?.toFixed(3), exposure?.extent_deg?.toFixed(0), exposure?.picture?.exposure_advice, exposure?.picture?.stripe_width_px?.toFixed(1), exposure?.problem, exposure?.weak, preview.table_deg?.toFixed(2), preview.robot?.base_from_tool0?.map((row) => row[3]?.toFixed(1))]);
+    const told = JSON.stringify([exposure?.zone?.toFixed(2), exposure?.rms_mm?.toFixed(3), exposure?.extent_deg?.toFixed(0), exposure?.picture?.exposure_advice, exposure?.picture?.stripe_width_px?.toFixed(1), exposure?.problem, exposure?.weak, preview.clocks, preview.table_deg?.toFixed(2), preview.robot?.base_from_tool0?.map((row) => row[3]?.toFixed(1))]);
     if (told === this.#told) return;
     this.#told = told;
     this.#advice.replaceChildren(...advice(preview).map((one) => h("p", { class: "reason" }, one)));
@@ -146,13 +147,13 @@ class LivePanelElement extends StateElement {
 }
 
 /** @param {Preview} preview */
-function advice({ exposure }) {
+function advice({ exposure, clocks }) {
   if (!exposure) return [];
-  return [exposure.problem, exposure.weak, exposure.picture?.exposure_advice, exposure.picture?.focus_advice].flatMap((one) => (one ? [one] : []));
+  return [exposure.problem, exposure.weak, exposure.picture?.exposure_advice, exposure.picture?.focus_advice, clocks?.warning].flatMap((one) => (one ? [one] : []));
 }
 
 /** @param {Preview} preview */
-function figures({ exposure, robot, table_deg }) {
+function figures({ exposure, robot, table_deg, clocks }) {
   const rows = /** @type {[string, (Node | string)[]][]} */ ([]);
   if (exposure?.zone) rows.push([t("preview.zone"), [fixed(exposure.zone, 2), zoneBar(exposure.zone)]]);
   if (exposure?.extent_deg) rows.push([t("preview.extent"), [`${fixed(exposure.extent_deg, 0)}°`]]);
@@ -165,6 +166,7 @@ function figures({ exposure, robot, table_deg }) {
   const place = robot?.base_from_tool0?.slice(0, 3).map((row) => fixed(row[3] ?? 0, 1));
   if (place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`]]);
   if (table_deg !== null) rows.push([t("preview.table"), [`${fixed(table_deg, 2)}°`]]);
+  if (clocks) rows.push([t("preview.clocks"), [`${clocks.offset_s < 0 ? "" : "+"}${fixed(1000 * clocks.offset_s, 1)} ± ${fixed(1000 * clocks.sigma_s, 1)} ms`]]);
   return rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, ...value)));
 }
 

@@ -10,7 +10,7 @@ import { json, request, ROOT } from "./http.js";
  * @typedef {{ size: [number, number], stripe: [number, number][], arc: [number, number][], stripe_width_px: number | null, brightness: number, saturated: number, exposure_advice: string, focus_advice: string }} LivePicture
  * @typedef {{ name: string, age_s: number, points: [number, number][], on_arc: boolean[], circle: [number, number, number] | null, rms_mm: number | null, extent_deg: number | null, zone: number | null, problem: string, weak: string, picture: LivePicture | null }} LiveExposure
  * @typedef {{ base_from_tool0: number[][] | null, joints_deg: number[] | null, moving: boolean | null, age_s: number }} LiveRobot
- * @typedef {{ version: number, step: string, devices: LiveDevice[], automatic: boolean, waits_for: string, robot: LiveRobot | null, table_deg: number | null, exposure: LiveExposure | null, last: { id: string, verdict: string, zone: number | null, text: string } | null, image: boolean }} Preview
+ * @typedef {{ version: number, step: string, devices: LiveDevice[], automatic: boolean, waits_for: string, robot: LiveRobot | null, table_deg: number | null, exposure: LiveExposure | null, clocks: { offset_s: number, sigma_s: number, drift_s: number, warning: string } | null, last: { id: string, verdict: string, zone: number | null, text: string } | null, image: boolean }} Preview
  */
 
 const FIRST_PAUSE_MS = 500;
@@ -30,6 +30,9 @@ export const live = {
 
   /** @param {string} id @param {CaptureSettings} settings */
   set: async (id, settings) => void (await request(`${session(id)}/live`, json("PUT", settings))),
+
+  /** Measure the offset between the clocks, after a move back and forth. @param {string} id */
+  measureClocks: async (id) => void (await request(`${session(id)}/live/clock-offset`, json("POST", {}))),
 
   /** Take a capture once all stand still. @param {string} id @param {{ table_deg?: number }} body @returns {Promise<TakenShot>} */
   capture: async (id, body) => (await request(`${session(id)}/live/capture`, json("POST", body))).json(),

@@ -47,4 +47,7 @@ export const texts = {
   "capture.angle": "Tischwinkel in Grad",
   "capture.now": "Jetzt aufnehmen",
   "capture.waiting": "Wartet auf Stillstand …",
+  "clocks.measure": "Uhren messen",
+  "clocks.how": "Vorher den Roboter fünf Sekunden oder länger entlang des Streifens hin und her bewegen, die Kugel im Bild, die Orientierung gehalten.",
+  "preview.clocks": "Uhr des Scanners gegen Roboter",
 };

@@ -47,4 +47,7 @@ export const texts = {
   "capture.angle": "Table angle in degrees",
   "capture.now": "Capture now",
   "capture.waiting": "Waiting for standstill …",
+  "clocks.measure": "Measure clocks",
+  "clocks.how": "First let the robot move back and forth along the stripe for five seconds or more, the sphere in view and the orientation held.",
+  "preview.clocks": "Scanner clock against robot",
 };

@@ -47,4 +47,7 @@ export const texts = {
   "capture.angle": "转台角度（度）",
   "capture.now": "立即采集",
   "capture.waiting": "等待静止 …",
+  "clocks.measure": "测量时钟",
+  "clocks.how": "先让机器人沿光条来回移动五秒以上，保持姿态不变，球在视野内。",
+  "preview.clocks": "扫描仪时钟相对机器人",
 };

@@ -1,0 +1,53 @@
+"""Drift between two clocks, told from when readings arrive, and what it forbids on the move."""
+
+import numpy as np
+import pytest
+
+from server.live.clock_watch import LEAST_DRIFT_S, ClockWatch
+from server.sources.device import Frame, Sample
+
+RATE_HZ = {"robot": 125.0, "scanner": 30.0}
+
+
+def hear(watch: ClockWatch, since_s: float, seconds: float, drift_ppm: float, seed: int = 1) -> None:
+    """Readings of both, each late by a few ms at random; the scanner's clock runs fast by `drift_ppm`."""
+    rng = np.random.default_rng(seed)
+    for device_s in since_s + np.arange(0.0, seconds, 1 / RATE_HZ["robot"]):
+        watch.robot.take(Sample(float(device_s + 0.001 + rng.exponential(0.004)), float(device_s)))
+    for true_s in since_s + np.arange(0.0, seconds, 1 / RATE_HZ["scanner"]):
+        told_s = true_s * (1 + drift_ppm * 1e-6) + 40.0
+        watch.scanner.take(Frame(float(true_s + 0.02 + rng.exponential(0.004)), "1.csv", b"", float(told_s)))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_clocks_that_hold_are_not_warned_about(seed: int) -> None:
+    watch = ClockWatch.new()
+    hear(watch, 0.0, 6.0, 0.0, seed)
+    watch.mark()
+    assert watch.warning == ""
+    hear(watch, 600.0, 6.0, 0.0, seed + 100)
+    assert abs(watch.drift_s) < LEAST_DRIFT_S / 2
+    assert watch.warning == ""
+
+
+@pytest.mark.parametrize("drift_ppm", [20.0, -20.0])
+def test_a_clock_that_runs_fast_is_warned_about(drift_ppm: float) -> None:
+    """Twenty parts in a million, as of a cheap quartz, are 12 ms after ten minutes."""
+    watch = ClockWatch.new()
+    hear(watch, 0.0, 6.0, drift_ppm)
+    watch.mark()
+    hear(watch, 600.0, 6.0, drift_ppm, 2)
+    assert watch.drift_s == pytest.approx(600 * drift_ppm * 1e-6, abs=0.001)
+    assert f"drifted by {600e-3 * drift_ppm:+.0f} ms" in watch.warning
+
+
+def test_nothing_is_said_before_enough_was_heard_or_measured() -> None:
+    watch = ClockWatch.new()
+    hear(watch, 0.0, 1.0, 0.0)
+    watch.mark()
+    assert (watch.drift_s, watch.warning) == (0.0, "")
+    hear(watch, 0.0, 6.0, 0.0)
+    assert watch.warning == ""
+    watch.mark()
+    watch.robot.clear()  # it was away: its clock may have been set
+    assert watch.warning == ""
