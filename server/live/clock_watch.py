@@ -1,8 +1,8 @@
 """Whether the clocks of robot and scanner still tell what they told when their offset was measured.
 
-A reading tells its device's time and arrives a little later; the least of (arrival − device time) over some seconds
-is the clock's own distance from this computer's, the transport's best case included.  What it changes by since the
-measurement, of scanner against robot, is drift.
+A reading tells its device's time and arrives a little later; the least of (arrival − device time) over some
+seconds is the clock's own distance from this computer's, the transport's best case included.  What it changes by
+since the measurement, of scanner against robot, is drift.
 """
 
 from collections import deque
@@ -72,7 +72,8 @@ class ClockWatch:
         drift_s = self.drift_s
         if abs(drift_s) < LEAST_DRIFT_S:
             return ""
-        return f"The clocks have drifted by {1000 * drift_s:+.0f} ms since their offset was measured: measure it again."
+        drifted = f"The clocks have drifted by {1000 * drift_s:+.0f} ms"
+        return f"{drifted} since their offset was measured: measure it again."
 
     def _between_s(self) -> float | None:
         robot_s, scanner_s = self.robot.apart_s, self.scanner.apart_s
