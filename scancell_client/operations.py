@@ -163,6 +163,33 @@ class Operations(Connection):
         Each pose is gone to in a straight line from a point outside; the operator starts every way."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/robot-programs/{quote(name, safe='/')}", json=body)
 
+    def live_list_movers(self) -> Any:
+        """List what can move a table, with the JSON Schema of each one's settings."""
+        return self.request("GET", "/api/v1/movers")
+
+    def live_get_mover(self, session_id: str) -> Any:
+        """Return what is armed for the session."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/table-mover")
+
+    def live_arm_table(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Arm the table's mover for this session, between two angles and for some minutes. This is no
+        safety function: the cell's own guards the people in it. It is disarmed after its time, and after a
+        restart of the server."""
+        return self.request("PUT", f"/api/v1/sessions/{quote(session_id, safe='')}/table-mover", json=body)
+
+    def live_disarm_table(self, session_id: str) -> Any:
+        """Stop the table and disarm its mover."""
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/table-mover")
+
+    def live_turn_table(self, session_id: str, body: Mapping[str, Any]) -> Any:
+        """Turn the table to an angle within the limits and wait until it rests there. It is stopped where
+        its angle is no longer told, leaves the limits, or does not come closer."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/table-mover/go", json=body)
+
+    def live_stop_table(self, session_id: str) -> Any:
+        """Stop the table now; it stays armed."""
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/table-mover/stop")
+
     def solves_solve(self, session_id: str, stage: str, *, wait: float | None = None) -> Any:
         """Start solving a stage, or `all` that there are captures for; the job's end brings the results."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}", params=_given({"wait": wait}))

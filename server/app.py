@@ -30,6 +30,7 @@ from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
+from server.live.armed_table import ArmedTables
 from server.live.in_scene import follow_robot
 from server.live.manager import LiveCells
 from server.live.robot_port import RobotPorts
@@ -57,6 +58,7 @@ from server.routes import (
     robot_programs,
     sessions,
     solves,
+    table_mover,
     tokens,
     truth,
     webhooks,
@@ -126,6 +128,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.logins = Logins(settings.data, store)
         watcher = app.state.watcher = session_watcher(settings, store, intake)
         live = app.state.live = LiveCells(settings.data, store, intake, partial(follow_robot, scenes))
+        tables = app.state.armed_tables = ArmedTables(live)
         ports = app.state.robot_ports = RobotPorts(store, live, app.state.logins, app.state.refusals)
         try:
             await run_in_threadpool(_start, store, jobs)
@@ -145,6 +148,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             await run_in_threadpool(jobs.stop)
             await run_in_threadpool(watcher.stop)
             await ports.close_all()
+            await run_in_threadpool(tables.disarm_all)
             await run_in_threadpool(live.stop)
             await run_in_threadpool(measuring_queue.stop)
             await run_in_threadpool(housekeeping.stop)
@@ -177,6 +181,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         live_preview.router,
         robot.router,
         robot_programs.router,
+        table_mover.router,
         solves.router,
         answers.router,
         cells.router,

@@ -158,6 +158,11 @@ class LiveCell:
             if "scanner" in link.source.delivers:
                 link.trigger()
 
+    def newest_table(self) -> Sample | None:
+        """Return the newest sample that tells the table's angle."""
+        with self._arrived:
+            return self._table[-1] if self._table else None
+
     def newest(self) -> tuple[Sample | None, float | None, Exposure | None]:
         """Return the newest sample of the robot, angle of the table, and exposure."""
         with self._arrived:

@@ -66,7 +66,7 @@ class SimulatedDevices:
         try:
             from server.simulated_cell.modbus_server import ModbusServer
 
-            self.modbus = ModbusServer(self._angle, host)
+            self.modbus = ModbusServer(self._angle, host, turn=self._turn)
         except ImportError:
             pass
 
@@ -136,6 +136,13 @@ class SimulatedDevices:
     def _values(self) -> Mapping[str, Any]:
         pose, moving, table_deg, _ = self._flange()
         return {"Pose": to_pose("quaternion-xyzw", pose), "Moving": moving, "Table": table_deg}
+
+    def _turn(self, table_deg: float | None) -> None:
+        """Go to the capture whose table stands nearest to an angle; a stop lets it come to rest there."""
+        shots = self.cell.shots
+        if table_deg is not None:
+            angles = {k: shot.table.reported_angle for k, shot in enumerate(shots) if shot.table is not None}
+            self.go(min(angles, key=lambda k: abs(angles[k] - table_deg)))
 
     def _angle(self) -> tuple[float, bool]:
         _, moving, table_deg, _ = self._flange()

@@ -259,6 +259,17 @@ def record_live(recorder: Recorder, folder: Path) -> None:
         "request": {"id": "p08", "seconds": 2.0},
         "answer": {"id": "p08", "verdict": "pass", "zone": 0.71, "text": ""},
     }
+    armed = {"armed": True, "mover": "modbus-table", "low_deg": 0.0, "high_deg": 350.0}
+    settings = {"host": "192.168.0.30", "target": 200, "start": 20, "stop": 21}
+    told = {**armed, "seconds_left": 900.0, "target_deg": None}
+    arming = {"mover": "modbus-table", "settings": settings, "low_deg": 0.0, "high_deg": 350.0, "minutes": 15.0}
+    recorder.examples["live_arm_table"] = {
+        "request": arming,
+        "answer": told,
+    }  # no table that turns is at hand here
+    recorder.examples["live_get_mover"] = {"answer": told}
+    recorder.examples["live_turn_table"] = {"request": {"table_deg": 45.0}, "answer": {"table_deg": 45.0}}
+    recorder.send("GET", "/api/v1/movers")
     text = json.dumps(recorder.examples).replace(str(folder), "/mnt/scanner/today")
     recorder.examples |= json.loads(text)
 

@@ -1,0 +1,79 @@
+"""A table that is turned over Modbus TCP: its target in a register, coils that start and stop it."""
+
+import threading
+from typing import Any, Literal
+
+from pydantic import Field
+
+from calib_core.errors import InputError
+from server.movers.mover import MoverEntry
+from server.sources.pose_settings import Host, Port
+from server.sources.source import Settings
+
+
+class ModbusTableSettings(Settings):
+    """Where the target stands, `value = (degrees − offset) / scale`, and the coils that start and stop a turn."""
+
+    host: Host
+    port: Port = 502
+    device_id: int = Field(default=1, ge=0, le=255)
+    target: int = Field(ge=0, le=65535, description="The holding register of the target.")
+    type: Literal["int16", "uint16", "int32", "uint32", "float32", "float64"] = "int32"
+    words: Literal["big", "little"] = "big"
+    scale: float = Field(default=0.001, gt=0, allow_inf_nan=False)
+    offset_deg: float = Field(default=0.0, allow_inf_nan=False)
+    start: int = Field(ge=0, le=65535, description="The coil that starts the turn.")
+    stop: int = Field(ge=0, le=65535, description="The coil that stops it.")
+
+
+class ModbusTable:
+    """Writes the target, then the start; a lock keeps a stop from falling between the words of another request."""
+
+    def __init__(self, settings: ModbusTableSettings) -> None:
+        from pymodbus.client import ModbusTcpClient
+
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._client: Any = ModbusTcpClient(settings.host, port=settings.port, timeout=1.0, retries=0)
+        if not self._client.connect():
+            raise ConnectionError(f"nobody answers at {settings.host}:{settings.port}")
+
+    def go_to(self, table_deg: float) -> None:
+        """Write the target and start; raises InputError where the table refuses."""
+        chosen = self._settings
+        value: float = (table_deg - chosen.offset_deg) / chosen.scale
+        kind = self._client.DATATYPE[chosen.type.upper()]
+        number = value if chosen.type.startswith("float") else round(value)
+        try:
+            words = self._client.convert_to_registers(number, kind, chosen.words)
+        except Exception:  # of a number that the type cannot hold; the library raises what it likes
+            got = f"{number:g}, which {chosen.type} cannot hold"
+            raise InputError("an angle that fits the register", got, "Check type and scale.", "type") from None
+        with self._lock:
+            self._done(self._client.write_registers(chosen.target, words, device_id=chosen.device_id), "target")
+            self._done(self._client.write_coil(chosen.start, True, device_id=chosen.device_id), "start")
+
+    def stop(self) -> None:
+        """Write the stop."""
+        with self._lock:
+            answer = self._client.write_coil(self._settings.stop, True, device_id=self._settings.device_id)
+            self._done(answer, "stop")
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+    def _done(self, answer: Any, what: str) -> None:
+        if answer.isError():
+            got = f"the exception {getattr(answer, 'exception_code', answer)}"
+            raise InputError(f"the {what} to be taken", got, "Check its address and the device's id.", what)
+
+
+MOVER = MoverEntry(
+    "modbus-table",
+    "Modbus: table",
+    "Turns the table by a register and two coils over Modbus TCP.",
+    ModbusTable,
+    ModbusTableSettings,
+    extra="modbus",
+)
