@@ -72,7 +72,7 @@ def role_that_should_do(method: str, path: str) -> str:
 
     Who looks needs `read`, who changes something `capture`. Tokens, the log, webhooks, removing a session, and
     which answer of a cell is in force are the admin's, and so is what this server connects to or listens on in
-    the cell's network; the login page, its files and the signs of life are anybody's.
+    the cell's network, and the arming of what moves; the login page, its files and the signs of life are anybody's.
     """
     if path in ("/login", "/web/{path:path}") or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
         return "nobody"
@@ -82,6 +82,7 @@ def role_that_should_do(method: str, path: str) -> str:
         or path.endswith(("/audit", "/release", "/rollback"))
         or (method, path) == ("DELETE", "/api/v1/sessions/{session_id}")
         or (method != "GET" and path.endswith(("/devices/{device}", "/robot-port")))
+        or (method == "PUT" and path.endswith("/table-mover"))  # who may stop it need not be who may arm it
     ):
         return "admin"
     # What comes with these is looked at and answered; nothing of it is stored.

@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 import { maybe, t } from "../texts.js";
 
-/** @typedef {{ type?: string, title?: string, description?: string, default?: unknown, enum?: unknown[], anyOf?: Schema[], properties?: Record<string, Schema>, exclusiveMinimum?: number, minimum?: number }} Schema */
+/** @typedef {{ type?: string, title?: string, description?: string, default?: unknown, enum?: unknown[], anyOf?: Schema[], items?: Schema, properties?: Record<string, Schema>, exclusiveMinimum?: number, minimum?: number }} Schema */
 
 /**
  * @param {Schema} schema
@@ -34,7 +34,7 @@ const plainOf = (schema) => ({ ...schema.anyOf?.find(({ type }) => type !== "nul
  * @param {unknown} value
  * @param {string} prefix
  */
-function field(name, { type, enum: choices, title, description, exclusiveMinimum, minimum }, value, prefix) {
+function field(name, { type, items, enum: choices, title, description, exclusiveMinimum, minimum }, value, prefix) {
   const id = `${prefix}-${name.replaceAll("_", "-")}`;
   const label = maybe(`settings.${prefix}.${name}`, title ?? name);
   const hint = maybe(`settings.${prefix}.${name}_hint`, description ?? "");
@@ -50,6 +50,10 @@ function field(name, { type, enum: choices, title, description, exclusiveMinimum
     const select = h("select", { id, ...said }, ...none, ...choices.map((one) => h("option", { value: String(one), selected: one === value }, maybe(`settings.${prefix}.${name}_${one}`, String(one)))));
     return { element: wrap(select), read: () => select.value || null };
   }
+  if (type === "array" && (items?.type === "number" || items?.type === "string")) {
+    const list = listInput(id, items.type === "number", value, said);
+    return { element: wrap(list.input), read: list.read };
+  }
   const numeric = type === "number" || type === "integer";
   if (!numeric && type !== "string") return null;
   const input = h("input", { id, autocomplete: "off", inputmode: numeric ? "decimal" : "text", value: value ?? "", ...said });
@@ -63,4 +67,26 @@ function field(name, { type, enum: choices, title, description, exclusiveMinimum
     return input.reportValidity() ? number : undefined;
   };
   return { element: wrap(input), read };
+}
+
+/**
+ * A list, its values apart by commas or spaces; node ids keep their semicolons.
+ * @param {string} id
+ * @param {boolean} numeric
+ * @param {unknown} value
+ * @param {{ "aria-describedby"?: string | undefined }} said
+ */
+function listInput(id, numeric, value, said) {
+  const shown = Array.isArray(value) ? value.join(" ") : "";
+  const input = h("input", { id, autocomplete: "off", value: shown, ...said });
+  input.addEventListener("input", () => input.setCustomValidity(""));
+  const read = () => {
+    const words = input.value.split(/[\s,]+/).filter(Boolean);
+    if (!words.length) return null;
+    if (!numeric) return words;
+    const numbers = words.map((word) => Number(word.replace("\u2212", "-")));
+    input.setCustomValidity(numbers.every(Number.isFinite) ? "" : t("form.need_number"));
+    return input.reportValidity() ? numbers : undefined;
+  };
+  return { input, read };
 }

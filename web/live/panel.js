@@ -15,6 +15,7 @@ import { learnTexts, t } from "../texts.js";
 await learnTexts("live");
 const { DevicesElement } = await import("./devices.js");
 const { SignElement } = await import("./sign.js");
+const { TableElement } = await import("./table.js");
 const { drawPreview } = await import("./view.js");
 
 const RATE_OVER_MS = 1000;
@@ -23,6 +24,7 @@ style("live");
 class LivePanelElement extends StateElement {
   #devices = make(DevicesElement);
   #sign = make(SignElement);
+  #table = make(TableElement);
   #canvas = h("canvas", { role: "img", "aria-label": t("preview.image"), hidden: true });
   #nothing = h("p", { class: "soft" }, t("preview.nothing"));
   #rate = h("p", { class: "soft small live-rate" });
@@ -45,7 +47,7 @@ class LivePanelElement extends StateElement {
   }
 
   build() {
-    this.#devices.sessionId = this.state.id;
+    this.#devices.sessionId = this.#table.sessionId = this.state.id;
     const large = h("button", { type: "button", onclick: () => void this.#sign.requestFullscreen?.().catch(() => undefined) }, t("sign.large"));
     this.append(h("section", { class: "panel live-panel", "aria-labelledby": "live-title" },
       h("div", { class: "row spread" }, h("h2", { id: "live-title" }, t("devices.title")),
@@ -61,7 +63,8 @@ class LivePanelElement extends StateElement {
         h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("capture.sound"))),
         h("button", { type: "button", needs: "capture", title: t("clocks.how"), onclick: () => void attempt(() => live.measureClocks(this.state.id)) }, t("clocks.measure"))),
       h("div", { class: "row live-capture" },
-        h("div", { class: "field" }, h("label", { for: "live-step" }, t("capture.step")), this.#step), this.#mountField, this.#angleField, this.#now)));
+        h("div", { class: "field" }, h("label", { for: "live-step" }, t("capture.step")), this.#step), this.#mountField, this.#angleField, this.#now),
+      this.#table));
   }
 
   connectedCallback() {
@@ -121,6 +124,7 @@ class LivePanelElement extends StateElement {
   #show(preview, image) {
     this.#sign.show(preview);
     this.#devices.show(preview.devices);
+    this.#table.hidden = !preview.devices.some(({ delivers, status }) => delivers.includes("table") && status === "live");
     const { exposure } = preview;
     this.#canvas.hidden = !exposure;
     this.#nothing.hidden = exposure !== null;

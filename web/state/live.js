@@ -3,7 +3,7 @@
 import { session } from "./api.js";
 import { json, request, ROOT } from "./http.js";
 
-/** @import {CaptureSettings, Devices, TakenShot} from "../api-types.js" */
+/** @import {CaptureSettings, Devices, MoverChoice, TableMover, TakenShot} from "../api-types.js" */
 
 /**
  * @typedef {{ name: string, delivers: string[], status: string, problem: string, rate_hz: number }} LiveDevice
@@ -33,6 +33,24 @@ export const live = {
 
   /** Measure the offset between the clocks, after a move back and forth. @param {string} id */
   measureClocks: async (id) => void (await request(`${session(id)}/live/clock-offset`, json("POST", {}))),
+
+  /** What can turn the table. @returns {Promise<MoverChoice[]>} */
+  movers: async () => (await (await request("/movers")).json()).items,
+
+  /** What is armed for a session. @param {string} id @returns {Promise<TableMover>} */
+  mover: async (id) => (await request(`${session(id)}/table-mover`)).json(),
+
+  /** @param {string} id @param {Record<string, unknown>} arming @returns {Promise<TableMover>} */
+  arm: async (id, arming) => (await request(`${session(id)}/table-mover`, json("PUT", arming))).json(),
+
+  /** @param {string} id */
+  disarmTable: async (id) => void (await request(`${session(id)}/table-mover`, json("DELETE"))),
+
+  /** Turn the table and wait until it rests. @param {string} id @param {number} angle */
+  turn: async (id, angle) => void (await request(`${session(id)}/table-mover/go`, json("POST", { table_deg: angle }))),
+
+  /** @param {string} id */
+  stopTable: async (id) => void (await request(`${session(id)}/table-mover/stop`, json("POST"))),
 
   /** Take a capture once all stand still. @param {string} id @param {{ table_deg?: number }} body @returns {Promise<TakenShot>} */
   capture: async (id, body) => (await request(`${session(id)}/live/capture`, json("POST", body))).json(),

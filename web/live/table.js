@@ -1,0 +1,85 @@
+// The table turned from here: armed with limits for some minutes, an angle to go to, and a stop that is always in reach.
+
+import { live } from "../state/live.js";
+import { schemaForm } from "../components/schema-form.js";
+import { attempt } from "../components/toasts.js";
+import { h } from "../dom.js";
+import { fixed } from "../format.js";
+import { t } from "../texts.js";
+
+/** @import {TableMover} from "../api-types.js" */
+
+const LOOK_MS = 2000;
+
+export class TableElement extends HTMLElement {
+  sessionId = "";
+  #timer = 0;
+  #told = "";
+  #form = h("div", { hidden: true });
+  #angle = h("input", { id: "table-target", inputmode: "decimal", autocomplete: "off" });
+  #state = h("p", { class: "soft small", role: "status" });
+  #arm = h("button", { type: "button", needs: "admin", onclick: () => void this.#offer() }, t("table.arm"));
+  #go = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => void this.#turn() }, t("table.go"));
+  #stop = h("button", { type: "button", class: "danger", needs: "capture", onclick: () => void this.#do(() => live.stopTable(this.sessionId)) }, t("table.stop"));
+  #disarm = h("button", { type: "button", needs: "capture", onclick: () => void this.#do(() => live.disarmTable(this.sessionId)) }, t("table.disarm"));
+  #armed = h("div", { class: "row live-capture", hidden: true },
+    h("div", { class: "field" }, h("label", { for: "table-target" }, t("table.target")), this.#angle), this.#go, this.#stop, this.#disarm);
+
+  connectedCallback() {
+    if (!this.firstChild) this.append(h("div", { class: "row live-capture" }, this.#arm, this.#state), this.#form, this.#armed);
+    void this.#load();
+    this.#timer = window.setInterval(() => void this.#load(), LOOK_MS);
+  }
+
+  disconnectedCallback() {
+    window.clearInterval(this.#timer);
+  }
+
+  async #load() {
+    if (this.hidden) return;
+    const mover = await live.mover(this.sessionId).catch(() => null);
+    if (mover) this.#show(mover);
+  }
+
+  /** @param {TableMover} mover */
+  #show({ armed, low_deg, high_deg, seconds_left }) {
+    const minutes = Math.ceil(seconds_left / 60);
+    const told = armed ? t("table.armed", { low: fixed(low_deg ?? 0, 1), high: fixed(high_deg ?? 0, 1), minutes }) : t("table.off");
+    if (told === this.#told) return;
+    this.#told = told;
+    this.#state.textContent = told;
+    this.#armed.hidden = !armed;
+    this.#arm.hidden = armed;
+    if (armed) this.#form.hidden = true;
+  }
+
+  async #offer() {
+    await attempt(async () => {
+      const [mover] = await live.movers();
+      if (!mover) return;
+      const limits = { low_deg: { type: "number" }, high_deg: { type: "number" }, minutes: { type: "number", default: 15 } };
+      const given = /** @type {{ properties?: Record<string, object> }} */ (mover.settings).properties ?? {};
+      this.#form.replaceChildren(h("p", { class: "reason" }, t("table.warning")), schemaForm({ properties: { ...limits, ...given } }, {}, {
+        prefix: "mover", go: t("table.arm"), needs: "admin", submit: async ({ low_deg, high_deg, minutes, ...settings }) => {
+          const kept = Object.fromEntries(Object.entries(settings).filter(([, value]) => value !== null));
+          await attempt(async () => this.#show(await live.arm(this.sessionId, { mover: mover.name, settings: kept, low_deg, high_deg, minutes })));
+        } }));
+      this.#form.hidden = false;
+    });
+  }
+
+  async #turn() {
+    const angle = Number(this.#angle.value.replace(",", ".").replace("\u2212", "-"));
+    this.#go.setAttribute("aria-disabled", "true");
+    await this.#do(() => live.turn(this.sessionId, angle));
+    this.#go.removeAttribute("aria-disabled");
+  }
+
+  /** @param {() => Promise<unknown>} act */
+  async #do(act) {
+    await attempt(act);
+    await this.#load();
+  }
+}
+
+customElements.define("sc-live-table", TableElement);
