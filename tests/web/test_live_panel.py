@@ -1,6 +1,7 @@
 """The simulated cell calibrated in the page through live sources, and what the page says of devices that go."""
 
 import re
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -143,4 +144,31 @@ def test_a_device_that_goes_is_told_and_comes_back(
     page.locator("#device-address").fill("100")
     page.locator("sc-devices form").get_by_role("button", name="Connect").click()
     expect(page.locator(".live-devices li[data-status=live]")).to_have_count(3)
+    assert watched.complaints == []
+
+
+def test_the_table_is_armed_turned_and_disarmed_in_the_page(
+    open_page: Callable[..., Any], api: httpx.Client, cell: SimulatedDevices
+) -> None:
+    session = connected(api, cell, "live table")
+    page, watched = open_page(f"/sessions/{session}", width=1500, height=1000)
+    open_panel(page)
+    table = page.locator("sc-live-table")
+    expect(table).to_contain_text("turned by hand")
+    table.get_by_role("button", name="Arm the table").click()
+    expect(table).to_contain_text("no emergency stop")
+    given = {"low-deg": -5, "high-deg": 355, "host": "127.0.0.1", "port": cell.modbus.port if cell.modbus else 0}
+    for name, value in {**given, "target": 200, "start": 20, "stop": 21}.items():
+        page.locator(f"#mover-{name}").fill(str(value))
+    table.locator("form").get_by_role("button", name="Arm the table").click()
+    expect(table).to_contain_text("Armed from")
+    angle = max(shot.table.reported_angle for shot in cell.cell.shots if shot.table)
+    page.get_by_label("Turn to, in degrees").fill(f"{angle:.3f}")
+    table.get_by_role("button", name="Turn", exact=True).click()
+    until(lambda: abs(cell.cell.at(time.monotonic()).table_deg - angle) < 0.01)
+    expect(page.locator("sc-live-panel .figures")).to_contain_text(f"{angle:.2f}°")
+    table.get_by_role("button", name="STOP").click()
+    table.get_by_role("button", name="Disarm").click()
+    expect(table).to_contain_text("turned by hand")
+    assert api.get(f"/sessions/{session}/table-mover").json()["armed"] is False
     assert watched.complaints == []
