@@ -196,6 +196,8 @@ def _camera(frames: int) -> Iterator[Row]:
     rate, late_ms = len(ages) / seconds, 1000 * float(np.percentile(ages[5:], 95))
     yield Row("previews with stripe, as JPEG, a second", "≥ 10", f"{rate:.0f}", rate >= 10)
     yield Row("a preview's age when it is sent, 95 %", "≤ 150 ms", f"{late_ms:.0f} ms", late_ms <= 150)
+    cost_ms = _cost_of_preview(images[0], cell, optics)
+    yield Row("processor time of one preview, from file to JPEG", "", f"{cost_ms:.1f} ms", True)
     yield Row(
         "load average of the machine meanwhile", "", f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} cores", True
     )
