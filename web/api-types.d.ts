@@ -55,6 +55,14 @@ export interface ArmTable {
   last_from_tool0?: number[][] | null;
 }
 
+export interface Arming {
+  mover: string;
+  settings?: Record<string, unknown>;
+  low_deg: number;
+  high_deg: number;
+  minutes?: number;
+}
+
 export interface AtPoint {
   point_in_laser_mm: number[];
   covariance: number[][];
@@ -1028,6 +1036,18 @@ export interface MomentOfSession {
   numbers: Record<string, number>;
   guide: Guide;
   frames: Record<string, unknown> | null;
+}
+
+export interface MoverChoice {
+  name: string;
+  title: string;
+  does: string;
+  extra: string | null;
+  settings: Record<string, unknown>;
+}
+
+export interface Movers {
+  items: MoverChoice[];
 }
 
 export interface NewChanges {
@@ -2025,6 +2045,15 @@ export interface TableMount {
   captures: number;
 }
 
+export interface TableMover {
+  armed: boolean;
+  mover: string | null;
+  low_deg: number | null;
+  high_deg: number | null;
+  seconds_left: number;
+  target_deg: number | null;
+}
+
 export interface TablePlan {
   reachable: boolean | null;
   layout: TableLayout;
@@ -2037,6 +2066,10 @@ export interface TableToPlan {
   height_mm?: number;
   angle_sigma_deg?: number;
   most_angles?: number;
+}
+
+export interface TableTurn {
+  table_deg: number;
 }
 
 export interface TakenShot {
@@ -2152,6 +2185,10 @@ export interface Trial {
 
 export interface Turn {
   capture?: string | null;
+}
+
+export interface Turned {
+  table_deg: number;
 }
 
 export interface Turntable {
