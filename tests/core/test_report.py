@@ -237,7 +237,8 @@ def test_the_command_writes_the_page(solved_folder, tmp_path, capsys):
     assert main(["report", str(solved_folder), "--out", str(file)]) == 0
     assert capsys.readouterr().out == f"{file}\n"
     session, results = load_session(solved_folder)[0], stored_results(solved_folder)
-    assert file.read_text(encoding="utf-8") == report_html(session, results)
+    truth = json.loads((solved_folder / "truth.json").read_text(encoding="utf-8"))
+    assert file.read_text(encoding="utf-8") == report_html(session, results, (), truth)
     assert main(["report", str(tmp_path / "none"), "--out", str(file)]) == 2
 
 
