@@ -114,3 +114,22 @@ def test_a_runtime_takes_the_compose_file_where_there_is_one() -> None:
 
 def _runs(command: list[str]) -> bool:
     return shutil.which(command[0]) is not None and not subprocess.run(command, capture_output=True).returncode
+
+
+def test_the_unit_for_systemd_starts_our_command_with_our_settings(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "examples" / "scancell.service").read_text()
+    settings_in(set(re.findall(r"^Environment=(\w+)=", text, re.MULTILINE)))
+    started = re.search(r"^ExecStart=(.*)$", text, re.MULTILINE)
+    assert started is not None
+    program, *words = started[1].split()
+    require_command([Path(program).name, *words])
+    assert words[words.index("--data") + 1].startswith("/var/lib/" + text.split("StateDirectory=")[1].split()[0])
+    if _runs(["systemd-analyze", "--version"]):
+        unit = tmp_path / "scancell.service"
+        # Who verifies looks for the program, the user and what it comes after, which are not on this machine.
+        there = text.replace(program, shutil.which("true") or program).replace(
+            "User=scancell\nGroup=scancell\n", ""
+        )
+        unit.write_text(there.replace("network-online.target", "basic.target"))
+        done = subprocess.run(["systemd-analyze", "verify", unit], capture_output=True, text=True)
+        assert "scancell.service:" not in done.stderr, done.stderr
