@@ -80,10 +80,13 @@ class DaskCrew(Crew):
         task = replace(task, options=replace(task.options, clean=self._one_thread))
         given = self._client.scatter([(scans.read_by(plain(scans.reader)), task)], hash=False)[0]
         under_way: deque[_UnderWay] = deque()
+        cleaned = dict.fromkeys(self._workers, 0)
         for done, number in enumerate(numbers):
             tell(done, names[number])
             to_clean = {worker: sum(one.waits_for(worker) for one in under_way) for worker in self._workers}
-            under_way.append(self._begin(given, number, task.fuse, min(to_clean, key=to_clean.__getitem__)))
+            free = min(self._workers, key=lambda worker: (to_clean[worker], cleaned[worker]))
+            cleaned[free] += 1
+            under_way.append(self._begin(given, number, task.fuse, free))
             while len(under_way) > self._at_once:
                 yield self._ended(under_way.popleft())
         while under_way:

@@ -60,7 +60,7 @@ class Use:
     def round(self, number: int) -> None:
         """Do everything once, a merge in every eighth round; nothing is left of it."""
         scenario = ("tcp", "turntable", "tcp-sweep", "tcp-clouds")[number % 4]
-        with self._client(120) as client:
+        with self._client(600) as client:
             session = self._new_session(client, scenario, number)
             with self._listening(session):
                 self._upload(client, session, simulate(scenario, 1 + number % 5))
