@@ -3,7 +3,7 @@
 from numpy.linalg import LinAlgError
 
 from calib_core.captures.solved_optics import remembered
-from calib_core.errors import InputError, MotionError
+from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.records import Capture, Result, Session
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.evidence import with_evidence
@@ -42,7 +42,13 @@ def run(
     results: dict[str, Result] = {}
     kept = Kept(results=results)
     for name in stages_to_solve(session):
-        results[name] = solve_stage(session, name, read, progress, store, kept)
+        try:
+            results[name] = solve_stage(session, name, read, progress, store, kept)
+        except (MeasurementError, MotionError) as error:
+            if not results or not STAGES.get(name, "stage").is_second_opinion:
+                raise
+            if progress:
+                progress(1.0, f"{name} is left out: {error}")
     return results
 
 

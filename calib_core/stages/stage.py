@@ -105,6 +105,8 @@ class Stage(ABC):
         Whether its result has the turntable's frame.
     optional : bool
         Whether later stages can do without it.
+    is_second_opinion : bool
+        Whether `all` goes on where its captures do not determine it.
     needs_every_step : bool
         Whether it is solved only where each of its steps has captures.
     planned : bool
@@ -128,6 +130,7 @@ class Stage(ABC):
     is_answer: bool = False
     gives_table: bool = False
     optional: bool = False
+    is_second_opinion: bool = False
     needs_every_step: bool = False
     planned: bool = False
     settings_field: str | None = None

@@ -14,7 +14,7 @@ from typing import Any
 from sqlalchemy.exc import DBAPIError
 
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
-from calib_core.stages.registry import optics_stages
+from calib_core.stages.registry import STAGES, optics_stages
 from server.http.errors import problem, problem_of_status
 from server.http.events import Hub, ended_job
 from server.jobs import worker
@@ -183,6 +183,8 @@ class Jobs:
                     self._children[job_id] = child
                 self.submit(child)
                 ended = asyncio.run(ended_job(self._store, self._hub, child, self._settings.job_timeout_s))
+                if ended["status"] == "failed" and STAGES.get(stage, "stage").is_second_opinion:
+                    continue  # its own job says why
                 if ended["status"] != "done":
                     error = ended["error"] or problem_of_status(503, f"{stage}: {ended['message']}")
                     with self._store.write() as db:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from calib_core.simulation import SimulatedSession
 from calib_core.simulation.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
 from calib_core.stages.evidence import stored_evidence
 from calib_core.stages.hand_eye.solve import agreement_of, composed
-from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.pipeline import run, solve_stage
 from calib_core.stages.registry import STAGES
 
 
@@ -55,6 +56,22 @@ def test_a_board_that_is_moved_by_hand_is_refused(made: SimulatedSession) -> Non
     assert not STAGES.get("hand-eye").is_wanted(loose)
     with pytest.raises(InputError, match="stands still"):
         solve_stage(loose, "hand-eye", made.files.__getitem__)
+
+
+def test_boards_that_are_not_found_leave_it_out_and_stop_nothing(made: SimulatedSession) -> None:
+    lit = [c for c in made.session.captures if c.step == "camera"]
+    blank = cv2.imencode(".png", np.full((480, 640), 90, np.uint8))[1].tobytes()
+    files = {f"captures/again-{c.id}.png": made.files[c.files[0]] for c in lit}
+    files |= {c.files[0]: blank if k > 2 else made.files[c.files[0]] for k, c in enumerate(lit)}
+    by_hand = [
+        c.model_copy(update={"id": f"again-{c.id}", "pose": None, "files": [f"captures/again-{c.id}.png"]})
+        for c in lit
+    ]
+    session = made.session.model_copy(update={"captures": [*by_hand, *lit]})
+    told: list[str] = []
+    results = run(session, files.__getitem__, "all", lambda _fraction, what: told.append(what))
+    assert list(results) == ["camera"]
+    assert any(what.startswith("hand-eye is left out: ") for what in told)
 
 
 def test_agreement_and_composition_by_samples() -> None:

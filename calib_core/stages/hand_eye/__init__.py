@@ -22,6 +22,7 @@ class BoardHandEye(Stage):
     reads = ("board", "pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
     after = ("camera", "laser-plane", "tcp", "chain")
     optional = True
+    is_second_opinion = True
     layers = ("scanner",)
 
     @property
