@@ -5,32 +5,119 @@ import { h, make, s } from "../dom.js";
 import { fixed, significant } from "../format.js";
 import { t } from "../texts.js";
 import { excludeCapture } from "./exclude.js";
+import { piece, viewsOf, widened } from "./plot-view.js";
 import { thumbnail } from "./thumbnail.js";
 import { withoutWords } from "./without.js";
 
-/** @import {AxisOf, PlotBlock, SeriesOf} from "../state/model.js" */
+/** @import {Range} from "./plot-view.js" */
+/** @import {AxisOf, PlotBlock, Residual, SeriesOf} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 /** @typedef {{ low: number, high: number, place: (value: number) => number }} Scale */
-/** @typedef {{ series: number, x: number, y: number, value: number, at: string, capture: string | undefined, reason: string | null | undefined, beyond: boolean }} Dot */
+/** @typedef {{ series: number, x: number, xValue: number, y: number, value: number, at: string, capture: string | undefined, reason: string | null | undefined, beyond: boolean }} Dot */
 
 const WIDTH = 560;
 const HEIGHT = 190;
 const EDGE = { left: 58, right: 12, top: 12, bottom: 40 };
 const DOTS_AT_ONCE = 150;
+/** The smallest piece that is shown, of the whole. */
+const LEAST = 0.002;
+/** @type {Record<string, number>} */
+const ZOOM_KEYS = { "+": 0.5, "=": 0.5, "-": 2, "0": Infinity };
 /** Beyond it a plot over captures is no wider: dots stand closer. */
 const WIDEST = 6000;
+const ZOOMED = ["captures", "xy"];
 const MARKS = ["circle", "square", "diamond", "triangle"];
+
+/** Which figures and which piece were chosen of a session's plots: they may be drawn anew while one looks. @type {WeakMap<SessionState, Map<string, { index: number, range: Range | null }>>} */
+const chosen = new WeakMap();
 
 export class PlotElement extends HTMLElement {
   /** @type {PlotBlock | null} */ block = null;
   /** @type {SessionState | null} */ state = null;
   #tip = h("div", { class: "tip", role: "status", hidden: true });
   /** @type {(() => void) | null} */ #stop = null;
+  /** The figures that are shown of the dots. @type {PlotBlock | null} */ #view = null;
+  /** The piece that is shown; null is the whole. @type {Range | null} */ #range = null;
+  /** How far the whole reaches. @type {Range | null} */ #whole = null;
+  #drawing = h("div");
+  #legend = h("div");
 
   connectedCallback() {
     if (!this.block) return;
-    if (!this.firstChild) this.append(draw(this.block, this), legend(this.block), this.#tip);
+    if (!this.firstChild) {
+      const rows = /** @type {Residual[]} */ (this.state?.resultOf(this.state.step)?.residuals ?? []);
+      const views = viewsOf(this.block, rows);
+      this.#view = views[this.#index]?.block ?? this.block;
+      this.append(this.#drawing, h("div", { class: "row spread" }, this.#legend, this.#tools(views)), this.#tip);
+      const range = this.#chosen.get(this.#id)?.range ?? null;
+      if (range) this.#draw(); // how far the whole reaches
+      this.#range = range;
+      this.#draw();
+    }
     this.#stop = this.state?.watch(["selection"], () => this.#light()) ?? null;
+  }
+
+  get #id() {
+    return `${this.state?.step} ${this.block?.id ?? this.block?.title ?? ""}`;
+  }
+
+  get #index() {
+    return this.#chosen.get(this.#id)?.index ?? 0;
+  }
+
+  get #chosen() {
+    const known = (this.state && chosen.get(this.state)) ?? new Map();
+    if (this.state) chosen.set(this.state, known);
+    return known;
+  }
+
+  /** What is shown, and zooming. @param {{ label: string, block: PlotBlock }[]} views */
+  #tools(views) {
+    if (!ZOOMED.includes(this.block?.shape ?? "")) return "";
+    const select = h("select", { "aria-label": t("plot.shown"), onchange: () => {
+      this.#view = views[select.selectedIndex]?.block ?? this.block;
+      this.#chosen.set(this.#id, { index: select.selectedIndex, range: null });
+      this.#range = null;
+      this.#draw();
+    } }, ...views.map(({ label }) => h("option", {}, label)));
+    select.selectedIndex = Math.min(this.#index, views.length - 1);
+    const button = (/** @type {string} */ sign, /** @type {"plot.zoom_in" | "plot.zoom_out" | "plot.zoom_all"} */ key, /** @type {() => void} */ act) =>
+      h("button", { type: "button", class: "plain icon", "aria-label": t(key), title: t(key), onclick: act }, sign);
+    return h("div", { class: "row plot-tools" }, views.length > 1 && select,
+      button("+", "plot.zoom_in", () => this.zoom(0.5)), button("−", "plot.zoom_out", () => this.zoom(2)), button("⤢", "plot.zoom_all", () => this.zoom(Infinity)));
+  }
+
+  #draw() {
+    if (!this.#view) return;
+    this.hide();
+    const shown = piece(this.#view, this.#range);
+    const drawn = draw(shown, this);
+    if (!this.#range) this.#whole = { x: [drawn.x.low, drawn.x.high], y: [drawn.y.low, drawn.y.high] };
+    this.#drawing.replaceChildren(drawn.root);
+    this.#legend.replaceChildren(legend(shown));
+    if (this.isConnected) this.#light();
+  }
+
+  /** So many times as much is shown, about the dot that has the focus, the picked one, or the middle. @param {number} times */
+  zoom(times) {
+    if (!this.#whole) return;
+    const now = this.#range ?? this.#whole;
+    const dot = this.querySelector(".dot:focus") ?? this.querySelector(".dot.picked");
+    const name = dot?.getAttribute("data-capture"), focused = dot?.matches(":focus");
+    const place = this.#placeOf(dot);
+    const middle = { x: (now.x[0] + now.x[1]) / 2, y: (now.y[0] + now.y[1]) / 2 };
+    const range = times === Infinity ? null : widened(now, this.#whole, place ?? middle, times);
+    if (range && range.x[1] - range.x[0] < LEAST * (this.#whole.x[1] - this.#whole.x[0])) return;
+    this.#range = range;
+    this.#chosen.set(this.#id, { index: this.#index, range });
+    this.#draw();
+    if (focused && name) /** @type {SVGElement | null} */ (this.querySelector(`.dot[data-capture="${CSS.escape(name)}"]`))?.focus();
+  }
+
+  /** Where a dot stands, in the plot's units. @param {Element | null} dot */
+  #placeOf(dot) {
+    const [x, y] = (dot?.getAttribute("data-at") ?? "").split(" ").map(Number);
+    return dot && x !== undefined && y !== undefined ? { x, y } : null;
   }
 
   disconnectedCallback() {
@@ -55,7 +142,7 @@ export class PlotElement extends HTMLElement {
     const capture = this.state?.captures.find((one) => one.id === dot.capture);
     this.#tip.replaceChildren(
       ...(capture && (capture.measured.preview ?? []).length ? [thumbnail(capture)] : []),
-      h("p", {}, h("strong", {}, dot.at), h("br"), wordsOf(dot, this.block), dot.reason && h("span", { class: "why" }, dot.reason), this.#without(dot)));
+      h("p", {}, h("strong", {}, dot.at), h("br"), wordsOf(dot, this.#view), dot.reason && h("span", { class: "why" }, dot.reason), this.#without(dot)));
     this.#tip.hidden = false;
     const box = this.getBoundingClientRect();
     const at = mark.getBoundingClientRect();
@@ -81,6 +168,7 @@ export class PlotElement extends HTMLElement {
     const next = { ArrowRight: place + 1, ArrowLeft: place - 1, Home: 0, End: dots.length - 1 }[event.key];
     if (next !== undefined) dots[next]?.focus();
     else if (event.key === "Enter" || event.key === " ") this.pick(dot);
+    else if (event.key in ZOOM_KEYS) this.zoom(ZOOM_KEYS[event.key] ?? 1);
     else if (event.key === "Delete" || event.key.toLowerCase() === "x") this.exclude(dot);
     else return;
     event.preventDefault();
@@ -113,10 +201,11 @@ function wordsOf(dot, block) {
 /** @param {number} value @param {string} unit */
 const withUnit = (value, unit) => `${significant(value, 3)}${unit ? `\u202f${unit}` : ""}`;
 
-/** @param {PlotBlock} block @param {PlotElement} element */
+/** The drawing and its scales. @param {PlotBlock} block @param {PlotElement} element @returns {{ root: Element, x: Scale, y: Scale }} */
 function draw(block, element) {
   const label = `${block.caption} ${t("plot.keys")}`;
-  if (block.shape === "grid") return grid(block);
+  const none = { low: 0, high: 0, place: Number };
+  if (block.shape === "grid") return { root: grid(block), x: none, y: none };
   const width = block.shape === "captures" ? Math.min(WIDEST, Math.max(WIDTH, EDGE.left + longest(block) * 14)) : WIDTH;
   const x = scaleX(block, width);
   const y = scaleY(block);
@@ -128,14 +217,14 @@ function draw(block, element) {
   root.append(...axes(block, x, y, width));
   if (block.shape === "histogram") root.append(...bars(block, x, y));
   else if (block.shape === "line") root.append(...block.series.map((one, index) => line(one, index, x, y)));
-  else addLater(root, dotsOf(block, x, y), element);
-  return h("div", { class: "plot-holder" }, root);
+  else addLater(root, dotsOf(block, x, y), element, block);
+  return { root: h("div", { class: "plot-holder" }, root), x, y };
 }
 
-/** Many dots are added a few at a time, so that the page stays fluid. @param {SVGElement} root @param {Dot[]} dots @param {PlotElement} element */
-function addLater(root, dots, element, from = 0) {
-  root.append(...dots.slice(from, from + DOTS_AT_ONCE).map((dot, index) => mark(dot, from + index === 0, element)));
-  if (from + DOTS_AT_ONCE < dots.length) setTimeout(() => addLater(root, dots, element, from + DOTS_AT_ONCE));
+/** Many dots are added a few at a time, so that the page stays fluid. @param {SVGElement} root @param {Dot[]} dots @param {PlotElement} element @param {PlotBlock} block */
+function addLater(root, dots, element, block, from = 0) {
+  root.append(...dots.slice(from, from + DOTS_AT_ONCE).map((dot, index) => mark(dot, from + index === 0, element, block)));
+  if (from + DOTS_AT_ONCE < dots.length) setTimeout(() => addLater(root, dots, element, block, from + DOTS_AT_ONCE));
   else element.lit();
 }
 
@@ -212,17 +301,17 @@ function columns({ shape, series }, x) {
 /** @param {PlotBlock} block @param {Scale} x @param {Scale} y @returns {Dot[]} */
 function dotsOf({ series }, x, y) {
   return series.flatMap((one, which) => one.y.flatMap((value, index) => value === null ? [] : [{
-    series: which, x: x.place(xOf(one, index)), y: y.place(value), value, beyond: value > y.high,
+    series: which, x: x.place(xOf(one, index)), xValue: xOf(one, index), y: y.place(value), value, beyond: value > y.high,
     capture: one.captures?.[index], reason: one.reasons?.[index], at: one.captures?.[index] ?? fixed(xOf(one, index), 1),
   }]));
 }
 
-/** @param {Dot} dot @param {boolean} first @param {PlotElement} element */
-function mark(dot, first, element) {
-  const words = [dot.at, wordsOf(dot, element.block), dot.reason && t("plot.rejected", { reason: dot.reason })].filter(Boolean).join(", ");
+/** @param {Dot} dot @param {boolean} first @param {PlotElement} element @param {PlotBlock} block */
+function mark(dot, first, element, block) {
+  const words = [dot.at, wordsOf(dot, block), dot.reason && t("plot.rejected", { reason: dot.reason })].filter(Boolean).join(", ");
   const shape = dot.reason ? "cross" : MARKS[dot.series % MARKS.length] ?? "circle";
   const group = s(
-    "g", { class: `dot series-${dot.series % MARKS.length} ${dot.reason ? "out" : ""}`, role: "button", tabindex: first ? 0 : -1, "aria-label": words, "aria-pressed": "false", "data-capture": dot.capture, transform: `translate(${dot.x} ${dot.y})` },
+    "g", { class: `dot series-${dot.series % MARKS.length} ${dot.reason ? "out" : ""}`, role: "button", tabindex: first ? 0 : -1, "aria-label": words, "aria-pressed": "false", "data-capture": dot.capture, "data-at": `${dot.xValue} ${dot.value}`, transform: `translate(${dot.x} ${dot.y})` },
     s("circle", { class: "hit", r: 11 }), s("path", { d: SHAPES[shape] }), dot.beyond && s("path", { class: "beyond", d: "M-4 -8l4 -4l4 4" }));
   group.addEventListener("pointerenter", () => element.show(group, dot));
   group.addEventListener("focus", () => element.show(group, dot));
