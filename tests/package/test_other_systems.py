@@ -13,6 +13,7 @@ import importlib, pkgutil, signal, sys
 # Others have their own ways on Windows, and choose them when they are imported.
 import asyncio, multiprocessing, subprocess, tempfile, uuid, platform, getpass, shutil, tarfile
 import numba, scipy, fastapi, uvicorn, sqlalchemy, cv2, viser, websockets, alembic, tifffile, prometheus_client
+import distributed
 for name in LACKING:
     sys.modules[name] = None
 for name in ("SIGKILL", "SIGHUP", "pthread_sigmask", "SIGUSR1"):
@@ -22,7 +23,7 @@ wrong = {}
 for top in ("calib_core", "server"):
     package = importlib.import_module(top)
     for module in pkgutil.walk_packages(package.__path__, f"{top}."):
-        if ".migrations" in module.name or module.name.endswith("dask_pool"):
+        if ".migrations" in module.name:
             continue
         try:
             importlib.import_module(module.name)
