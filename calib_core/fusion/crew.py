@@ -271,8 +271,9 @@ class RegionGrids:
         return found
 
     def pieces(self) -> list[tuple[int, int | None]]:
-        """Return what `cloud_of` takes one by one: regions, in order, and their tiles."""
-        return [(region, tile) for region, grid in sorted(self._grids.items()) for tile in grid.tiles()]
+        """Return what `cloud_of` takes one by one: regions with points, in order, and their tiles."""
+        filled = [(region, grid) for region, grid in sorted(self._grids.items()) if not grid.is_empty]
+        return [(region, tile) for region, grid in filled for tile in grid.tiles()]
 
     def cloud_of(self, region: int, tile: int | None) -> VoxelCloud:
         """Return one piece of the cloud."""

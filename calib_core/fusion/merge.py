@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.bricks import BrickTable, Voxels
 
@@ -67,6 +67,8 @@ def joined_clouds(pieces: Sequence[VoxelCloud]) -> VoxelCloud:
     """Return clouds of different voxels as one."""
     if len(pieces) == 1:
         return pieces[0]
+    if not pieces:
+        raise MeasurementError("points on a surface", "none", "Scan the object from nearer, or lower the noise.", "scans")
     names = ("points_mm", "sigma_mm", "counts", "normals", "keys")
     return VoxelCloud(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
 
@@ -120,6 +122,11 @@ class VoxelGrid:
     def held_bytes(self) -> int:
         """What the table takes in memory now."""
         return self._table.bytes
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no point was added."""
+        return not self._tiles and self._table.used == 0
 
     @property
     def occupied(self) -> int:

@@ -82,8 +82,8 @@ def test_the_schema_has_tidy_names_and_examples(client: httpx.Client, site: str)
             for content in operation.get("requestBody", {}).get("content", {}).values():
                 text = str(_resolved(content["schema"], schema)) + str(content)
                 assert "example" in text, f"{method} {path} has a body without an example"
-            if method == "post" and not path.endswith(("/robot", "/plan")):
-                # A controller's line is its own key, and a plan is only computed.
+            if method == "post" and not path.endswith(("/robot", "/plan", "/stop")):
+                # A controller's line is its own key, a plan is only computed, and what stands is stopped again.
                 assert any(p["name"] == "idempotency-key" for p in operation["parameters"]), path
 
 
