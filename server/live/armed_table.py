@@ -92,7 +92,10 @@ class ArmedTable:
             self._require_armed()
             began_deg = self._angle()
             self.target_deg = table_deg
-            self._mover.go_to(table_deg)
+            try:
+                self._mover.go_to(table_deg)
+            except OSError as error:
+                raise _lost(error) from None
             return self._arrive(began_deg, table_deg)
         except BaseException:
             with suppress(OSError, CalibrationError):
@@ -103,15 +106,18 @@ class ArmedTable:
             self._turning.release()
 
     def stop(self) -> None:
-        """Stop the table; raises OSError or CalibrationError where the stop could not be told to it."""
+        """Stop the table; raises CalibrationError where the stop could not be told to it."""
         self._stopped.set()
-        self._mover.stop()
+        try:
+            self._mover.stop()
+        except OSError as error:
+            raise _lost(error) from None
 
     def disarm(self) -> None:
         """Stop the table and end the connection."""
         self.until_s = 0.0
         try:
-            with suppress(OSError, CalibrationError):
+            with suppress(CalibrationError):
                 self.stop()
         finally:
             self._mover.close()
@@ -149,6 +155,11 @@ class ArmedTable:
             to_do = "Connect a device that tells the table's angle."
             raise ConflictError("the table's angle now", "none", to_do, "devices")
         return sample.table_deg
+
+
+def _lost(error: OSError) -> ConflictError:
+    to_do = "Stop it at the machine if it turns; check address, cable and power."
+    return ConflictError("a table that answers", str(error), to_do, "table-mover")
 
 
 class ArmedTables:

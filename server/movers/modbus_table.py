@@ -39,7 +39,7 @@ class ModbusTable:
             raise ConnectionError(f"nobody answers at {settings.host}:{settings.port}")
 
     def go_to(self, table_deg: float) -> None:
-        """Write the target and start; raises InputError where the table refuses."""
+        """Write the target and start; raises InputError where the table refuses, OSError where it is gone."""
         chosen = self._settings
         value: float = (table_deg - chosen.offset_deg) / chosen.scale
         kind = self._client.DATATYPE[chosen.type.upper()]
@@ -50,20 +50,25 @@ class ModbusTable:
             got = f"{number:g}, which {chosen.type} cannot hold"
             raise InputError("an angle that fits the register", got, "Check type and scale.", "type") from None
         with self._lock:
-            self._done(self._client.write_registers(chosen.target, words, device_id=chosen.device_id), "target")
-            self._done(self._client.write_coil(chosen.start, True, device_id=chosen.device_id), "start")
+            self._ask("target", self._client.write_registers, chosen.target, words)
+            self._ask("start", self._client.write_coil, chosen.start, True)
 
     def stop(self) -> None:
-        """Write the stop."""
+        """Write the stop; raises as `go_to`."""
         with self._lock:
-            answer = self._client.write_coil(self._settings.stop, True, device_id=self._settings.device_id)
-            self._done(answer, "stop")
+            self._ask("stop", self._client.write_coil, self._settings.stop, True)
 
     def close(self) -> None:
         """Close the connection."""
         self._client.close()
 
-    def _done(self, answer: Any, what: str) -> None:
+    def _ask(self, what: str, write: Any, address: int, value: Any) -> None:
+        from pymodbus import ModbusException
+
+        try:
+            answer = write(address, value, device_id=self._settings.device_id)
+        except ModbusException as error:  # the connection is gone
+            raise ConnectionError(str(error)) from None
         if answer.isError():
             got = f"the exception {getattr(answer, 'exception_code', answer)}"
             raise InputError(f"the {what} to be taken", got, "Check its address and the device's id.", what)

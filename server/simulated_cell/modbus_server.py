@@ -37,7 +37,9 @@ class ModbusServer:
         self._started.wait(10)
 
     def stop(self) -> None:
-        """End it."""
+        """End it; once it has ended, nothing."""
+        if self._loop.is_closed():
+            return
         asyncio.run_coroutine_threadsafe(self._server.shutdown(), self._loop).result(5)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(5)

@@ -143,3 +143,12 @@ def test_what_cannot_be_armed_says_so(client: httpx.Client, session: str, table:
     arm(client, session, table, minutes=0.001)
     until(lambda: not client.get(f"/sessions/{session}/table-mover").json()["armed"])
     assert_problem(go(client, session, 20.0), 409, "armed")
+
+
+def test_a_table_that_is_gone_says_that_it_could_not_be_stopped(
+    client: httpx.Client, session: str, table: Table
+) -> None:
+    arm(client, session, table)
+    table.server.stop()
+    assert_problem(client.post(f"/sessions/{session}/table-mover/stop"), 409, "at the machine")
+    assert client.delete(f"/sessions/{session}/table-mover").status_code == 204
