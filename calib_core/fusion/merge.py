@@ -68,7 +68,7 @@ def joined_clouds(pieces: Sequence[VoxelCloud]) -> VoxelCloud:
     if len(pieces) == 1:
         return pieces[0]
     if not pieces:
-        raise MeasurementError("points on a surface", "none", "Scan the object from nearer, or lower the noise.", "scans")
+        raise MeasurementError("points on a surface", "none", "Scan the object from nearer.", "scans")
     names = ("points_mm", "sigma_mm", "counts", "normals", "keys")
     return VoxelCloud(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
 
