@@ -14,7 +14,6 @@ import { matchRow, numbersOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { knowConventions } from "../state/pose-table.js";
 import { PoseFileElement } from "./pose-file.js";
-import { PoseOffersElement } from "./pose-offers.js";
 import { stepName } from "./rail.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -43,11 +42,12 @@ export class IntakeElement extends StateElement {
   #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
   #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
   #columns = make(PoseColumnsElement, { changed: () => void this.#read() });
-  #offers = make(PoseOffersElement, { columns: this.#columns, changed: () => void this.#read() });
+  /** Loaded with the first poses. @type {import("./pose-offers.js").PoseOffersElement | null} */ #offers = null;
+  #offersPlace = h("div");
   #poseFile = make(PoseFileElement, { changed: () => this.#draw() });
   /** Loaded with the first file. @type {import("./file-reading.js").FileReadingElement | null} */ #scannerFile = null;
   #scannerFilePlace = h("div");
-  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#poseFile, this.#columns, this.#offers);
+  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#poseFile, this.#columns, this.#offersPlace);
   #turning = h("div", { hidden: true, class: "field" },
     h("label", { for: "intake-angles" }, t("intake.angles")), this.#angles,
     h("label", { for: "intake-mount" }, t("place.mount")), h("span", { class: "hint", id: "intake-mount-hint" }, t("place.mount_hint")), this.#mount);
@@ -154,7 +154,7 @@ export class IntakeElement extends StateElement {
     this.#files = [];
     this.#stored.clear();
     this.#poses = [];
-    this.#offers.clear();
+    this.#offers?.clear();
     this.#text.value = this.#angles.value = "";
     this.#keep();
     this.#panel.hidden = true;
@@ -241,10 +241,20 @@ export class IntakeElement extends StateElement {
     const text = this.#columns.lines;
     await attempt(async () => {
       const read = text.trim() ? await api.readPoseLines(this.state.id, text, this.#columns.convention) : { items: [] };
-      if (reading === this.#reading) this.#poses = this.#offers.take(read, this.state.shows(this.#step.value) === "sphere");
+      const offers = await this.#offered();
+      if (reading === this.#reading) this.#poses = offers.take(read, this.state.shows(this.#step.value) === "sphere");
     });
     this.#draw();
     this.#showInScene();
+  }
+
+  async #offered() {
+    const { PoseOffersElement } = await import("./pose-offers.js");
+    if (!this.#offers) {
+      this.#offers = make(PoseOffersElement, { columns: this.#columns, changed: () => void this.#read() });
+      this.#offersPlace.replaceChildren(this.#offers);
+    }
+    return this.#offers;
   }
 
   /** The scene shows at once where the poses put the flange. */
