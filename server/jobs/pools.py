@@ -5,8 +5,9 @@ import os
 import signal
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing.queues import Queue
 
 from calib_core.errors import InputError
@@ -16,6 +17,14 @@ from server.jobs.pool import Listen, Pool
 from server.settings import Settings
 
 log = logging.getLogger("scancell")
+
+
+class _CancelledOnce(Future[worker.Solved]):
+    """Stays cancelled when its pool breaks: the executor of Python 3.11 would trip over it, and not end."""
+
+    def set_exception(self, exception: BaseException | None) -> None:
+        with suppress(InvalidStateError):
+            super().set_exception(exception)
 
 
 class ProcessPool(Pool):
@@ -35,7 +44,9 @@ class ProcessPool(Pool):
 
     def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
         """Have work done; raises BrokenProcessPool if a worker has ended."""
-        return self.executor.submit(work)
+        future = self.executor.submit(work)
+        future.__class__ = _CancelledOnce
+        return future
 
     def get_ready(self) -> "Future[bool]":
         """Return what is done once a worker is warm; nobody waits for what the first ones are forked from."""

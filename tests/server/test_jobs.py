@@ -1,9 +1,12 @@
 """Solves in worker processes: their results, and how they end when something goes wrong."""
 
 import os
+import queue
 import signal
 import time
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,8 @@ import httpx
 import pytest
 
 import server.jobs.worker
+from server.jobs.pools import ProcessPool
+from server.settings import Settings
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
 from tests.server.test_events import listening
@@ -155,3 +160,23 @@ def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
             job = client.get(f"/jobs/{job_id}").json()
             assert job["status"] == "failed"
             assert job["error"]["to_do"] == "The server restarted; run it again."
+
+
+def test_a_pool_that_breaks_ends_though_a_job_was_cancelled_while_it_waited(tmp_path: Path) -> None:
+    """An exception in the executor's own thread would fail this test, too."""
+    began: queue.SimpleQueue[int] = queue.SimpleQueue()
+    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
+    first = pool.executor.submit(os.getpid)
+    first.add_done_callback(lambda done: began.put(done.result()))
+    place = began.get(timeout=60)
+    work: Any = partial(time.sleep, 60)
+    jobs = [pool.submit(work) for _ in range(5)]
+    keeper: Any = vars(pool.executor)["_executor_manager_thread"]
+    assert [job.cancel() for job in jobs[-2:]] == [True, True]
+    pool.end_worker(place)
+    with pytest.raises(BrokenProcessPool):
+        jobs[0].result(timeout=60)
+    keeper.join(timeout=60)
+    assert not keeper.is_alive()
+    assert jobs[-1].cancelled()
+    pool.close()
