@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.chain.observations import SphereObservation
+from calib_core.frames import stack_matrices
 
 _SAME_MM, _SAME_RAD = 0.1, 2e-4  # as controllers report one pose twice
 _MIDDLES = 3.0  # standard deviations of a fitted centre
@@ -41,21 +42,15 @@ def repeats(observations: Sequence[SphereObservation]) -> list[Repeat]:
     observations : K captures of the still sphere, in the order in which they were taken
         Of a profile the circle's centre counts: what moves along y shows in its radius alone.
     """
+    matrices = stack_matrices([o.base_from_tool0 for o in observations])
     found: list[Repeat] = []
-    for k, again in enumerate(observations):
-        for i in range(k):
-            if not _same_pose(observations[i], again):
-                continue
-            left = any(not _same_pose(observations[j], again) for j in range(i + 1, k))
-            if left:
-                found.append(_compared(observations[i], again))
-            break
+    for k in range(1, len(observations)):
+        apart = matrices[:k] - matrices[k]
+        turned_rad = np.linalg.norm(apart[:, :3, :3], axis=(1, 2)) / np.sqrt(2)  # of small angles
+        same = (np.linalg.norm(apart[:, :3, 3], axis=1) < _SAME_MM) & (turned_rad < _SAME_RAD)
+        if same.any() and not same[(first := int(np.argmax(same))) :].all():
+            found.append(_compared(observations[first], observations[k]))
     return found
-
-
-def _same_pose(one: SphereObservation, other: SphereObservation) -> bool:
-    step = one.base_from_tool0.difference(other.base_from_tool0)
-    return bool(np.linalg.norm(step[3:]) < _SAME_MM and np.linalg.norm(step[:3]) < _SAME_RAD)
 
 
 def _compared(one: SphereObservation, other: SphereObservation) -> Repeat:

@@ -57,10 +57,10 @@ class _Registered:
 
 
 StepName = Annotated[str, _Registered("step_names")]
+"""The name of a step that captures are taken for."""
 
 PlannedStep = Annotated[str, _Registered("planned_steps")]
 """A step for whose captures poses are planned."""
-"""The name of a step that captures are taken for."""
 
 StageName = Annotated[str, _Registered("stage_names")]
 """The name of a stage."""

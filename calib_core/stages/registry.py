@@ -38,6 +38,7 @@ def planned_steps() -> tuple[str, ...]:
     return tuple(stage.step.name for stage in stages() if stage.planned and stage.step is not None)
 
 
+@cache
 def guided_steps() -> tuple[str, ...]:
     """Return the steps that the guide leads through, in their order."""
     return tuple(step for stage in stages() for step in stage.guided)

@@ -17,7 +17,7 @@ def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
     place = [row[3] for row in result.tool0_from_camera[:3]]
     sigmas = [result.covariance[k][k] ** 0.5 for k in (3, 4, 5)]
     return [
-        *_agreement(result.agreement),
+        *_agreement(result.agreement, result.tool0_from_laser_by_board is not None),
         *(
             Figure(label=f"Camera on the flange, {axis}", quantity=quantity(value, "mm", sigma))
             for axis, value, sigma in zip("xyz", place, sigmas, strict=True)
@@ -30,9 +30,10 @@ def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
     ]
 
 
-def _agreement(found: Agreement | None) -> list[AnyBlock]:
+def _agreement(found: Agreement | None, with_plane: bool) -> list[AnyBlock]:
     if found is None:
-        return [Figure(label="Agreement with the sphere", text="no answer by the sphere yet", headline=True)]
+        lacking = "no answer by the sphere yet" if with_plane else "no plane of light was solved here"
+        return [Figure(label="Agreement with the sphere", text=lacking, headline=True)]
     rows = [Row(cells=[axis, value]) for axis, value in zip(_AXES, found.sigmas, strict=True)]
     return [
         Figure(
