@@ -163,8 +163,13 @@ def test_the_table_is_armed_turned_and_disarmed_in_the_page(
     table.locator("form").get_by_role("button", name="Arm the table").click()
     expect(table).to_contain_text("Armed from")
     angle = max(shot.table.reported_angle for shot in cell.cell.shots if shot.table)
-    page.get_by_label("Turn to, in degrees").fill(f"{angle:.3f}")
-    table.get_by_role("button", name="Turn", exact=True).click()
+    target = page.get_by_label("Turn to, in degrees")
+    with page.expect_request("**/table-mover/go") as asked:  # the first that is sent is of a number
+        table.get_by_role("button", name="Turn", exact=True).click()
+        assert target.evaluate("field => field.validity.customError")
+        target.fill(f"{angle:.3f}")
+        table.get_by_role("button", name="Turn", exact=True).click()
+    assert asked.value.post_data_json == {"table_deg": pytest.approx(angle, abs=1e-3)}
     until(lambda: abs(cell.cell.at(time.monotonic()).table_deg - angle) < 0.01)
     expect(page.locator("sc-live-panel .figures")).to_contain_text(f"{angle:.2f}°")
     table.get_by_role("button", name="STOP").click()

@@ -124,7 +124,7 @@ class LivePanelElement extends StateElement {
   #show(preview, image) {
     this.#sign.show(preview);
     this.#devices.show(preview.devices);
-    this.#table.hidden = !preview.devices.some(({ delivers, status }) => delivers.includes("table") && status === "live");
+    this.#table.hidden = !this.#table.isArmed && !preview.devices.some(({ delivers, status }) => delivers.includes("table") && status === "live");
     const { exposure } = preview;
     this.#canvas.hidden = !exposure;
     this.#nothing.hidden = exposure !== null;

@@ -25,6 +25,11 @@ export class TableElement extends HTMLElement {
   #armed = h("div", { class: "row live-capture", hidden: true },
     h("div", { class: "field" }, h("label", { for: "table-target" }, t("table.target")), this.#angle), this.#go, this.#stop, this.#disarm);
 
+  /** Whether the table may turn: its stop stays in reach even where its angle is lost. */
+  get isArmed() {
+    return !this.#armed.hidden;
+  }
+
   connectedCallback() {
     if (!this.firstChild) this.append(h("div", { class: "row live-capture" }, this.#arm, this.#state), this.#form, this.#armed);
     void this.#load();
@@ -69,7 +74,11 @@ export class TableElement extends HTMLElement {
   }
 
   async #turn() {
-    const angle = Number(this.#angle.value.replace(",", ".").replace("\u2212", "-"));
+    const text = this.#angle.value.trim().replace(",", ".").replace("\u2212", "-");
+    const angle = Number(text);
+    const given = text !== "" && Number.isFinite(angle); // an empty field is no 0: nothing moves
+    this.#angle.setCustomValidity(given ? "" : t("form.need_number"));
+    if (!this.#angle.reportValidity()) return;
     this.#go.setAttribute("aria-disabled", "true");
     await this.#do(() => live.turn(this.sessionId, angle));
     this.#go.removeAttribute("aria-disabled");
