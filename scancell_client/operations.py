@@ -425,6 +425,11 @@ class Operations(Connection):
         away from the calibration's."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/planned", params=_given({"captures": captures, "step": step}))
 
+    def guidance_get_planned_program(self, session_id: str, *, brand: str, captures: int | None = None, step: str | None = None) -> Any:
+        """Return a planned set as a program of a brand: by the flange, slowly, each move started by the
+        operator. Refused (409) while the tool is not known to ± 10 mm: approaches could touch."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/planned/program", params=_given({"brand": brand, "captures": captures, "step": step}))
+
     def guidance_get_recheck(self, session_id: str) -> Any:
         """Return the three poses to capture again with step `recheck`, the sphere still in its place. `POST
         …/solve/recheck` then says whether the calibration still holds."""

@@ -26,12 +26,13 @@ def base_from_tool0_by_capture(cell: Cell, captures: Sequence[Capture]) -> dict[
     InputError
         If a pose is missing or wrong, or all are plainly in another unit than the convention says.
     """
-    poses = {capture.id: _pose(cell, capture) for capture in captures}
+    poses = {capture.id: middle_pose(cell, capture) for capture in captures}
     _require_unit(cell, captures)
     return poses
 
 
-def _pose(cell: Cell, capture: Capture) -> RigidTransform:
+def middle_pose(cell: Cell, capture: Capture) -> RigidTransform:
+    """Return a capture's pose; of a sweep the middle one."""
     if capture.kind != "sweep":
         return pose_of(cell, capture)
     poses = sweep_poses(cell, capture)

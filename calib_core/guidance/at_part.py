@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.captures.poses import middle_pose
 from calib_core.errors import ConflictError, InputError
-from calib_core.frames import RigidTransform
 from calib_core.guidance.budget import Budget, Calibrated, View, budget
 from calib_core.records import Record, Session
-from calib_core.robots import parse_pose
 from calib_core.stages.registry import steps_that_show, tool_stages
 
 _MOST_VIEWS = 24
@@ -91,9 +90,9 @@ def _views(session: Session, result: Mapping[str, Any], known: Calibrated) -> li
     steps = steps_that_show("sphere-on-table" if on_table else "sphere")
     views: list[View] = []
     for capture in session.captures:
-        if capture.id in used and capture.step in steps and capture.pose is not None:
+        if capture.id in used and capture.step in steps:
             try:
-                pose: RigidTransform = parse_pose(session.cell.pose_convention, capture.pose)
+                pose = middle_pose(session.cell, capture)
             except InputError:
                 continue  # changed since; the stage says so when it is solved again
             views.append(View(pose.rotation, float(np.deg2rad(capture.table_deg or 0.0))))

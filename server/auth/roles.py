@@ -71,6 +71,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_SESSION}/guide",
         f"GET {_SESSION}/budget",
         f"GET {_SESSION}/planned",
+        f"GET {_SESSION}/planned/program",
         f"GET {_SESSION}/recheck",
         f"GET {_API}/cells/{{cell_id}}/drift",
         f"GET {_SESSION}/check",

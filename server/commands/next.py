@@ -1,14 +1,16 @@
 """`scancell next`: what to do now, the pose that helps most, or a planned set of poses."""
 
 import argparse
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from server.console.command import OK, Command, session_argument
-from server.console.output import print_result
+from server.console.output import print_result, write_out
 
 if TYPE_CHECKING:
     from calib_core.guidance.pose_list import PoseList
-    from calib_core.records import GuideNow
+    from calib_core.records import GuideNow, Session
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,6 +21,19 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         default="tcp",
         metavar="STEP",
         help="whose captures the set is for: tcp, turntable, or verify, which keep away from the calibration's",
+    )
+
+    parser.add_argument(
+        "--program",
+        metavar="BRAND",
+        help="the set as a robot's program: slow, approached from outside",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("-"),
+        metavar="FILE",
+        help="where the program is written (standard output)",
     )
 
 
@@ -33,6 +48,8 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.stages.guide import guide
     from calib_core.stages.registry import planned_steps
 
+    if options.program is not None and options.count is None:
+        raise InputError("--count beside --program", "none", "Say how many poses.", "--program")
     if options.count is not None and not 1 <= options.count <= 30:
         raise InputError("1 to 30 poses", str(options.count), "Ask for so many.", "--count")
     with opened(options.session) as folder:
@@ -51,7 +68,19 @@ def _run(options: argparse.Namespace) -> int:
     else:
         told = {stage: {**dict(result), "stale": stage in stale} for stage, result in results.items()}
         plan = planned_poses(session, measured, told, options.count, options.step)
+        if options.program is not None:
+            return _program(options, session, plan)
         print_result(options, _listed(plan), plan.to_json())
+    return OK
+
+
+def _program(options: argparse.Namespace, session: "Session", plan: "PoseList") -> int:
+    """Write the planned set as a robot's program."""
+    from calib_core.exports.planned_program import planned_program
+
+    program = planned_program(session, plan, options.program)
+    write_out(options, options.out, [program.content])
+    print(plan.note, file=sys.stderr)
     return OK
 
 

@@ -1,8 +1,8 @@
 """What to do next and what it is worth: budget at the part, planned poses, a cell before it stands."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from fastapi import Query
+from fastapi import Query, Response
 from pydantic import Field
 
 from calib_core.errors import InputError
@@ -16,6 +16,13 @@ from server.http.dependencies import SessionId, StoreDep
 from server.store.sessions import load_session
 
 router = api_router("guidance")
+
+_FILE: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "The program's file, named as the controller takes it.",
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
 
 Millimetres = Annotated[float | None, Query(ge=-1e5, le=1e5, allow_inf_nan=False, examples=[25.0])]
 
@@ -74,6 +81,30 @@ def get_planned(
     return planned_poses(
         stored.session, list(stored.measured.values()), stored.results_with_stale(), captures, step
     )
+
+
+@router.get("/sessions/{session_id}/planned/program", response_class=Response, responses=_FILE)
+def get_planned_program(
+    session_id: SessionId,
+    store: StoreDep,
+    brand: Annotated[str, Query(max_length=40, examples=["kuka"], description="A robot brand.")],
+    captures: Annotated[int, Query(ge=1, le=30, examples=[10])] = 10,
+    step: PlannedStep = "tcp",
+) -> Response:
+    """Return a planned set as a program of a brand: by the flange, slowly, each move started by the operator.
+
+    Refused (409) while the tool is not known to ± 10 mm: approaches could touch.
+    """
+    from calib_core.exports.planned_program import planned_program
+    from calib_core.guidance.pose_list import planned_poses
+
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    measured, results = list(stored.measured.values()), stored.results_with_stale()
+    plan = planned_poses(stored.session, measured, results, captures, step)
+    program = planned_program(stored.session, plan, brand)
+    headers = {"Content-Disposition": f'attachment; filename="{program.name}"'}
+    return Response(program.content, media_type=program.media_type, headers=headers)
 
 
 @router.get("/sessions/{session_id}/recheck", response_model=RecheckPlan)

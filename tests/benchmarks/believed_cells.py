@@ -1,7 +1,7 @@
-"""Cells that err as the solver believes of cells: each error drawn from its prior, by the simulator's own forward model.
+"""Cells that err as the solver believes of cells, each error drawn from its prior, by a forward model apart.
 
-A stated covariance is a statement about such cells: over cells whose scanners, arms and spheres err as believed the
-squared errors must be the stated variances; a cell without any of these errors does better than is stated.
+A stated covariance is a statement about such cells: over cells whose scanners, arms and spheres err so, the
+squared errors must be the stated variances. A cell without any of these errors does better than is stated.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,9 @@ from calib_core.stages.pipeline import solve_stage
 _WAVES = 200  # of a random field: enough that it is Gaussian
 _HALF_WIDTH_MM = 38.0  # how far from its middle these cells' scanner sees the sphere
 _DIAMETER_SIGMA_MM = 0.002
-_FROM_BASE_MM = np.array([1000.0, 0.0, 400.0])  # about where the cells stand: an arm's lengths are compared from there
+_FROM_BASE_MM = np.array(
+    [1000.0, 0.0, 400.0]
+)  # about where the cells stand: an arm's lengths are compared from there
 
 
 @dataclass(eq=False)
@@ -44,9 +46,7 @@ class ArmField:
 
     def reached(self, commanded: FloatArray) -> FloatArray:
         """Return where a commanded pose (4, 4) leads."""
-        waves = np.cos(
-            self.of_place @ commanded[:3, 3] + self.of_turn @ commanded[:3, :3].ravel() + self.phases
-        )
+        waves = np.cos(self.of_place @ commanded[:3, 3] + self.of_turn @ commanded[:3, :3].ravel() + self.phases)
         error = waves @ self.amplitudes
         found = np.eye(4)
         found[:3, :3] = turn(error[3:]) @ commanded[:3, :3]

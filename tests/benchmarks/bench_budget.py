@@ -1,7 +1,9 @@
 """The error budget at points of simulated cells: measured points' errors in T beside the stated covariance.
 
-What is stated is judged over cells that err as is believed of scanners, arms and spheres (`believed_cells`). Beside
-them stand cells that err in noise alone: there the stated figure is too large by all that they have nothing of.  Each cell is calibrated as a whole; then points of its workpiece are measured by the true chain, each from its own
+What is stated is judged over cells that err as is believed of scanners, arms and spheres (`believed_cells`).
+Beside them stand cells that err in noise alone: there the stated figure is too large by what they have nothing of.
+
+Each cell is calibrated as a whole; then points of its workpiece are measured by the true chain, each from its own
 pose and table angle, with fresh errors of arm, encoder and scanner, and brought into T by the chain as solved.
 """
 

@@ -1,8 +1,6 @@
-"""ABB RAPID: the check move as a program."""
+"""ABB RAPID: moves from pose to pose as a program."""
 
-from collections.abc import Sequence
-
-from calib_core.exports.check_programs import NamedCheck, Sides, check_export
+from calib_core.exports.check_programs import Moves, NamedCheck, check_export
 from calib_core.exports.writing import fixed
 
 _NONE = "[9E9,9E9,9E9,9E9,9E9,9E9]"
@@ -13,22 +11,27 @@ def _target(pose: list[float]) -> str:
     return f"[[{position}],[{rotation}],[0,0,0,0],{_NONE}]"
 
 
-def _program(comments: Sequence[str], sides: Sides, settings: NamedCheck) -> list[str]:
-    lines = ["MODULE ScancellCheck", *(f"  ! {line}" for line in comments)]
+def _program(moves: Moves, settings: NamedCheck) -> list[str]:
+    lines = [f"MODULE Scancell{moves.name.title()}", *(f"  ! {line}" for line in moves.comments)]
     speed = f"[{settings.speed_mm_s:g},20,{settings.speed_mm_s:g},20]"
-    for number, (approach, target) in enumerate(sides, start=1):
-        lines.append(f"  CONST robtarget pApproach{number}:={_target(approach)};")
-        lines.append(f"  CONST robtarget pSphere{number}:={_target(target)};")
-    lines += [f"  CONST speeddata vCheck:={speed};", "  PROC ScancellCheckMove()", "    ConfL\\Off;"]
-    for number in range(1, len(sides) + 1):
-        move = f"vCheck,fine,{settings.tool}\\WObj:=wobj0;"
+    for number, stop in enumerate(moves.stops, start=1):
+        lines.append(f"  CONST robtarget pApproach{number}:={_target(stop.approach)};")
+        lines.append(f"  CONST robtarget pSphere{number}:={_target(stop.target)};")
+    lines += [
+        f"  CONST speeddata vCheck:={speed};",
+        f"  PROC Scancell{moves.name.title()}Move()",
+        "    ConfL\\Off;",
+    ]
+    tool = "tool0" if moves.tool is None else settings.tool
+    for number, stop in enumerate(moves.stops, start=1):
+        move = f"vCheck,fine,{tool}\\WObj:=wobj0;"
         lines += [
-            f"    ! side {number}: go to the approach by hand if the way there is not free",
+            f"    ! {stop.title}: go to the approach by hand if the way there is not free",
             "    Stop;",
             f"    MoveL pApproach{number},{move}",
             "    Stop;",
             f"    MoveL pSphere{number},{move}",
-            "    ! read the scanner now",
+            f"    ! {moves.to_do} now",
             "    Stop;",
             f"    MoveL pApproach{number},{move}",
         ]

@@ -1,30 +1,31 @@
-"""Comau: the check move as a program."""
-
-from collections.abc import Sequence
+"""Comau: moves from pose to pose as a program."""
 
 from calib_core.exports.check_move import CheckSettings
-from calib_core.exports.check_programs import Sides, check_export
+from calib_core.exports.check_programs import Moves, check_export
 from calib_core.exports.writing import listed
 
 
-def _program(comments: Sequence[str], sides: Sides, settings: CheckSettings) -> list[str]:
-    lines = ["PROGRAM scancheck PROG_ARM=1", "BEGIN", *(f"  -- {line}" for line in comments)]
-    lines.append("  -- $TOOL is the active one: set it first; poses are in the robot's base")
+def _program(moves: Moves, settings: CheckSettings) -> list[str]:
+    lines = [f"PROGRAM scan{moves.name} PROG_ARM=1", "BEGIN", *(f"  -- {line}" for line in moves.comments)]
+    if moves.tool is None:
+        lines.append("  $TOOL := POS(0, 0, 0, 0, 0, 0, '')")
+    else:
+        lines.append("  -- $TOOL is the active one: set it first; poses are in the robot's base")
     lines += ["  $UFRAME := POS(0, 0, 0, 0, 0, 0, '')", "  $SPD_OPT := SPD_LIN"]
     lines.append(f"  $LIN_SPD := {settings.speed_mm_s / 1000:.3f}")
-    for number, (approach, target) in enumerate(sides, start=1):
-        out, on = (f"  MOVE LINEAR TO POS({listed(pose, 6, 8)}, '')" for pose in (approach, target))
+    for stop in moves.stops:
+        out, on = (f"  MOVE LINEAR TO POS({listed(pose, 6, 8)}, '')" for pose in (stop.approach, stop.target))
         lines += [
-            f"  -- side {number}: is the way to the approach free?",
+            f"  -- {stop.title}: is the way to the approach free?",
             "  PAUSE",
             out,
             "  PAUSE",
             on,
-            "  -- read the scanner now",
+            f"  -- {moves.to_do} now",
             "  PAUSE",
             out,
         ]
-    return [*lines, "END scancheck"]
+    return [*lines, f"END scan{moves.name}"]
 
 
 CHECK = check_export("comau", "Comau", ".pdl", "kawasaki", CheckSettings, _program)

@@ -1,10 +1,8 @@
-"""Denso: the check move as a program; its controllers take speeds in percent."""
-
-from collections.abc import Sequence
+"""Denso: moves from pose to pose as a program; its controllers take speeds in percent."""
 
 from pydantic import Field
 
-from calib_core.exports.check_programs import NumberedCheck, Sides, check_export
+from calib_core.exports.check_programs import Moves, NumberedCheck, check_export
 from calib_core.exports.writing import listed
 
 
@@ -14,19 +12,21 @@ class _Check(NumberedCheck):
     speed_percent: int = Field(default=2, ge=1, le=10)
 
 
-def _program(comments: Sequence[str], sides: Sides, settings: _Check) -> list[str]:
-    lines = [f"' {line}" for line in comments]
-    lines += ["Sub Main", "TakeArm Keep = 0", f"ChangeTool {settings.tool}", "ChangeWork 0"]
-    for number, (approach, target) in enumerate(sides, start=1):
+def _program(moves: Moves, settings: _Check) -> list[str]:
+    lines = [f"' {line}" for line in moves.comments]
+    tool = 0 if moves.tool is None else settings.tool
+    lines += ["Sub Main", "TakeArm Keep = 0", f"ChangeTool {tool}", "ChangeWork 0"]
+    for stop in moves.stops:
         out, on = (
-            f"Move L, @E P({listed(pose, 6, 8)}), S = {settings.speed_percent}" for pose in (approach, target)
+            f"Move L, @E P({listed(pose, 6, 8)}), S = {settings.speed_percent}"
+            for pose in (stop.approach, stop.target)
         )
         lines += [
-            f'Hold "Side {number}: is the way to the approach free?"',
+            f'Hold "{stop.title}: is the way to the approach free?"',
             out,
-            f'Hold "Side {number}: go to the sphere?"',
+            f'Hold "{stop.title}: go to {moves.goal}?"',
             on,
-            f'Hold "Side {number}: read the scanner, then go back"',
+            f'Hold "{stop.title}: {moves.to_do}, then go back"',
             out,
         ]
     return [*lines, "GiveArm", "End Sub"]

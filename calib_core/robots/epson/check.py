@@ -1,30 +1,28 @@
-"""Epson: the check move as a program."""
+"""Epson: moves from pose to pose as a program."""
 
-from collections.abc import Sequence
-
-from calib_core.exports.check_programs import NumberedCheck, Sides, check_export
+from calib_core.exports.check_programs import Moves, NumberedCheck, check_export
 from calib_core.exports.writing import listed
 
 
-def _program(comments: Sequence[str], sides: Sides, settings: NumberedCheck) -> list[str]:
-    lines = ["Function ScancellCheck", *(f"  ' {line}" for line in comments)]
+def _program(moves: Moves, settings: NumberedCheck) -> list[str]:
+    lines = [f"Function Scancell{moves.name.title()}", *(f"  ' {line}" for line in moves.comments)]
     lines += [
         "  Power Low",
-        f"  Tool {settings.tool}",
+        f"  Tool {0 if moves.tool is None else settings.tool}",
         f"  SpeedS {settings.speed_mm_s:g}",
         "  AccelS 100",
         "  SpeedR 5",
     ]
-    for number, (approach, target) in enumerate(sides, start=1):
-        out, on = (f"  Move XY({listed(pose, 6, 8)})" for pose in (approach, target))
+    for stop in moves.stops:
+        out, on = (f"  Move XY({listed(pose, 6, 8)})" for pose in (stop.approach, stop.target))
         lines += [
-            f'  Print "Side {number}: is the way to the approach free?"',
+            f'  Print "{stop.title}: is the way to the approach free?"',
             "  Pause",
             out,
-            f'  Print "Side {number}: go to the sphere?"',
+            f'  Print "{stop.title}: go to {moves.goal}?"',
             "  Pause",
             on,
-            f'  Print "Side {number}: read the scanner, then go back"',
+            f'  Print "{stop.title}: {moves.to_do}, then go back"',
             "  Pause",
             out,
         ]

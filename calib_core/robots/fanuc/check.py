@@ -1,8 +1,6 @@
-"""FANUC: the check move as a program."""
+"""FANUC: moves from pose to pose as a program."""
 
-from collections.abc import Sequence
-
-from calib_core.exports.check_programs import NumberedCheck, Sides, check_export
+from calib_core.exports.check_programs import Moves, NumberedCheck, check_export
 from calib_core.exports.writing import fixed, remarks
 
 
@@ -18,24 +16,31 @@ def _position(index: int, pose: list[float], tool: int) -> list[str]:
     ]
 
 
-def _program(comments: Sequence[str], sides: Sides, settings: NumberedCheck) -> list[str]:
-    steps = [f"  !{piece}" for line in comments for piece in remarks(line)]
-    steps += ["  UFRAME_NUM=0", f"  UTOOL_NUM={settings.tool}"]
+def _program(moves: Moves, settings: NumberedCheck) -> list[str]:
+    tool = 0 if moves.tool is None else settings.tool
+    steps = [f"  !{piece}" for line in moves.comments for piece in remarks(line)]
+    steps += ["  UFRAME_NUM=0", f"  UTOOL_NUM={tool}"]
     positions: list[str] = []
-    for number, (approach, target) in enumerate(sides, start=1):
+    for number, stop in enumerate(moves.stops, start=1):
         at, on = 2 * number - 1, 2 * number
         speed = f"{max(round(settings.speed_mm_s), 1)}mm/sec FINE"
         steps += [
-            f"  !side {number}: is the way free?",
+            *(f"  !{piece}" for piece in remarks(f"{stop.title}: is the way free?")),
             "  PAUSE",
             f"L P[{at}] {speed}",
             "  PAUSE",
             f"L P[{on}] {speed}",
         ]
-        steps += ["  !read the scanner now", "  PAUSE", f"L P[{at}] {speed}"]
-        positions += [*_position(at, approach, settings.tool), *_position(on, target, settings.tool)]
+        steps += [f"  !{moves.to_do} now", "  PAUSE", f"L P[{at}] {speed}"]
+        positions += [*_position(at, stop.approach, tool), *_position(on, stop.target, tool)]
     numbered = [f"{i:4d}:{step} ;" for i, step in enumerate(steps, start=1)]
-    head = ["/PROG  SCANCHK", "/ATTR", 'COMMENT\t\t= "check move";', "DEFAULT_GROUP\t= 1,*,*,*,*;", "/MN"]
+    head = [
+        f"/PROG  SCAN{moves.name[:4].upper()}",
+        "/ATTR",
+        f'COMMENT\t\t= "{moves.name} moves";',
+        "DEFAULT_GROUP\t= 1,*,*,*,*;",
+        "/MN",
+    ]
     return [*head, *numbered, "/POS", *positions, "/END"]
 
 

@@ -1,8 +1,6 @@
-"""KUKA: the check move as a program."""
+"""KUKA: moves from pose to pose as a program."""
 
-from collections.abc import Sequence
-
-from calib_core.exports.check_programs import NumberedCheck, Sides, check_export
+from calib_core.exports.check_programs import Moves, NumberedCheck, check_export
 from calib_core.exports.writing import fixed
 
 
@@ -10,19 +8,20 @@ def _pose(pose: list[float]) -> str:
     return "{" + ",".join(f"{n} {fixed(v, 6)}" for n, v in zip("XYZABC", pose, strict=True)) + "}"
 
 
-def _program(comments: Sequence[str], sides: Sides, settings: NumberedCheck) -> list[str]:
-    lines = ["DEF scancell_check()", *(f"; {line}" for line in comments), "BAS(#INITMOV,0)"]
-    lines += [f"$TOOL=TOOL_DATA[{settings.tool}]", "$BASE=$NULLFRAME", f"$VEL.CP={settings.speed_mm_s / 1000:.3f}"]
-    for number, (approach, target) in enumerate(sides, start=1):
+def _program(moves: Moves, settings: NumberedCheck) -> list[str]:
+    lines = [f"DEF scancell_{moves.name}()", *(f"; {line}" for line in moves.comments), "BAS(#INITMOV,0)"]
+    tool = "$NULLFRAME" if moves.tool is None else f"TOOL_DATA[{settings.tool}]"
+    lines += [f"$TOOL={tool}", "$BASE=$NULLFRAME", f"$VEL.CP={settings.speed_mm_s / 1000:.3f}"]
+    for stop in moves.stops:
         lines += [
-            f"; side {number}: go to the approach by hand if the way there is not free",
+            f"; {stop.title}: go to the approach by hand if the way there is not free",
             "HALT",
-            f"LIN {_pose(approach)}",
+            f"LIN {_pose(stop.approach)}",
             "HALT",
-            f"LIN {_pose(target)}",
-            "; read the scanner now",
+            f"LIN {_pose(stop.target)}",
+            f"; {moves.to_do} now",
             "HALT",
-            f"LIN {_pose(approach)}",
+            f"LIN {_pose(stop.approach)}",
         ]
     return [*lines, "END"]
 

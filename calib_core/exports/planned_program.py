@@ -1,0 +1,107 @@
+"""A planned set as a brand's program: each pose approached from well outside, slowly, started by the operator."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calib_core.errors import ConflictError, InputError
+from calib_core.exports.check_move import CheckSettings
+from calib_core.exports.check_programs import MoveExport, Moves, Stop
+from calib_core.exports.registry import all_exports
+from calib_core.exports.writing import ascii_of
+from calib_core.frames import RigidTransform
+from calib_core.guidance.pose_list import PoseList
+from calib_core.records import Session
+from calib_core.robots import parse_pose, to_pose
+
+
+@dataclass(frozen=True)
+class PlannedProgram:
+    """A program's file."""
+
+    name: str
+    media_type: str
+    content: bytes
+
+
+def program_brands() -> tuple[str, ...]:
+    """Return the brands that planned sets can be written for."""
+    return tuple(entry.brand for entry in all_exports() if isinstance(entry, MoveExport))
+
+
+def planned_program(
+    session: Session, plan: PoseList, brand: str, settings: Mapping[str, Any] | None = None
+) -> PlannedProgram:
+    """Return a planned set as a brand's program, by the poses of the flange.
+
+    Parameters
+    ----------
+    session : Session
+        For its name and its convention, in which the plan's numbers are.
+    plan : PoseList
+    brand : str
+        One of `program_brands`.
+    settings : mapping, optional
+        Of the brand's moves: `speed_mm_s`, at most the plan's own.
+
+    Raises
+    ------
+    InputError
+        If the brand has no such program, or a setting is of no use.
+    ConflictError
+        If the tool is not known well enough for approaches: nobody should move by it.
+    """
+    entry = next((e for e in all_exports() if isinstance(e, MoveExport) and e.brand == brand), None)
+    if entry is None:
+        raise InputError(
+            f"a brand among {', '.join(program_brands())}", f"'{brand}'", "Name one of these.", "brand"
+        )
+    approaches = [pose.approach_numbers for pose in plan.poses]
+    stops: list[Stop] = []
+    for number, (pose, approach) in enumerate(zip(plan.poses, approaches, strict=True), start=1):
+        if approach is None:
+            raise ConflictError(
+                "a tool that is known to ± 10 mm",
+                "one that is known less well",
+                "Drive to the first poses by hand, or give `cell.nominal.tool_sigma_mm` from a drawing.",
+                "planned",
+            )
+        title = f"pose {number}"
+        if pose.higher_mm:
+            title += f", fix the sphere {pose.higher_mm:+.0f} mm higher first"
+        if pose.table_deg is not None:
+            title += f", table at {pose.table_deg:.1f} deg"
+        target = RigidTransform.from_rounded(pose.base_from_tool0, "base", "tool0")
+        outside = parse_pose(plan.pose_convention, approach)
+        stops.append(Stop(title, to_pose(entry.convention, outside), to_pose(entry.convention, target)))
+    chosen: CheckSettings = _settings(entry, plan, settings or {})
+    comments = [
+        f"scancell: planned poses of the flange in base, of session {ascii_of(session.name) or 'without a name'}",
+        f"step {plan.step}: {len(stops)} captures of the sphere, the most helpful one first",
+        "PLANNED MOVES: go through them in manual mode at reduced speed, one at a time",
+        "the operator starts every move; the sphere must stand where it stood when they were planned",
+        "between poses the program goes straight from approach to approach: see that this way is free",
+    ]
+    moves = Moves("plan", comments, stops, "the pose", "capture", None)
+    content = entry.written(moves, chosen)
+    data = content if isinstance(content, bytes) else content.encode("ascii")
+    return PlannedProgram(f"planned-{plan.step}{entry.suffix}", entry.media_type, data)
+
+
+def _settings(entry: MoveExport, plan: PoseList, given: Mapping[str, Any]) -> CheckSettings:
+    from pydantic import ValidationError
+
+    data = {"speed_mm_s": plan.speed_mm_s, **given}
+    try:
+        chosen = entry.settings.model_validate(data)
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        where = ".".join(str(part) for part in wrong["loc"])
+        raise InputError(
+            f"settings of '{entry.brand}'", f"{where}: {wrong['msg']}", "Mend it.", "settings"
+        ) from None
+    assert isinstance(chosen, CheckSettings)
+    if chosen.speed_mm_s > plan.speed_mm_s:
+        got = f"{chosen.speed_mm_s:g} mm/s"
+        raise InputError(f"at most {plan.speed_mm_s:g} mm/s", got, "Take less.", "settings.speed_mm_s")
+    return chosen
