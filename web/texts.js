@@ -1,6 +1,6 @@
 // Every text of the page comes from one catalogue, in the language that the browser asks for.
 
-/** @typedef {keyof typeof import("./texts/en.js").texts | keyof typeof import("./texts/live/en.js").texts} Text */
+/** @typedef {keyof typeof import("./texts/en.js").texts | keyof typeof import("./texts/live/en.js").texts | keyof typeof import("./texts/guidance/en.js").texts} Text */
 
 export const LANGUAGES = /** @type {const} */ (["en", "de", "zh"]);
 const KEY = "scancell-language";

@@ -48,6 +48,8 @@ export function resultLinks(sessionId, stage) {
     h("a", { class: "button", href: `/sessions/${id}/review` }, t("result.review")),
     h("a", { class: "button", href: `/compare?${new URLSearchParams({ stage, left: sessionId })}` }, t("result.compare")),
     h("a", { class: "button", href: api.archiveAddress(sessionId), download: "" }, t("review.archive")), exportMenu(sessionId),
+    h("button", { type: "button", onclick: async () => (await import("../guidance/budget-dialog.js")).budgetDialog(sessionId) }, t("result.budget")),
+    h("button", { type: "button", onclick: async () => (await import("../guidance/planned-dialog.js")).plannedDialog(sessionId) }, t("result.planned")),
     h("button", { type: "button", onclick: async () => (await import("./backup-dialog.js")).backupDialog(sessionId) }, t("backup.open")),
     h("button", { type: "button", onclick: async () => (await import("./read-back-dialog.js")).readBackDialog(sessionId) }, t("read_back.open")));
 }

@@ -71,6 +71,7 @@ export class StartPage extends HTMLElement {
     const button = h("button", { type: "button", needs: "capture", class: "plain wide", onclick: () => void this.#simulate("tcp", "#tour") }, t("tour.start"));
     const offer = h("p", { class: first ? "tour-offer first" : "tour-offer" }, first && `${t("tour.offer")} `, button);
     if (first) offer.append(h("button", { type: "button", class: "plain", onclick: () => { noteVisit(); offer.remove(); } }, t("tour.no")));
+    offer.append(" ", h("button", { type: "button", class: "plain wide", onclick: async () => (await import("../guidance/plan-dialog.js")).planDialog() }, t("start.plan")));
     return offer;
   }
 

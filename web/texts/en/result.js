@@ -75,7 +75,7 @@ export const result = {
   "remedy.do": "Apply",
   "remedy.applied": "Applied: {title}",
   "remedy.evidence": "{label}: {before} → {after}",
-  "result.export": "Export …",
+  "result.export": "Export …", "result.budget": "Error budget …", "result.planned": "Planned poses …",
   "export.save": "Save file",
   "export.saved": "{name} saved.",
   "settings.usual": "as usual",

@@ -40,6 +40,7 @@ export const start = {
 
   "tour.offer": "New here?",
   "tour.start": "Take the tour",
+  "start.plan": "Plan a cell",
   "tour.no": "No, thanks",
   "tour.count": "Tour, {number} of {all}",
   "tour.next": "Next",

@@ -1,0 +1,68 @@
+// What a cell will reach before anything is bought or mounted: scanner, arm, sphere and table in; ±, captures and places out.
+
+import { json, request } from "../state/http.js";
+import { h } from "../dom.js";
+import { fixed, plusMinus } from "../format.js";
+import { t } from "../texts.js";
+import { alarm, choice, numberField, opened, tableOf } from "./parts.js";
+
+/** @import {CellPlan} from "../api-types.js" */
+
+/** `[name in the request, what an ordinary one has]`; lengths in mm. */
+const FIELD = /** @type {const} */ ([["near_mm", 130], ["far_mm", 230], ["near_width_mm", 60], ["far_width_mm", null]]);
+const SCANNER = /** @type {const} */ ([["point_sigma_mm", 0.02], ["pitch_mm", 0.1], ["mounting_mm", 150]]);
+const WANTED = /** @type {const} */ ([["sphere_diameter_mm", null], ["wanted_mm", 0.2]]);
+const TABLE = /** @type {const} */ ([["radius_mm", 100], ["height_mm", 150], ["angle_sigma_deg", 0.005]]);
+const ARMS = /** @type {const} */ (["ordinary", "calibrated", "nominal"]);
+const SPHERES = /** @type {const} */ (["certified", "bearing", "coated", "turned"]);
+
+export function planDialog() {
+  const { element: problem, during } = alarm();
+  /** @param {readonly (readonly [string, number | null])[]} group @param {string} [of] */
+  const fields = (group, of = "") => group.map(([name, usual]) => ({ name, ...numberField(`plan-${of}${name.replaceAll("_", "-")}`, t(/** @type {any} */ (`plan.${of}${name}`)), usual) }));
+  const [field, scanner, wanted, part] = [fields(FIELD), fields(SCANNER), fields(WANTED), fields(TABLE, "table_")];
+  const arm = choice("plan-arm", t("plan.arm"), ARMS.map((one) => [one, t(`plan.arm_${one}`)]));
+  const sphere = choice("plan-sphere", t("plan.sphere_class"), SPHERES.map((one) => [one, t(`plan.sphere_${one}`)]));
+  const table = h("input", { id: "plan-table", type: "checkbox" });
+  const ofTable = h("div", { class: "fields", hidden: true }, ...part.map(({ element }) => element));
+  table.addEventListener("change", () => { ofTable.hidden = !table.checked; });
+  const answer = h("div", { class: "plan-answer", "aria-live": "polite" });
+  const button = h("button", { type: "submit", class: "primary" }, t("plan.go"));
+  const submit = async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    const read = [field, scanner, wanted, table.checked ? part : []].map((group) => group.map(({ name, read: one }) => /** @type {const} */ ([name, one()])));
+    if (read.flat().some(([, value]) => value === undefined)) return;
+    const [ofField, ofScanner, ofWanted, ofPart] = read.map((group) => Object.fromEntries(group.filter(([, value]) => value !== null)));
+    const cell = { scanner: ofField, ...ofScanner, ...ofWanted, arm: arm.select.value, sphere_class: sphere.select.value, ...(table.checked && { table: ofPart }) };
+    button.disabled = true;
+    answer.replaceChildren(h("p", { class: "soft" }, t("plan.wait")));
+    await during(async () => answer.replaceChildren(...found(await (await request("/plan", json("POST", cell))).json())));
+    if (!problem.hidden) answer.replaceChildren();
+    button.disabled = false;
+  };
+  opened("plan", t("plan.title"), h("p", { class: "soft" }, t("plan.how")),
+    h("form", { class: "plan-form", novalidate: true, onsubmit: submit },
+      h("h3", {}, t("plan.scanner")), h("div", { class: "fields" }, ...[...field, ...scanner].map(({ element }) => element)),
+      h("h3", {}, t("plan.cell")), h("div", { class: "fields" }, arm.element, sphere.element, ...wanted.map(({ element }) => element)),
+      h("div", { class: "row" }, table, h("label", { for: "plan-table" }, t("plan.table"))), ofTable,
+      h("div", { class: "row end" }, button)), problem, answer);
+}
+
+/** @param {CellPlan} plan @returns {HTMLElement[]} */
+function found(plan) {
+  const state = plan.reachable === null ? "plan" : plan.reachable ? "pass" : "fail";
+  const rows = plan.spheres.map((one) => {
+    const after = one.captures ? one.after_mm[one.captures - 1] : one.uncertainty_mm;
+    return [h("span", {}, `${fixed(one.diameter_mm, 1)} mm`), one.captures === null ? "–" : String(one.captures), plusMinus(after ?? one.uncertainty_mm, "mm")];
+  });
+  const layouts = plan.table?.layouts.map((one) => [`${fixed(one.radius_mm, 0)} mm`, String(one.heights_mm.length), String(one.angles), String(one.captures), plusMinus(one.uncertainty_mm, "mm")]);
+  return [
+    h("p", { class: `plan-sentence ${state}` }, h("strong", {}, plan.sentence)),
+    h("p", {}, t("plan.seen", { distance: fixed(plan.distance_mm, 0), offset: fixed(plan.offset_mm, 0) })),
+    h("p", {}, plan.where), h("p", { class: "soft" }, t("plan.limited", { by: plan.limited_by })),
+    tableOf([t("plan.sphere"), t("plan.captures"), t("plan.then")], rows, t("plan.sphere")),
+    ...(plan.table && layouts ? [h("p", {}, h("strong", {}, plan.table.sentence)),
+      tableOf([t("plan.off_axis"), t("plan.heights"), t("plan.angles"), t("plan.captures"), t("plan.then")], layouts, t("plan.table"))] : []),
+  ];
+}
+
