@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.captures.content import pose_of, read_as
 from calib_core.captures.stripe_frames import read_profile_frame
 from calib_core.captures.sweep import IMAGES, read_sweep, sweep_poses
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, as_rows
@@ -180,7 +180,7 @@ def _profiles(
             continue
         of_frames = True
         if capture.kind == "sweep":
-            profiles += [profile for _, profile in read_sweep(session, capture, read)]
+            profiles += [profile for _, profile in read_sweep(session, capture, read, may_be_blank=True)]
         else:
             profiles.append(read_profile_frame(session, capture, read))
     if of_frames:
@@ -200,9 +200,13 @@ def _profiles(
 
 def _on_columns(profiles: Sequence[FloatArray]) -> list[FloatArray]:
     """Return profiles without blanks (N, 2) on common columns, by their x; those of no point are NaN."""
-    pitch_mm = float(np.median(np.concatenate([np.abs(np.diff(p[:, 0])) for p in profiles])))
-    low = min(float(p[:, 0].min()) for p in profiles)
-    high = max(float(p[:, 0].max()) for p in profiles)
+    seen = [profile for profile in profiles if len(profile)]
+    if not seen:
+        to_do = "Lengthen the exposure or dim the room, and let the stripe cross the object."
+        raise MeasurementError("a laser stripe in one of the scan's frames", "none", to_do)
+    pitch_mm = float(np.median(np.concatenate([np.abs(np.diff(p[:, 0])) for p in seen])))
+    low = min(float(p[:, 0].min()) for p in seen)
+    high = max(float(p[:, 0].max()) for p in seen)
     if not pitch_mm > 0:
         raise InputError("profiles along x", "points at one x", "Check the plane of light.", "captures")
     rows: list[FloatArray] = []

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib_core.captures.content import read_as
 from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.stripe_frames import calibration_of
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.formats.shared.images import decode_image
 from calib_core.frames import RigidTransform
@@ -51,7 +51,7 @@ def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:
 
 
 def read_sweep(
-    session: Session, capture: Capture, read: ReadFile
+    session: Session, capture: Capture, read: ReadFile, may_be_blank: bool = False
 ) -> list[tuple[RigidTransform, NDArray[np.float64]]]:
     """Return base_from_tool0 and the profile (N, 2), x and z in L, mm, of each of a sweep's files, in their order.
 
@@ -60,11 +60,11 @@ def read_sweep(
     InputError
         If a file or a pose is of no use, or frames come without a calibrated camera and plane of light.
     MeasurementError
-        If a frame shows no stripe.
+        If a frame shows no stripe, unless they may be blank: then its profile has no points.
     """
     poses = sweep_poses(session.cell, capture)
     names = zip(poses, capture.files, strict=True)
-    return [(pose, sweep_profile(session, capture, name, read)) for pose, name in names]
+    return [(pose, sweep_profile(session, capture, name, read, may_be_blank)) for pose, name in names]
 
 
 def sweep_profile(
@@ -80,6 +80,10 @@ def sweep_profile(
             return profile_from_frame(frame, calibration)
         except InputError as error:
             raise error.at(name) from None
+        except MeasurementError:
+            if not may_be_blank:
+                raise
+            return np.empty((0, 2))
     reading = read_as(capture, name, read, "profile")
     return known_points(reading, name) if not may_be_blank or reading.known.any() else np.empty((0, 2))
 

@@ -26,7 +26,8 @@ class Moment:
     sphere_center_in_base_mm : (3,)
     table_deg : float
         As the encoder tells it.
-    moving : bool
+    moving, turning : bool
+        Whether anything moves, and whether the table does.
     """
 
     shot: Shot
@@ -35,6 +36,7 @@ class Moment:
     sphere_center_in_base_mm: FloatArray
     table_deg: float
     moving: bool
+    turning: bool = False
 
 
 class LiveCell:
@@ -54,7 +56,7 @@ class LiveCell:
         self._travel_s = travel_s
         self._from = self._to = self._standing(self.world.shots[0])
         self._began_s = -np.inf
-        self._shaken: tuple[float, float] | None = None
+        self._shaken: tuple[float, float, int] | None = None
 
     @property
     def shots(self) -> tuple[Shot, ...]:
@@ -67,9 +69,13 @@ class LiveCell:
         self._to = self._standing(self.world.shots[number])
         self._began_s = now_s
 
-    def shake(self, mm: float, period_s: float) -> None:
-        """Move back and forth along the stripe from now on, the orientation held."""
-        self._shaken = mm, period_s
+    def shake(self, mm: float, period_s: float, across: bool = False) -> None:
+        """Move back and forth from now on, the orientation held: along the stripe, or across it as a scan does."""
+        self._shaken = mm, period_s, 1 if across else 0
+
+    def rest(self) -> None:
+        """Move back and forth no longer."""
+        self._shaken = None
 
     def at(self, now_s: float) -> Moment:
         """Return the cell at a moment: on its way, slow at both ends, or there."""
@@ -86,6 +92,7 @@ class LiveCell:
             + eased * self._to.sphere_center_in_base_mm,
             table_deg=(1 - eased) * self._from.table_deg + eased * self._to.table_deg,
             moving=True,
+            turning=self._from.table_deg != self._to.table_deg,
         )
 
     def profile(self, now_s: float, rng: np.random.Generator) -> bytes:
@@ -94,8 +101,13 @@ class LiveCell:
         _, _, measured = measure(0, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)
         return profile_csv(measured, 1.0)
 
-    def _moved_along(self, now_s: float, mm: float, period_s: float) -> Moment:
-        along = (self._to.actual @ self.world.tool0_from_laser)[:3, 0]
+    def points(self, now_s: float, rng: np.random.Generator) -> FloatArray:
+        """Return where the stripe lies on the sphere at a moment, (N, 3) in L: what a raw camera looks at."""
+        moment = self.at(now_s)
+        return measure(0, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)[1]
+
+    def _moved_along(self, now_s: float, mm: float, period_s: float, axis: int) -> Moment:
+        along = (self._to.actual @ self.world.tool0_from_laser)[:3, axis]
         by = mm * np.sin(2 * np.pi * now_s / period_s) * along
 
         def moved(matrix: FloatArray) -> FloatArray:

@@ -22,6 +22,12 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--host", default="127.0.0.1", metavar="HOST", help="live: where it is served (%(default)s)"
     )
     parser.add_argument(
+        "--scanner",
+        choices=("profiles", "camera"),
+        default="profiles",
+        help="live: profiles over HTTP, or a raw camera by GigE Vision (%(default)s)",
+    )
+    parser.add_argument(
         "--rest", type=float, default=3.0, metavar="S", help="live: how long it stands (%(default)s)"
     )
     parser.add_argument("--rounds", type=int, metavar="N", help="live: end after so many; left out, at Ctrl-C")
@@ -53,13 +59,15 @@ def _serve(options: argparse.Namespace) -> int:
     """Serve the devices, and send the robot from capture to capture until stopped."""
     from server.simulated_cell.devices import SimulatedDevices
 
-    devices = SimulatedDevices(options.cell, options.seed or 1, host=options.host)
+    camera = options.scanner == "camera"
+    devices = SimulatedDevices(options.cell, options.seed or 1, host=options.host, camera=camera)
     sources = devices.sources(options.host)
     lines = ["The simulated cell is live. Its devices, as PUT …/sessions/{id}/devices/{name} takes them:"]
     lines += [f"  {name}: {json.dumps(source)}" for name, source in sources.items()]
+    lines += [f"  cell, as POST /sessions takes it: {json.dumps(devices.record)}"]
     lines += [f"  robot as KUKA's variables: port {devices.variables.port}"]
     lines += [f"  robot and table over OPC UA: {devices.opcua.url}"] if devices.opcua else []
-    print_result(options, "\n".join(lines), {"devices": sources})
+    print_result(options, "\n".join(lines), {"devices": sources, "cell": devices.record})
     try:
         rounds = 0
         while options.rounds is None or rounds < options.rounds:

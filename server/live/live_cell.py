@@ -18,7 +18,7 @@ from calib_core.records import Capture, Cell, Measured
 from server.live.clock_watch import ClockWatch
 from server.live.exposures import Exposure, Optics, exposure_of, in_short
 from server.live.link import Link
-from server.live.recording import Recording, on_one_clock, sweep_fields
+from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
 from server.live.shots import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.standstill import Rest, Rules, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
@@ -182,7 +182,7 @@ class LiveCell:
             If the newest readings are not of a move back and forth with the sphere in view.
         """
         with self._arrived:
-            robot = [s for s in self._robot if s.base_from_tool0 is not None]
+            robot = newest_way(self._robot)
             seen = [one for one in self._seen if one[1] == self._seen[-1][1]]
         if len(robot) < 2 or not seen:
             raise MeasurementError(
@@ -222,14 +222,17 @@ class LiveCell:
             recording = self.recording = Recording(folder)
             for sample in list(self._robot)[-50:]:  # exposures may tell times of just before
                 recording.move(sample)
+            began_s = host_now_s()
         time.sleep(seconds)
         with self._arrived:
             self.recording = None
+            table = [sample for sample in self._table if sample.host_time_s >= began_s]
         recorded = recording.end()
         cell, taken, _ = self._load()
         clocks = self.clocks, self.clocks_by_device, self.clock_watch.drift_s
         kept, frames_s, track_s = on_one_clock(recorded, *clocks)
         fields = sweep_fields(kept, frames_s, track_s, self.clocks, cell.pose_convention)
+        fields |= table_fields(table, self.rules.table_deg)
         capture, files = capture_of_sweep(kept, fields, self.settings, taken, shot)
         return self._keep(capture, files, shot)
 

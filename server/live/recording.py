@@ -2,6 +2,7 @@
 
 import queue
 import threading
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +19,7 @@ from server.sources.device import Frame, Sample
 MOST_SHIFT_MM = 0.05
 """What the clocks' offset leaves open at a speed, at two standard deviations, must stay below this."""
 _STANDS_MM_S = 0.5
+_ONE_ORIENTATION_RAD = 0.002
 _MOST_GAP_S = 0.1
 _MOST_WAITING = 512 * 1024 * 1024
 _MOST_FRAMES = 20_000
@@ -175,6 +177,33 @@ def sweep_fields(
         "pose_track": track,
         "source": f"{len(frames_s)} exposures at up to {speed_mm_s:.1f} mm/s{known}",
     }
+
+
+def newest_way(samples: Iterable[Sample]) -> list[Sample]:
+    """Return the newest samples that tell a flange, all with one orientation: how it came there is left out."""
+    told = [sample for sample in samples if sample.base_from_tool0 is not None]
+    if not told:
+        return []
+    z, x = (np.array([s.base_from_tool0.rotation[:, k] for s in told if s.base_from_tool0]) for k in (2, 0))
+    turned = np.maximum(np.abs(z - z[-1]).max(axis=1), np.abs(x - x[-1]).max(axis=1)) > _ONE_ORIENTATION_RAD
+    return told[int(turned.nonzero()[0][-1]) + 1 if turned.any() else 0 :]
+
+
+def table_fields(table: Sequence[Sample], within_deg: float) -> dict[str, Any]:
+    """Return the table's angle for a sweep's record, nothing where no table told one.
+
+    Raises
+    ------
+    ConflictError
+        If the table turned meanwhile: a sweep has one angle.
+    """
+    angles = [sample.table_deg for sample in table if sample.table_deg is not None]
+    if not angles:
+        return {}
+    if max(angles) - min(angles) > within_deg or any(sample.moving for sample in table):
+        got = f"one that turned from {min(angles):.2f}° to {max(angles):.2f}°"
+        raise ConflictError("a table at rest during a sweep", got, "Turn it between sweeps.", "table_deg")
+    return {"table_deg": angles[-1]}
 
 
 def speed_of(recorded: Recorded) -> float:

@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.robots import to_pose
 from calib_core.simulation import simulate
+from calib_core.simulation.live_camera import HEIGHT_PX, WIDTH_PX, LiveCamera
 from calib_core.simulation.live_cell import LiveCell
 from server.simulated_cell.arm import SimulatedArm
+from server.simulated_cell.gige_server import GigeServer
 from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
 from server.simulated_cell.rtde_server import RtdeServer
 from server.simulated_cell.stream_server import StreamServer
@@ -21,7 +24,7 @@ _SPEED = 0.1  # m/s, told while the robot is on its way
 
 
 class SimulatedDevices:
-    """Scanner by HTTP stream, robot by RTDE, KUKA's variables and OPC UA, table by Modbus and OPC UA.
+    """Scanner by HTTP or GigE Vision, robot by RTDE, KUKA's variables and OPC UA, table by Modbus and OPC UA.
 
     OPC UA and Modbus are served where their extras are installed.
 
@@ -33,6 +36,8 @@ class SimulatedDevices:
         Of exposures.
     scanner_clock_s : float
         What the scanner's clock tells more than the robot's.
+    camera : bool
+        Serve the scanner's raw camera by GigE Vision beside its profiles, and name it as the scanner.
     """
 
     def __init__(
@@ -43,6 +48,7 @@ class SimulatedDevices:
         host: str = "127.0.0.1",
         travel_s: float = 0.5,
         scanner_clock_s: float = 0.0,
+        camera: bool = False,
     ) -> None:
         self.simulated = simulate(scenario, seed)
         if self.simulated.world is None or set(self.simulated.world.options.kinds) != {"profile"}:
@@ -54,6 +60,8 @@ class SimulatedDevices:
         self._lock = threading.Lock()
         self._arm = SimulatedArm()
         self.scanner = StreamServer(self._exposure, rate_hz, host)
+        self.lens = LiveCamera(self._rng) if camera else None
+        self.camera = GigeServer(self._image, (WIDTH_PX, HEIGHT_PX), rate_hz, host) if camera else None
         self.robot = RtdeServer(self._outputs, host)
         self.variables = KukaVarProxyServer(self._variable, host)
         self.opcua = self.modbus = None
@@ -70,13 +78,21 @@ class SimulatedDevices:
         except ImportError:
             pass
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """The cell's record as `POST …/sessions` takes it; a raw camera is told with its plane of light."""
+        cell: dict[str, Any] = self.simulated.session.to_json()["cell"]
+        if self.lens is None:
+            return cell
+        return {**cell, "scanner": {"kind": "frame"}, "known": {**cell.get("known", {}), **self.lens.known()}}
+
     def go(self, number: int) -> None:
         """Send robot and table to where a capture is taken."""
         self.cell.go(number, time.monotonic())
 
-    def shake(self, mm: float, period_s: float) -> None:
-        """Move the robot back and forth along the stripe from now on."""
-        self.cell.shake(mm, period_s)
+    def shake(self, mm: float, period_s: float, across: bool = False) -> None:
+        """Move the robot back and forth along or across the stripe from now on."""
+        self.cell.shake(mm, period_s, across)
 
     @property
     def is_moving(self) -> bool:
@@ -89,6 +105,8 @@ class SimulatedDevices:
             "scanner": _source("image-stream", url=f"http://{host}:{self.scanner.port}/"),
             "robot": _source("ur-rtde", host=host, port=self.robot.port),
         }
+        if self.camera is not None:
+            found["scanner"] = _source("genicam", address=host, interface=host)
         if self.modbus is not None:
             found["table"] = _source("modbus", host=host, port=self.modbus.port, address=100, moving=10)
         elif self.opcua is not None:
@@ -97,7 +115,7 @@ class SimulatedDevices:
 
     def stop(self) -> None:
         """End all servers."""
-        for server in (self.scanner, self.robot, self.variables, self.opcua, self.modbus):
+        for server in (self.scanner, self.camera, self.robot, self.variables, self.opcua, self.modbus):
             if server is not None:
                 server.stop()
 
@@ -105,6 +123,13 @@ class SimulatedDevices:
         with self._lock:
             now_s = time.monotonic()
             return self.cell.profile(now_s, self._rng), "text/csv", now_s + self.scanner_clock_s
+
+    def _image(self, exposure_us: float) -> tuple[NDArray[np.uint8], float]:
+        assert self.lens is not None
+        with self._lock:
+            now_s = time.monotonic()
+            image = self.lens.image(self.cell.points(now_s, self._rng), self._rng, exposure_us)
+            return image, now_s + self.scanner_clock_s
 
     def _flange(self) -> tuple[RigidTransform, bool, float, float]:
         now_s = time.monotonic()
@@ -145,8 +170,8 @@ class SimulatedDevices:
             self.go(min(angles, key=lambda k: abs(angles[k] - table_deg)))
 
     def _angle(self) -> tuple[float, bool]:
-        _, moving, table_deg, _ = self._flange()
-        return table_deg, moving
+        moment = self.cell.at(time.monotonic())
+        return moment.table_deg, moment.turning
 
 
 def _source(name: str, **settings: Any) -> Mapping[str, Any]:

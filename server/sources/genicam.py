@@ -36,25 +36,24 @@ class GenicamSettings(Settings):
 
 
 class GenicamCamera:
-    """Streams from one camera.  Frames of which a packet is missing are not delivered; names count blocks."""
+    """Streams from one camera.
 
-    def __init__(self, settings: GenicamSettings) -> None:
-        from viva_genicam import Camera
+    Packets that got lost are asked for again, where the camera keeps them.  Frames of which one is missing all the
+    same are not delivered; names count blocks.
 
-        device = _only(_found(settings), settings)
-        self._camera: Any = Camera.open(device)
-        self._model = f"{device.manufacturer} {device.model}".strip()
+    Parameters
+    ----------
+    settings : GenicamSettings
+    camera : viva_genicam.Camera, optional
+        One that is open already; left out, the one that `settings` mean is looked for.
+    """
+
+    def __init__(self, settings: GenicamSettings, camera: Any = None) -> None:
+        self._camera = camera or _opened(settings)
+        self._model = f"{self._feature('DeviceVendorName')} {self._feature('DeviceModelName')}".strip()
         self._silent = 0
         try:
-            for name, value in settings.features.items():
-                self._camera.set(name, value)
-            for value, write in (
-                (settings.exposure_us, self._camera.set_exposure_time),
-                (settings.gain, self._camera.set_gain),
-                (settings.frame_rate_hz, self._camera.set_frame_rate),
-            ):
-                if value is not None:
-                    write(value)
+            self._set(settings)
             self._tick_s = 1.0 / self._ticks()
             self._stream: Any = self._camera.stream()
             self._stream.__enter__()
@@ -101,12 +100,53 @@ class GenicamCamera:
         finally:
             self._camera.close()
 
+    def _set(self, settings: GenicamSettings) -> None:
+        """Set what is to be set; raises InputError where the camera does not take it."""
+        from viva_genicam import GenicamError
+
+        for name, value in settings.features.items():
+            try:
+                self._camera.set(name, value)
+            except GenicamError as error:
+                to_do = "Look its name and range up in the camera's manual, or leave it out."
+                raise InputError(
+                    "a feature that the camera takes", str(error), to_do, f"features.{name}"
+                ) from None
+        for field, write in (
+            ("exposure_us", self._camera.set_exposure_time),
+            ("gain", self._camera.set_gain),
+            ("frame_rate_hz", self._camera.set_frame_rate),
+        ):
+            value = getattr(settings, field)
+            try:
+                if value is not None:
+                    write(value)
+            except GenicamError as error:
+                to_do = "Leave it out, or set it by the camera's own name among the features."
+                raise InputError("a setting that the camera takes", str(error), to_do, field) from None
+
+    def _feature(self, name: str) -> str:
+        """Return a feature's value as text, empty where the camera has none of that name."""
+        try:
+            return str(self._camera.get(name))
+        except Exception:  # the library's own
+            return ""
+
     def _ticks(self) -> float:
         """Return how often a second the camera's clock ticks; nanoseconds where it does not say."""
         try:
             return float(self._camera.get_integer("GevTimestampTickFrequency")) or _NANOSECONDS
         except Exception:  # no such feature, or one that cannot be read
             return _NANOSECONDS
+
+
+def _opened(settings: GenicamSettings) -> Any:
+    from viva_genicam import Camera, GenicamError
+
+    try:
+        return Camera.open(_only(_found(settings), settings))
+    except GenicamError as error:  # held by another program, say, or this computer has no USB
+        raise ConnectionError(f"no camera could be opened ({error})") from None
 
 
 def _found(settings: GenicamSettings) -> list[Any]:
