@@ -39,7 +39,8 @@ class Registers:
         words = {
             0x0000: 0x0001_0002, 0x0004: 0x8000_0001, 0x0008: 0x0000_0200, 0x000C: octets,
             0x0010: 0x4, 0x0014: 0x4, 0x0024: octets, 0x0034: 0xFF00_0000, 0x0600: 1, 0x0904: 1,
-            _CAPABILITY: _RESEND_AND_WRITE, _HEARTBEAT: 3000, TICK_FREQUENCY + 4: TICKS_HZ, PACKET_SIZE: _PACKET_BYTES,
+            _CAPABILITY: _RESEND_AND_WRITE, _HEARTBEAT: 3000,
+            TICK_FREQUENCY + 4: TICKS_HZ, PACKET_SIZE: _PACKET_BYTES,
             WIDTH: width, HEIGHT: height, PIXEL_FORMAT: MONO8, PAYLOAD: width * height,
         }  # fmt: skip
         for place, value in words.items():

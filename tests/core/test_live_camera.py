@@ -36,7 +36,7 @@ def scan_of(lens: LiveCamera, ys_mm: list[float]) -> np.ndarray:
     (group,) = scan_groups(session.captures)
     tool = RigidTransform.of([0, 0, 0], [0, 0, 0], "tool0", "laser")
     scan = read_scan(session, group, Placement(tool, None), files.__getitem__)
-    return scan.points + np.array(ys_mm, dtype=np.float32)[:, None, None] * [0, 1, 0]
+    return scan.points_in_laser_mm + np.array(ys_mm, dtype=np.float32)[:, None, None] * [0, 1, 0]
 
 
 def test_frames_before_and_after_the_object_are_blank_rows() -> None:
