@@ -64,6 +64,7 @@ class ArmedTable:
         self.target_deg: float | None = None
         self._turning = threading.Lock()
         self._stopped = threading.Event()
+        self.end: threading.Timer | None = None
 
     @property
     def is_armed(self) -> bool:
@@ -116,6 +117,8 @@ class ArmedTable:
     def disarm(self) -> None:
         """Stop the table and end the connection."""
         self.until_s = 0.0
+        if self.end is not None:
+            self.end.cancel()
         try:
             with suppress(CalibrationError):
                 self.stop()
@@ -188,6 +191,9 @@ class ArmedTables:
                 "a table that answers", str(error), "Check address, cable and power.", "host"
             ) from None
         armed = self._armed[session_id] = ArmedTable(mover, arming, lambda: self._newest(session_id))
+        armed.end = threading.Timer(60.0 * arming.minutes, self._expire, (session_id, armed))
+        armed.end.daemon = True
+        armed.end.start()
         return armed
 
     def get(self, session_id: str) -> ArmedTable | None:
@@ -215,6 +221,11 @@ class ArmedTables:
     def disarm_all(self) -> None:
         """Stop and forget every mover: the server stops."""
         for session_id in list(self._armed):
+            self.disarm(session_id)
+
+    def _expire(self, session_id: str, armed: ArmedTable) -> None:
+        """Its time is over: let go of its connection, unless another one was armed since."""
+        if self._armed.get(session_id) is armed:
             self.disarm(session_id)
 
     def _newest(self, session_id: str) -> Sample | None:

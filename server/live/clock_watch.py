@@ -6,9 +6,12 @@ since the measurement, of scanner against robot, is drift.
 """
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 
+from calib_core.clock_offset import ClockOffset
 from server.sources.device import Reading
+from server.store.models import Data
 
 LEAST_DRIFT_S = 0.004
 """Less is not told from what transport and a busy computer make of it."""
@@ -67,6 +70,11 @@ class ClockWatch:
         return 0.0 if now_s is None or self.measured_s is None else now_s - self.measured_s
 
     @property
+    def is_unsure(self) -> bool:
+        """Whether a device was away since the measurement and has not been heard for long enough: it may drift."""
+        return self.measured_s is not None and self._between_s() is None
+
+    @property
     def warning(self) -> str:
         """What is said of a drift, empty where there is none."""
         drift_s = self.drift_s
@@ -78,3 +86,34 @@ class ClockWatch:
     def _between_s(self) -> float | None:
         robot_s, scanner_s = self.robot.apart_s, self.scanner.apart_s
         return None if robot_s is None or scanner_s is None else robot_s - scanner_s
+
+
+class MeasuredClocks:
+    """The offset between the clocks of scanner and robot as it was measured, which devices' clocks, and the watch.
+
+    It is kept across a restart of this server: where the clocks stood to each other does not depend on this
+    computer's own.
+
+    Parameters
+    ----------
+    kept : mapping
+        What `keep` was told, empty where nothing was measured.
+    keep : callable
+        Keeps it.
+    """
+
+    def __init__(self, kept: Data | None = None, keep: Callable[[Data], object] = lambda _: None) -> None:
+        self._keep = keep
+        self.watch = ClockWatch.new()
+        self.offset: ClockOffset | None = None
+        self.by_device = (False, False)
+        if kept:
+            self.offset = ClockOffset(**kept["offset"])
+            self.by_device = (bool(kept["by_device"][0]), bool(kept["by_device"][1]))
+            self.watch.measured_s = kept["measured_s"]
+
+    def take(self, offset: ClockOffset, by_device: tuple[bool, bool]) -> None:
+        """Take and keep an offset that has just been measured; `by_device` of scanner and robot."""
+        self.offset, self.by_device = offset, by_device
+        self.watch.mark()
+        self._keep({"offset": asdict(offset), "by_device": by_device, "measured_s": self.watch.measured_s})

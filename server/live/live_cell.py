@@ -15,7 +15,7 @@ from calib_core.clock_offset import ClockOffset, clock_offset
 from calib_core.errors import CalibrationError, ConflictError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Cell, Measured
-from server.live.clock_watch import ClockWatch
+from server.live.clock_watch import MeasuredClocks
 from server.live.exposures import Exposure, Optics, exposure_of, in_short
 from server.live.link import Link
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
@@ -55,6 +55,7 @@ class LiveCell:
         take: Take,
         settings: CaptureSettings,
         rules: Rules | None = None,
+        clocks: MeasuredClocks | None = None,
     ) -> None:
         self._load, self._take = load, take
         self.settings, self.rules = settings, rules or Rules()
@@ -70,9 +71,8 @@ class LiveCell:
         self._taken_at: tuple[Sample | None, float | None] | None = None
         self.last: Taken | None = None
         self.waits_for = ""
-        self.clocks: ClockOffset | None = None
-        self.clocks_by_device = (False, False)
-        self.clock_watch = ClockWatch.new()
+        self.clocks = clocks or MeasuredClocks()
+        self.clock_watch = self.clocks.watch
         self.recording: Recording | None = None
         self.version = 0
         self._thread = threading.Thread(target=self._run, name="live cell", daemon=True)
@@ -201,8 +201,7 @@ class LiveCell:
             to_do = "Set the devices' clocks to within a second."
             raise MeasurementError("exposures within the robot's track", f"none ({clocks})", to_do)
         found = clock_offset(times, positions, [moments[k] for k in kept], [arcs[k] for k in kept])
-        self.clocks, self.clocks_by_device = found, (seen[-1][1], by_device)
-        self.clock_watch.mark()
+        self.clocks.take(found, (seen[-1][1], by_device))
         return found, clocks
 
     def sweep(self, shot: Shot, seconds: float, folder: Path) -> Taken:
@@ -229,9 +228,8 @@ class LiveCell:
             table = [sample for sample in self._table if sample.host_time_s >= began_s]
         recorded = recording.end()
         cell, taken, _ = self._load()
-        clocks = self.clocks, self.clocks_by_device, self.clock_watch.drift_s
-        kept, frames_s, track_s = on_one_clock(recorded, *clocks)
-        fields = sweep_fields(kept, frames_s, track_s, self.clocks, cell.pose_convention)
+        kept, frames_s, track_s = on_one_clock(recorded, self.clocks)
+        fields = sweep_fields(kept, frames_s, track_s, self.clocks.offset, cell.pose_convention)
         fields |= table_fields(table, self.rules.table_deg)
         capture, files = capture_of_sweep(kept, fields, self.settings, taken, shot)
         return self._keep(capture, files, shot)

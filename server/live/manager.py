@@ -17,6 +17,8 @@ from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import Capture, Measured, input_error
 from calib_core.review.answer import cell_id
 from server.captures.intake import Intake
+from server.live.clock_watch import MeasuredClocks
+from server.live.kept import KeptBySession
 from server.live.link import Link, LinkState
 from server.live.live_cell import LiveCell
 from server.live.session_now import SessionNow
@@ -55,7 +57,9 @@ class LiveCells:
     ) -> None:
         self._store, self._intake, self._follow = store, intake, follow
         self._secrets = DeviceSecrets(data)
-        self._memory = data / "live.json"
+        self._data = data
+        self._settings = KeptBySession(data / "live.json")
+        self._clocks = KeptBySession(data / "live-clocks.json")
         self._cells: dict[str, LiveCell] = {}
         self._told: dict[tuple[str, str], str] = {}
         self._lock = threading.RLock()
@@ -151,15 +155,12 @@ class LiveCells:
 
     def capture_settings(self, session_id: str) -> CaptureSettings:
         """Return what the session's live captures are taken for."""
-        return CaptureSettings.model_validate(self._kept().get(session_id, {}))
+        return CaptureSettings.model_validate(self._settings.get(session_id))
 
     def set_capture(self, session_id: str, settings: CaptureSettings) -> None:
         """Change what live captures are taken for, also after a restart."""
         with self._lock:
-            kept = {**self._kept(), session_id: settings.to_json()}
-            fresh = self._memory.with_suffix(".new")
-            fresh.write_text(json.dumps(kept), encoding="utf-8")
-            fresh.replace(self._memory)
+            self._settings.put(session_id, settings.to_json())
             live = self._cells.get(session_id)
             if live is not None:
                 live.settings = settings
@@ -167,11 +168,8 @@ class LiveCells:
     @contextmanager
     def recording_folder(self) -> Generator[Path]:
         """Give a folder for a recording's files, which is removed afterwards."""
-        with tempfile.TemporaryDirectory(prefix="recording-", dir=self._memory.parent) as folder:
+        with tempfile.TemporaryDirectory(prefix="recording-", dir=self._data) as folder:
             yield Path(folder)
-
-    def _kept(self) -> dict[str, Data]:
-        return json.loads(self._memory.read_text(encoding="utf-8")) if self._memory.exists() else {}
 
     def _connect(self, row: DeviceRow) -> None:
         source = SOURCES.get(row.source, row.name)
@@ -204,7 +202,8 @@ class LiveCells:
                 known.forget()
             return Measured.model_validate(json.loads(bytes(answer.body))["measured"])
 
-        return LiveCell(known, take, self.capture_settings(session_id))
+        clocks = MeasuredClocks(self._clocks.get(session_id), lambda told: self._clocks.put(session_id, told))
+        return LiveCell(known, take, self.capture_settings(session_id), clocks=clocks)
 
     def _cell(self, db: Any, session_id: str) -> str:
         return cell_id(empty_session(session_row(db, session_id).record, session_id))

@@ -79,7 +79,7 @@ def live_data(live: LiveCell | None, newest: Newest | None = None) -> dict[str, 
 
 
 def _clocks(live: LiveCell) -> dict[str, Any] | None:
-    found = live.clocks
+    found = live.clocks.offset
     if found is None:
         return None
     drift_s, warning = live.clock_watch.drift_s, live.clock_watch.warning

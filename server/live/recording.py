@@ -13,7 +13,7 @@ import numpy as np
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import ConflictError, MeasurementError
 from calib_core.robots import to_pose
-from server.live.clock_watch import LEAST_DRIFT_S
+from server.live.clock_watch import LEAST_DRIFT_S, MeasuredClocks
 from server.sources.device import Frame, Sample
 
 MOST_SHIFT_MM = 0.05
@@ -117,12 +117,8 @@ class Recording:
             self._files.append(path)
 
 
-def on_one_clock(
-    recorded: Recorded, clocks: ClockOffset | None, clocks_by_device: tuple[bool, bool], drift_s: float = 0.0
-) -> tuple[Recorded, list[float], list[float]]:
+def on_one_clock(recorded: Recorded, clocks: MeasuredClocks) -> tuple[Recorded, list[float], list[float]]:
     """Return what was recorded while both told, and the times of exposures and poses by the robot's clock.
-
-    `drift_s` is how far the clocks have moved apart since the offset was measured.
 
     Raises
     ------
@@ -132,8 +128,8 @@ def on_one_clock(
         If the robot moved faster than the offset between the clocks is known for.
     """
     track_s = _times(recorded.track, recorded.by_device[1])
-    same_clocks = clocks_by_device == recorded.by_device
-    offset_s = clocks.offset_s if clocks is not None and same_clocks else 0.0
+    same_clocks = clocks.by_device == recorded.by_device
+    offset_s = clocks.offset.offset_s if clocks.offset is not None and same_clocks else 0.0
     frames_s = [time_s - offset_s for time_s in _times(recorded.frames, recorded.by_device[0])]
     both = [k for k, time_s in enumerate(frames_s) if track_s and track_s[0] <= time_s <= track_s[-1]]
     if len(both) < 2:
@@ -157,7 +153,7 @@ def on_one_clock(
         )
     speed_mm_s = speed_of(kept)
     if speed_mm_s > _STANDS_MM_S:
-        _require_offset(speed_mm_s, clocks, same_clocks, drift_s)
+        _require_offset(speed_mm_s, clocks, same_clocks)
     return kept, [frames_s[k] for k in both], kept_s
 
 
@@ -224,12 +220,20 @@ def _times(readings: tuple[Frame, ...] | tuple[Sample, ...], by_device: bool) ->
     return [(one.device_time_s if by_device else None) or one.host_time_s for one in readings]
 
 
-def _require_offset(speed_mm_s: float, clocks: ClockOffset | None, same_clocks: bool, drift_s: float) -> None:
-    if clocks is None or not same_clocks:
+def _require_offset(speed_mm_s: float, clocks: MeasuredClocks, same_clocks: bool) -> None:
+    offset, drift_s = clocks.offset, clocks.watch.drift_s
+    if offset is None or not same_clocks:
         raise ConflictError(
             f"the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s",
             "none that was measured",
             "Measure the clocks' offset first, or capture at standstill.",
+            "clock-offset",
+        )
+    if clocks.watch.is_unsure:
+        raise ConflictError(
+            "clocks that were watched for three seconds since a device was away",
+            "fewer",
+            "Record again in a moment.",
             "clock-offset",
         )
     if abs(drift_s) >= LEAST_DRIFT_S and abs(drift_s) * speed_mm_s > MOST_SHIFT_MM:
@@ -239,9 +243,9 @@ def _require_offset(speed_mm_s: float, clocks: ClockOffset | None, same_clocks: 
             "Measure the clocks' offset again.",
             "clock-offset",
         )
-    shift_mm = 2 * clocks.shift_mm(speed_mm_s)
+    shift_mm = 2 * offset.shift_mm(speed_mm_s)
     if shift_mm > MOST_SHIFT_MM:
-        slow = MOST_SHIFT_MM / (2 * clocks.sigma_s)
+        slow = MOST_SHIFT_MM / (2 * offset.sigma_s)
         raise ConflictError(
             f"poses within {MOST_SHIFT_MM} mm of their exposures",
             f"{shift_mm:.2f} mm that the offset leaves open at {speed_mm_s:.0f} mm/s",

@@ -200,7 +200,7 @@ def measure_clocks(
     """
     existing_session(session_id, store)
     live = require_live(cells, session_id)
-    before = live.clocks
+    before = live.clocks.offset
     found, clocks = live.clock_offset()
     return MeasuredClocks(
         offset_s=found.offset_s,

@@ -1,9 +1,16 @@
 """Drift between two clocks, told from when readings arrive, and what it forbids on the move."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from server.live.clock_watch import LEAST_DRIFT_S, ClockWatch
+from calib_core.clock_offset import ClockOffset
+from calib_core.errors import ConflictError
+from calib_core.frames import RigidTransform
+from server.live.clock_watch import LEAST_DRIFT_S, ClockWatch, MeasuredClocks
+from server.live.kept import KeptBySession
+from server.live.recording import Recorded, on_one_clock
 from server.sources.device import Frame, Sample
 
 RATE_HZ = {"robot": 125.0, "scanner": 30.0}
@@ -51,3 +58,38 @@ def test_nothing_is_said_before_enough_was_heard_or_measured() -> None:
     watch.mark()
     watch.robot.clear()  # it was away: its clock may have been set
     assert watch.warning == ""
+
+
+FOUND = ClockOffset(0.037, 0.0002, 0.02, 140)
+
+
+def swept(mm_s: float) -> Recorded:
+    """A second on the move, by both devices' clocks, the scanner's 37 ms ahead."""
+    times = np.arange(0.0, 1.0, 0.01)
+    track = tuple(
+        Sample(float(t), float(t), RigidTransform.of([0, 0, 0], [mm_s * t, 0, 0], "base", "tool0")) for t in times
+    )
+    frames = tuple(Frame(float(t), "1.csv", b"", float(t + 0.037)) for t in times[10:90:5])
+    return Recorded(tuple(Path(f"{k}.csv") for k in range(len(frames))), frames, track, (True, True))
+
+
+def test_an_offset_outlasts_a_restart_and_is_watched_on(tmp_path: Path) -> None:
+    def clocks() -> MeasuredClocks:  # as a server makes them when it starts
+        kept = KeptBySession(tmp_path / "live-clocks.json")
+        return MeasuredClocks(kept.get("s1"), lambda told: kept.put("s1", told))
+
+    before = clocks()
+    hear(before.watch, 0.0, 6.0, 20.0)
+    before.take(FOUND, (True, True))
+    after = clocks()
+    assert (after.offset, after.by_device) == (FOUND, (True, True))
+    with pytest.raises(ConflictError, match="watched for three seconds"):
+        on_one_clock(swept(100.0), after)  # a device may have been switched off meanwhile
+    hear(after.watch, 30.0, 6.0, 20.0, 2)
+    _, frames_s, _ = on_one_clock(swept(100.0), after)
+    assert frames_s[0] == pytest.approx(0.1)
+    later = clocks()
+    hear(later.watch, 600.0, 6.0, 20.0, 3)
+    with pytest.raises(ConflictError, match="drift of \\+12 ms"):
+        on_one_clock(swept(100.0), later)
+    assert KeptBySession(tmp_path / "live-clocks.json").get("s2") == {}

@@ -88,6 +88,14 @@ def test_it_is_off_until_it_is_armed_and_turns_within_its_limits(
     assert_problem(go(client, session, 50.0), 409, "armed")
 
 
+def test_an_armed_table_is_let_go_when_its_time_is_over_without_being_asked(
+    client: httpx.Client, session: str, table: Table
+) -> None:
+    assert arm(client, session, table, minutes=0.005).json()["armed"] is True
+    until(lambda: table.stops == 1)  # as disarming tells it
+    assert client.get(f"/sessions/{session}/table-mover").json()["armed"] is False
+
+
 def test_a_stop_ends_a_turn(client: httpx.Client, session: str, table: Table) -> None:
     arm(client, session, table)
     table._rate = 20.0
