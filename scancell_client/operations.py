@@ -257,6 +257,11 @@ class Operations(Connection):
         """Put an earlier release of a cell in force again."""
         return self.request("POST", f"/api/v1/cells/{quote(cell_id, safe='')}/rollback", json=body)
 
+    def cells_list_old(self, *, days: float | None = None, quota_mb: float | None = None, cell: str | None = None) -> Any:
+        """List the sessions that a rule lets go; nothing is removed, and the answers in force stay. Remove
+        one with DELETE and its revision in `If-Match`: it stays where it was changed meanwhile."""
+        return self.request("GET", "/api/v1/retention", params=_given({"days": days, "quota_mb": quota_mb, "cell": cell}))
+
     def history_get_timeline(self, session_id: str) -> Any:
         """Return what happened in order: captures, results, solves that failed; the last item is how it
         stands now."""

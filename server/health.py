@@ -9,6 +9,7 @@ from typing import Final
 log = logging.getLogger("scancell")
 
 _LOOK_S: Final = 2.0
+_LOOK_AGAIN_S: Final = 0.5  # while something is away: whoever waits for it goes on soon
 _LATE_S: Final = 12.0
 _STORE: Final = ("database", "files", "lock")
 """Without these nothing can be stored; without others the server goes on taking captures."""
@@ -70,7 +71,7 @@ class HealthWatch:
             if trouble != self._found[name][1]:
                 log.warning("%s: %s", name, trouble or "well again")
             self._found[name] = time.monotonic(), trouble
-            self._stopping.wait(_LOOK_S)
+            self._stopping.wait(_LOOK_S if trouble is None else _LOOK_AGAIN_S)
 
 
 def _in_words(check: Check) -> str | None:

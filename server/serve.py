@@ -1,6 +1,5 @@
 """Serving over HTTP and WebSockets with uvicorn."""
 
-import ctypes
 import gc
 import math
 import sys
@@ -13,6 +12,7 @@ import uvicorn
 from server.app import create_app
 from server.auth.logins import require_admin
 from server.auth.slow_heads import SlowHeads
+from server.heap import give_back
 from server.http.events import Hub
 from server.http.protocol import LimitedHttp
 from server.settings import Settings, is_loopback
@@ -82,13 +82,12 @@ class WorkbenchServer(uvicorn.Server):
     def _collect(self) -> None:
         """Let go of what is in circles and has become old, such as closed scenes, unless nothing happened since.
 
-        By itself Python would wait for millions of new objects, and scenes hold megabytes in few of them; and each
-        of their threads has an own heap, which the C library would keep.
+        By itself Python would wait for millions of new objects, and scenes hold megabytes in few of them.
         """
         looked = gc.get_stats()[0]["collections"]
         if looked != self._looked:
             gc.collect()
-            _give_back()
+            give_back()
             self._looked = gc.get_stats()[0]["collections"]
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
@@ -121,10 +120,3 @@ class WorkbenchServer(uvicorn.Server):
         host, port = self.servers[0].sockets[0].getsockname()[:2]
         scheme = "https" if self.config.is_ssl else "http"
         return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
-
-
-def _give_back() -> None:
-    """Give memory that is free in the C library's heaps back to the system, where that can be done."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
-    if trim is not None:
-        trim(0)

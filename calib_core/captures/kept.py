@@ -128,9 +128,10 @@ def seen_once(
     except MeasurementError as error:
         seen = error
     value = to_bytes(seen)
-    _memory.put(key, value)
     if keeper is not None:
         keeper.put(key, value)
+    if keeper is None or keeper.get(key) is None:  # it may fail; what it has need not stand here too
+        _memory.put(key, value)
     if isinstance(seen, MeasurementError):
         raise seen
     return seen

@@ -113,7 +113,7 @@ def inputs_read(told: str) -> tuple[Session, list[Measured], dict[str, Any]]:
     return session, [Measured.model_validate(one) for one in data["seen"]], data["results"]
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=8)
 def _to_verify(told: str) -> NextPose | None:
     situation = situation_of(*inputs_read(told), "verify")
     return None if situation is None else next_pose(situation, _TO_VERIFY)
@@ -124,7 +124,7 @@ def _told(result: Mapping[str, Any]) -> dict[str, Any]:
     return {name: result.get(name) for name in _OF_RESULT} | {"residuals": rows}
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _advised(told: str) -> Advice | None:
     session, measured, results = inputs_read(told)
     situation = situation_of(session, measured, results)

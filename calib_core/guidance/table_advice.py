@@ -292,7 +292,7 @@ def table_advice(
     return _advised(inputs_of(session, measured, results, steps_that_show("sphere", "sphere-on-table")))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _advised(told: str) -> TableAdvice | None:
     session, measured, results = inputs_read(told)
     now = table_situation(session, measured, results)

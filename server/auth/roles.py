@@ -73,6 +73,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_SESSION}/planned",
         f"GET {_SESSION}/planned/program",
         f"GET {_SESSION}/recheck",
+        f"GET {_API}/retention",
         f"GET {_API}/cells/{{cell_id}}/drift",
         f"GET {_SESSION}/check",
         f"GET {_SESSION}/causes",

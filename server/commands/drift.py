@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from server.console.command import NOT_ACCEPTED, OK, Command
+from server.console.command import NOT_ACCEPTED, OK, Command, server_argument
 from server.console.output import print_result
 
 if TYPE_CHECKING:
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 def _arguments(parser: argparse.ArgumentParser) -> None:
     of_one = "of one cell, the oldest first; with --server the cell's id"
     parser.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help=of_one)
-    of_server = "ask this running server; SCANCELL_TOKEN holds the token where it asks for one"
-    parser.add_argument("--server", metavar="URL", help=of_server)
+    server_argument(parser)
 
 
 def _run(options: argparse.Namespace) -> int:

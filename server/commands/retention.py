@@ -1,15 +1,21 @@
 """`scancell retention`: sessions that need not be kept any longer, shown first and removed on request."""
 
 import argparse
+from typing import TYPE_CHECKING
 
-from server.console.command import OK, Command, data_argument
+from server.console.command import OK, Command, data_argument, server_argument
 from server.console.output import print_result
 
+if TYPE_CHECKING:
+    from server.store.retention import Old
+
 _MEGABYTE = 1_000_000
+_GONE_OR_CHANGED = (404, 412)  # meanwhile: then it stays as it is
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     data_argument(parser)
+    server_argument(parser)
     parser.add_argument("--days", type=float, metavar="D", help="sessions that nobody has changed for so long")
     quota = "the oldest sessions of each cell, until the files of the others need no more than this"
     parser.add_argument("--quota-mb", type=float, metavar="MB", help=quota)
@@ -19,24 +25,12 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     """List what may go, and remove it where that is asked for."""
-    import math
     from dataclasses import asdict
 
-    from calib_core.errors import InputError
-    from server.console.audited_store import audited_store
-    from server.store.retention import remove_sessions, sessions_beyond
+    from server.store.retention import require_limits
 
-    limits = {"--days": options.days, "--quota-mb": options.quota_mb}
-    if all(limit is None for limit in limits.values()):
-        raise InputError("--days or --quota-mb", "neither", "Say what need not be kept.", "retention")
-    for name, limit in limits.items():
-        if limit is not None and not (math.isfinite(limit) and 0 <= limit <= 1e9):
-            raise InputError("a number from 0 to 1e9", f"{limit:g}", "Give another.", name)
-    quota = None if options.quota_mb is None else round(options.quota_mb * _MEGABYTE)
-    with audited_store(options.data, "retention") as store:
-        with store.read() as db:
-            found = sessions_beyond(db, options.days, options.cell, quota)
-        removed = remove_sessions(store, found) if options.remove else 0
+    require_limits({"--days": options.days, "--quota-mb": options.quota_mb})
+    found, removed = _of_store(options) if options.server is None else _of_server(options)
     lines = [
         f"{one.updated[:10]}  {one.cell:24} {one.size / _MEGABYTE:10.1f} MB  {one.why:5}  {one.id}  {one.name}"
         for one in found
@@ -48,10 +42,41 @@ def _run(options: argparse.Namespace) -> int:
     return OK
 
 
+def _of_store(options: argparse.Namespace) -> "tuple[list[Old], int]":
+    from server.console.audited_store import audited_store
+    from server.store.retention import remove_sessions, sessions_beyond
+
+    quota = None if options.quota_mb is None else round(options.quota_mb * _MEGABYTE)
+    with audited_store(options.data, "retention") as store:
+        with store.read() as db:
+            found = sessions_beyond(db, options.days, options.cell, quota)
+        return found, remove_sessions(store, found) if options.remove else 0
+
+
+def _of_server(options: argparse.Namespace) -> "tuple[list[Old], int]":
+    from scancell_client import ProblemError
+    from server.console.remote import connected
+    from server.store.retention import Old
+
+    removed = 0
+    with connected(options) as api:
+        told = api.cells_list_old(days=options.days, quota_mb=options.quota_mb, cell=options.cell)
+        found = [Old(**one) for one in told["items"]]
+        for one in found if options.remove else []:
+            try:
+                api.sessions_delete(one.id, if_match=f'"{one.revision}"')
+                removed += 1
+            except ProblemError as error:
+                if error.status not in _GONE_OR_CHANGED:
+                    raise
+    return found, removed
+
+
 COMMAND = Command(
     "retention",
     "list sessions that are old, or beyond a cell's quota, and remove them",
     "workbench",
     _arguments,
     _run,
+    uses_server=True,
 )

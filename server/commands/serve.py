@@ -27,6 +27,7 @@ def serve(options: argparse.Namespace) -> int:
     if not 0 <= port <= 65535:
         raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
     _require_free(host, port)
+    from server.heap import keep_little
     from server.jobs.child_processes import end_loading
     from server.logs import set_up
     from server.serve import WorkbenchServer
@@ -35,6 +36,7 @@ def serve(options: argparse.Namespace) -> int:
     tls = {"tls_certificate": options.tls_cert, "tls_key": options.tls_key}
     given = {name: path for name, path in tls.items() if path is not None}
     settings = Settings(host=host, port=port, data=options.data, **given)
+    keep_little()
     set_up(settings.log)
     sys.setswitchinterval(_SWITCH_S)
     server = WorkbenchServer(settings)

@@ -69,8 +69,13 @@ def session_argument(parser: argparse.ArgumentParser) -> None:
         metavar="SESSION",
         help="a session folder or archive; - reads an archive from standard input; with --server an id or a name",
     )
-    of_server = "work with a session of this running server; SCANCELL_TOKEN holds the token where it asks for one"
-    parser.add_argument("--server", metavar="URL", help=of_server)
+    server_argument(parser, "work with a session of this running server")
+
+
+def server_argument(parser: argparse.ArgumentParser, what: str = "ask this running server") -> None:
+    """Add --server."""
+    told = f"{what}; SCANCELL_TOKEN holds the token where it asks for one"
+    parser.add_argument("--server", metavar="URL", help=told)
 
 
 def data_argument(parser: argparse.ArgumentParser) -> None:

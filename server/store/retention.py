@@ -1,17 +1,22 @@
 """What a store need not keep any longer: sessions by age, and the oldest of a cell beyond its room."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
+from typing import Final
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.errors import InputError
 from server.store.database import Store
 from server.store.models import FileRow, OutputRow, ReleaseRow, SessionRow
 from server.store.releases import cell_of
 from server.store.sessions import delete_session, unused
 from server.store.tokens import from_now
+
+_MOST: Final = 1e9  # days, or megabytes
 
 
 @dataclass(frozen=True)
@@ -22,8 +27,18 @@ class Old:
     name: str
     cell: str
     updated: str
+    revision: int
     size: int
     why: str
+
+
+def require_limits(limits: Mapping[str, float | None]) -> None:
+    """Refuse limits by their names; raises InputError where none is given, or one is no size or time."""
+    if all(limit is None for limit in limits.values()):
+        raise InputError(" or ".join(limits), "neither", "Say what need not be kept.", "retention")
+    for name, limit in limits.items():
+        if limit is not None and not (math.isfinite(limit) and 0 <= limit <= _MOST):
+            raise InputError(f"a number from 0 to {_MOST:g}", f"{limit:g}", "Give another.", name)
 
 
 def sessions_beyond(
@@ -62,7 +77,9 @@ def sessions_beyond(
             old = before is not None and row.updated < before
             too_much = quota_bytes is not None and total + size > quota_bytes
             if old or too_much:
-                found.append(Old(row.id, row.name, name, row.updated, size, "age" if old else "quota"))
+                found.append(
+                    Old(row.id, row.name, name, row.updated, row.revision, size, "age" if old else "quota")
+                )
             else:
                 total += size
     return sorted(found, key=lambda one: one.updated)

@@ -3,7 +3,6 @@
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 from sqlalchemy import Text, cast, delete, func, select, tuple_
 from sqlalchemy.orm import Session as Transaction
@@ -16,6 +15,7 @@ from calib_core.review.answer import cell_id_of
 from server.http.errors import OutdatedError
 from server.store.blobs import Blobs
 from server.store.database import record_event
+from server.store.kept_records import KeptRecords
 from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded, now
 from server.store.paging import Page, after_cursor, page_of
 
@@ -189,6 +189,10 @@ def empty_session(record: Data, session_id: str) -> Session:
     return parse_session({**record, "captures": []}, session_id)
 
 
+# The session that is worked on is asked for again with every event; a record takes six times its text's room.
+_MEASURED = KeptRecords(Measured.model_validate_json, most_characters=6_000_000, rest_s=120.0)
+
+
 class _MeasuredWhenAsked(Mapping[str, Measured]):
     """What was measured, by capture, read from its JSON text when it is asked for: mostly it is not."""
 
@@ -196,19 +200,13 @@ class _MeasuredWhenAsked(Mapping[str, Measured]):
         self._texts = texts
 
     def __getitem__(self, capture: str) -> Measured:
-        return _measured(self._texts[capture])
+        return _MEASURED.of(self._texts[capture])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._texts)
 
     def __len__(self) -> int:
         return len(self._texts)
-
-
-@lru_cache(maxsize=1000)
-def _measured(text: str) -> Measured:
-    """Return the record in a text; the session that is worked on is asked for again with every event."""
-    return Measured.model_validate_json(text)
 
 
 def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSession:

@@ -21,6 +21,7 @@ _LOCK: Final = 0x7363616E63656C6C  # "scancell": PostgreSQL's advisory locks hav
 _WRITING: Final = _LOCK + 1
 _END_THE_OTHER: Final = "End the other server, or choose another database."
 _LOOK_S: Final = 2.0
+_LOOK_AGAIN_S: Final = 0.5  # while the lock is gone
 
 _TAKEN_OVER: Final = "another server has taken over the database"
 
@@ -67,7 +68,7 @@ class DatabaseLock:
             self._own.add(int(number or 0))
 
     def _work(self) -> None:
-        while not self._stopping.wait(_LOOK_S):
+        while not self._stopping.wait(_LOOK_S if self.trouble is None else _LOOK_AGAIN_S):
             try:
                 if self.trouble is None:
                     self._connection.execute(text("SELECT 1"))

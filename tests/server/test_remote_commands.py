@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from server.cli import main
-from tests.server.access import guarded
+from tests.server.access import bearer, guarded
 from tests.server.live_server import simulated_session
 
 Printed = pytest.CaptureFixture[str]
@@ -71,6 +71,46 @@ def test_a_server_that_is_none_is_told_in_one_sentence(address: str, capsys: Pri
     said = capsys.readouterr().err
     assert len(said.strip().splitlines()) == 1
     assert "fault of the program" not in said
+
+
+def test_tokens_and_the_log_of_a_server_far_away(
+    tmp_path: Path, capsys: Printed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with guarded(tmp_path / "data") as (client, tokens):
+        server = ["--server", site(client)]
+        monkeypatch.setenv("SCANCELL_TOKEN", tokens["read"])
+        assert main(["token", "list", *server]) == 2
+        assert "role admin" in capsys.readouterr().err
+        monkeypatch.setenv("SCANCELL_TOKEN", tokens["admin"])
+        assert main(["token", "create", "--name", "robot 4", "--role", "capture", "--days", "2", *server]) == 0
+        made = bearer(capsys.readouterr().out.strip())
+        assert client.get("/me", headers=made).json()["name"] == "robot 4"
+        assert main(["token", "list", *server, "--json"]) == 0
+        [listed] = [t for t in json.loads(capsys.readouterr().out)["tokens"] if t["name"] == "robot 4"]
+        assert main(["token", "revoke", listed["id"], *server]) == 0
+        assert client.get("/sessions", headers=made).status_code == 401
+        assert main(["audit", "--limit", "3", *server, "--json"]) == 0
+        rows = json.loads(capsys.readouterr().out)["rows"]
+        assert len(rows) == 3
+        assert any(row["method"] == "DELETE" and row["path"].endswith(listed["id"]) for row in rows)
+
+
+def test_an_archive_is_checked_and_solved_afresh_there_and_not_kept(
+    client: httpx.Client, folder: Path, tmp_path: Path, capsys: Printed
+) -> None:
+    archive, server = str(tmp_path / "cell.zip"), ["--server", site(client)]
+    assert main(["archive", "pack", str(folder), "--no-scene", "--out", archive]) == 0
+    capsys.readouterr()
+    before = client.get("/sessions").json()["items"]
+    assert main(["archive", "verify", archive, *server, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["captures"] == 14
+    assert main(["archive", "replay", archive, *server, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["equal"], [stage["stage"] for stage in found["stages"]]) == (True, ["tcp"])
+    assert client.get("/sessions").json()["items"] == before
+    Path(archive).write_bytes(Path(archive).read_bytes()[:5000])
+    assert main(["archive", "verify", archive, *server]) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
 def test_a_token_comes_from_the_environment(

@@ -56,6 +56,27 @@ def test_old_sessions_are_told_first_and_then_removed(data: Path, capsys: Printe
     assert main(["doctor", "--data", str(data)]) == 0
 
 
+def test_a_server_far_away_tells_the_same_and_keeps_what_changed_meanwhile(
+    data: Path, start: Callable[..., Any], capsys: Printed
+) -> None:
+    here = told(data, capsys, "--days", "30")
+    with start() as client:
+        server = ["--server", str(client.base_url).removesuffix("/api/v1/")]
+        assert main(["retention", "--json", "--days", "30", *server]) == 0
+        assert json.loads(capsys.readouterr().out) == here
+        old = client.get("/retention", params={"days": 30, "cell": "press-8"}).json()["items"]
+        changed = here["sessions"][0]["id"]
+        stale = {"If-Match": f'"{here["sessions"][0]["revision"]}"'}
+        assert client.patch(f"/sessions/{changed}", json={"name": "in use"}).status_code == 200
+        assert client.delete(f"/sessions/{changed}", headers=stale).status_code == 412
+        assert main(["retention", "--json", "--days", "30", "--remove", *server]) == 0
+        assert json.loads(capsys.readouterr().out)["removed"] == 3
+        assert [one["id"] for one in client.get("/sessions").json()["items"]] == [changed]
+        assert [one["cell"] for one in old] == ["press-8"]
+        for wrong in ({}, {"days": -1}, {"quota_mb": 1e300}):
+            assert client.get("/retention", params=wrong).status_code == 422
+
+
 def test_a_quota_lets_the_oldest_of_a_cell_go(data: Path, capsys: Printed) -> None:
     size_mb = len(arc_csv()) / 1e6
     found = told(data, capsys, "--quota-mb", str(2.2 * size_mb))

@@ -11,7 +11,7 @@ from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.archive.bag import Content
 from calib_core.archive.folder import folder_of, load_session, to_json_bytes
 from calib_core.archive.stored_results import stored_results, truth_of
-from calib_core.errors import CalibrationError
+from calib_core.errors import CalibrationError, InputError
 from calib_core.records import Session
 from calib_core.review.answer import ANSWER_FILE, answer_of_folder
 from calib_core.review.replay import Replay, StageReplay
@@ -20,6 +20,7 @@ from calib_core.stages.stage import ReadFile
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import is_stream, print_result, remark, write_out
 from server.console.progress import progress_bar
+from server.console.remote import connected
 from server.console.solving import solved_if_possible
 
 _LISTED = 10
@@ -58,19 +59,47 @@ def unpack(options: argparse.Namespace) -> int:
 
 def verify(options: argparse.Namespace) -> int:
     """Check an archive as a whole, and say what it holds."""
-    _print_facts(options, str(options.file), archive.verify(options.file), "whole and unaltered. ")
+    if options.server is None:
+        facts = archive.verify(options.file)
+    else:
+        with connected(options) as api:
+            facts = ArchiveFacts.model_validate(api.archives_verify_archive(_content(options.file)))
+    _print_facts(options, str(options.file), facts, "whole and unaltered. ")
     return OK
 
 
 def replay(options: argparse.Namespace) -> int:
     """Solve an archive afresh and compare; returns 1 where a number differs."""
-    with archive.opened(options.file) as folder:
-        session, read = load_session(folder)
-        with progress_bar(options) as progress:
-            found = replay_session(session, read, stored_results(folder), progress, str(options.file))
+    found = _replayed_here(options) if options.server is None else _replayed_there(options)
     text = "\n".join(line for stage in found.stages for line in _stage_lines(stage, found))
     print_result(options, text, found.model_dump(mode="json"))
     return OK if found.equal else NOT_ACCEPTED
+
+
+def _replayed_here(options: argparse.Namespace) -> Replay:
+    with archive.opened(options.file) as folder:
+        session, read = load_session(folder)
+        with progress_bar(options) as progress:
+            return replay_session(session, read, stored_results(folder), progress, str(options.file))
+
+
+def _replayed_there(options: argparse.Namespace) -> Replay:
+    """Have a server solve the archive, which then does not keep it."""
+    with connected(options) as api:
+        session = api.archives_import_archive(_content(options.file))["id"]
+        try:
+            job = api.history_recompute(session)["id"]
+            api.wait(job)
+            return Replay.model_validate(api.history_get_answer(job)["replay"])
+        finally:
+            api.sessions_delete(session)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError("an archive", "no such file", "Correct its name.", str(path)) from None
 
 
 def _report(

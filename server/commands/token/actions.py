@@ -8,6 +8,7 @@ from server.auth.logins import Logins
 from server.console.audited_store import audited_store
 from server.console.command import OK
 from server.console.output import print_result, remark
+from server.console.remote import connected
 from server.store.models import Data
 from server.store.tokens import list_tokens, revoke_token, token_data
 
@@ -25,13 +26,18 @@ def create(options: argparse.Namespace) -> int:
         raise InputError(
             "a time of up to 36525 days", f"{days:g}", "Leave it out for a token without end.", "--days"
         )
-    with audited_store(options.data, f"token create {role}", make=True) as store, store.write() as db:
-        lifetime = None if days is None else timedelta(days=days)
-        record, token = Logins(options.data, store).make_token(db, options.name, role, lifetime)
-    if options.json:
-        print_result(options, "", {**record, "token": token})
+    if options.server is None:
+        with audited_store(options.data, f"token create {role}", make=True) as store, store.write() as db:
+            lifetime = None if days is None else timedelta(days=days)
+            record, token = Logins(options.data, store).make_token(db, options.name, role, lifetime)
+            record = {**record, "token": token}
     else:
-        print(token)  # also with --quiet: it is shown this once
+        with connected(options) as api:
+            record = api.access_make({"name": options.name, "role": role, "days": days})
+    if options.json:
+        print_result(options, "", record)
+    else:
+        print(record["token"])  # also with --quiet: it is shown this once
     until = f"until {record['expires']}" if record["expires"] else "until it is revoked"
     remark(options, f"keep it: it is not shown again. {record['name']} may {_MAY[role]}, {until}.")
     return OK
@@ -39,8 +45,12 @@ def create(options: argparse.Namespace) -> int:
 
 def show(options: argparse.Namespace) -> int:
     """Print all tokens, without what is secret in them."""
-    with audited_store(options.data, "token list") as store, store.read() as db:
-        rows = [token_data(row) for row in list_tokens(db)]
+    if options.server is None:
+        with audited_store(options.data, "token list") as store, store.read() as db:
+            rows = [token_data(row) for row in list_tokens(db)]
+    else:
+        with connected(options) as api:
+            rows = api.access_list_all()["items"]
     lines = [f"{row['id']}  {row['role']:8} {_state(row):34} {row['name']}" for row in rows]
     if rows or options.json:
         print_result(options, "\n".join(lines), {"tokens": rows})
@@ -51,8 +61,12 @@ def show(options: argparse.Namespace) -> int:
 
 def revoke(options: argparse.Namespace) -> int:
     """End a token; a server that runs follows within seconds."""
-    with audited_store(options.data, f"token revoke {options.id}") as store, store.write() as db:
-        revoke_token(db, options.id)
+    if options.server is None:
+        with audited_store(options.data, f"token revoke {options.id}") as store, store.write() as db:
+            revoke_token(db, options.id)
+    else:
+        with connected(options) as api:
+            api.access_revoke(options.id)
     if options.json:
         print_result(options, "", {"revoked": options.id})
     return OK
