@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
+_SPOOLED = "standard input"
 
 
 def print_result(options: argparse.Namespace, text: str, data: Any) -> None:
@@ -69,6 +70,11 @@ def _stream(file: BinaryIO, pieces: Iterable[bytes | memoryview]) -> None:
     file.flush()
 
 
+def input_name(path: Path) -> str:
+    """Return how people are told of a file that is read, which may be what came on standard input."""
+    return _SPOOLED if path.name == _SPOOLED else str(path)
+
+
 @contextmanager
 def from_standard_input(options: argparse.Namespace) -> Generator[None]:
     """Put what stands on standard input into a file for as long as a command runs whose input is `-`.
@@ -87,12 +93,12 @@ def from_standard_input(options: argparse.Namespace) -> Generator[None]:
     if sys.stdin.isatty():
         raise InputError("data on standard input", "a terminal", "Redirect a file or a pipe to it.", "-")
     with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
-        file = Path(folder) / "standard-input"
+        file = Path(folder) / _SPOOLED
         with file.open("wb") as spooled:
             shutil.copyfileobj(sys.stdin.buffer, spooled)
         setattr(options, asked[0], file)
         try:
             yield
         except CalibrationError as error:
-            place = error.where.replace(str(file), "standard input")
+            place = error.where.replace(str(file), _SPOOLED)
             raise type(error)(error.need, error.got, error.to_do, place) from None

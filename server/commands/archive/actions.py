@@ -18,7 +18,7 @@ from calib_core.review.replay import Replay, StageReplay
 from calib_core.review.replay import replay as replay_session
 from calib_core.stages.stage import ReadFile
 from server.console.command import NOT_ACCEPTED, OK
-from server.console.output import is_stream, print_result, remark, write_out
+from server.console.output import input_name, is_stream, print_result, remark, write_out
 from server.console.progress import progress_bar
 from server.console.remote import connected
 from server.console.solving import solved_if_possible
@@ -64,7 +64,7 @@ def verify(options: argparse.Namespace) -> int:
     else:
         with connected(options) as api:
             facts = ArchiveFacts.model_validate(api.archives_verify_archive(_content(options.file)))
-    _print_facts(options, str(options.file), facts, "whole and unaltered. ")
+    _print_facts(options, input_name(options.file), facts, "whole and unaltered. ")
     return OK
 
 
@@ -80,7 +80,7 @@ def _replayed_here(options: argparse.Namespace) -> Replay:
     with archive.opened(options.file) as folder:
         session, read = load_session(folder)
         with progress_bar(options) as progress:
-            return replay_session(session, read, stored_results(folder), progress, str(options.file))
+            return replay_session(session, read, stored_results(folder), progress, input_name(options.file))
 
 
 def _replayed_there(options: argparse.Namespace) -> Replay:
