@@ -190,7 +190,7 @@ def empty_session(record: Data, session_id: str) -> Session:
 
 
 # The session that is worked on is asked for again with every event; a record takes six times its text's room.
-_MEASURED = KeptRecords(Measured.model_validate_json, most_characters=6_000_000, rest_s=120.0)
+_MEASURED = KeptRecords(Measured.model_validate_json, most_characters=6_000_000, rest_s=30.0)
 
 
 class _MeasuredWhenAsked(Mapping[str, Measured]):
