@@ -400,6 +400,11 @@ class Operations(Connection):
         """List the robot brands and other kinds of files that poses are read from."""
         return self.request("GET", "/api/v1/brands")
 
+    def machines_read_sphere_certificate(self, body: Mapping[str, Any]) -> Any:
+        """Return the diameters of a sphere's digital certificate, each with its standard uncertainty;
+        stores nothing."""
+        return self.request("POST", "/api/v1/certificates", json=body)
+
     def machines_read_controller(self, files: Mapping[str, bytes], brand: Any, as_written: Any, told: Any) -> Any:
         """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""
         return self.request("POST", "/api/v1/controller-files", files=[*_files("files", files), *_text("brand", brand), *_text("as_written", as_written), *_text("told", told)])

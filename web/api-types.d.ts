@@ -378,6 +378,23 @@ export interface Cells {
   items: CellSummary[];
 }
 
+export interface Certificate {
+  identifier: string;
+  diameters: CertifiedDiameter[];
+}
+
+export interface CertificateText {
+  xml: string;
+}
+
+export interface CertifiedDiameter {
+  name: string;
+  diameter_mm: number;
+  sigma_mm: number | null;
+  coverage_factor: number | null;
+  line: number;
+}
+
 export interface ChainResult {
   base_from_turntable: number[][];
   axis_direction_in_base: number[];

@@ -143,6 +143,7 @@ RULES: dict[Role, tuple[str, ...]] = {
     ),
     Role.CAPTURE: (
         f"POST {_API}/plan",
+        f"POST {_API}/certificates",
         f"POST {_API}/sessions",
         f"PATCH {_SESSION}",
         f"POST {_SESSION}/captures/batch",

@@ -5,9 +5,10 @@ from urllib.parse import quote
 
 from fastapi import File, Form, Path, Response, UploadFile
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
+from calib_core.captures.certificate import Certificate
 from calib_core.errors import InputError, TooLargeError
 from calib_core.robots.told import Told
 from server.http.api_router import api_router
@@ -131,6 +132,21 @@ def brands() -> Brands:
     from calib_core.robots.conventions import BRANDS
 
     return Brands(items=[Brand.model_validate(brand.describe()) for brand in BRANDS])
+
+
+class CertificateText(BaseModel):
+    """A sphere's digital calibration certificate (DCC) as it came."""
+
+    model_config = ConfigDict(extra="forbid")
+    xml: str = Field(max_length=3_000_000, examples=["<dcc:digitalCalibrationCertificate …"])
+
+
+@router.post("/certificates", response_model=Certificate)
+def read_sphere_certificate(body: CertificateText, _: IdempotencyDep) -> Certificate:
+    """Return the diameters of a sphere's digital certificate, with their standard uncertainty; stores nothing."""
+    from calib_core.captures.certificate import read_certificate
+
+    return read_certificate(body.xml.encode())
 
 
 @router.post("/controller-files", response_model=ControllerFileContent)

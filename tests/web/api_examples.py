@@ -252,6 +252,21 @@ def record_live(recorder: Recorder, folder: Path) -> None:
             recorder.send("DELETE", f"{session}/devices/{{device}}", names={**names, "device": device})
     clocks = "scanner: device, robot: device"  # devices with clocks of their own are not at hand here
     measured = {"offset_s": 0.03702, "sigma_s": 0.00004, "rms_mm": 0.019, "exposures": 138, "clocks": clocks}
+    recorder.examples["machines_read_sphere_certificate"] = {
+        "request": {"xml": "<dcc:digitalCalibrationCertificate …"},
+        "answer": {
+            "identifier": "K-123",
+            "diameters": [
+                {
+                    "name": "Diameter",
+                    "diameter_mm": 38.0997,
+                    "sigma_mm": 0.0002,
+                    "coverage_factor": 2.0,
+                    "line": 12,
+                }
+            ],
+        },
+    }
     recorder.examples["live_measure_clocks"] = {
         "answer": {**measured, "shift_at_100_mm_s_mm": 0.004, "warning": ""}
     }

@@ -7,6 +7,7 @@ import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.core.test_certificate import certificate, quantity
 from tests.server.live_server import simulated_session, wait_for
 from tests.web.browsing import SharedProfile, Watch
 from tests.web.test_accessible import violations
@@ -43,6 +44,18 @@ def test_a_cell_is_planned_from_the_start_page(page: Page, watch: Watch, address
     dialog.get_by_label("Noise of a point, mm").fill("some")
     dialog.get_by_role("button", name="Plan", exact=True).click()
     assert dialog.get_by_label("Noise of a point, mm").evaluate("e => e.validationMessage") == "Enter a number."
+
+
+def test_the_spheres_certificate_fills_the_new_cell(page: Page, address: str) -> None:
+    page.goto(f"{address}/")
+    page.get_by_role("button", name="New session").first.click()
+    page.get_by_text("More", exact=True).click()
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Read the sphere's digital certificate …").click()
+    file = {"name": "dcc.xml", "mimeType": "text/xml", "buffer": certificate(quantity("Diameter of the sphere"))}
+    chooser.value.set_files([file])  # type: ignore[list-item]
+    expect(page.locator("input[name=diameter]")).to_have_value("38.0997")
+    expect(page.locator("input[name=diameter_sigma]")).to_have_value("0.0002")
 
 
 def test_a_point_is_picked_in_the_field_of_the_budget(

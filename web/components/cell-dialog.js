@@ -171,6 +171,7 @@ function open(conventions, session, brought) {
       h("div", { class: "row whole" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes" }), h("label", { for: "new-turntable" }, t("new.turntable"))),
       field("new-name", t("new.name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
+      h("button", { type: "button", class: "plain wide", onclick: async (/** @type {Event} */ { target }) => (await import("../guidance/certificate.js")).fillFromCertificate(/** @type {HTMLButtonElement} */ (target).form) }, t("new.certificate")),
       field("new-point-sigma", t("new.point_sigma"), number("point_sigma")),
       field("new-position-sigma", t("new.position_sigma"), number("position_sigma")),
       field("new-orientation-sigma", t("new.orientation_sigma"), number("orientation_sigma")),

@@ -10,6 +10,7 @@ export const cell = {
   "new.brand": "Robot",
   "new.brand_hint": "Decides how the numbers of a pose are read.",
   "new.diameter": "Sphere diameter in mm",
+  "new.certificate": "Read the sphere's digital certificate …",
   "new.diameter_hint": "From the certificate, such as 80.003",
   "new.turntable": "The part or the sphere is on a turntable",
   "new.board": "Calibration board, for raw camera frames",

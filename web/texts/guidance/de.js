@@ -24,4 +24,6 @@ export const texts = {
   "planned.step": "Für", "planned.step_tcp": "den TCP", "planned.step_turntable": "den Drehtisch", "planned.step_verify": "eine Überprüfung", "planned.count": "Aufnahmen", "planned.go": "Planen",
   "planned.pose": "Flansch in der Basis ({convention})", "planned.table": "Tisch", "planned.brand": "Steuerung", "planned.save": "Als Programm speichern", "planned.saved": "{name} ist gespeichert.",
   "planned.safety": "Das Programm fährt mit dem Flansch, langsam, von weit außen, und hält vor jeder Bewegung, bis der Bediener sie startet. Im Handbetrieb verwenden.",
+
+  "certificate.taken": "{name} aus Kalibrierschein {number} übernommen.", "certificate.several": "Kalibrierschein {number} hat mehrere Durchmesser; {name} ist übernommen. Prüfen, ob es der richtige ist.",
 };

@@ -24,4 +24,6 @@ export const texts = {
   "planned.step": "For", "planned.step_tcp": "the TCP", "planned.step_turntable": "the turntable", "planned.step_verify": "a verification", "planned.count": "Captures", "planned.go": "Plan",
   "planned.pose": "Flange in base ({convention})", "planned.table": "Table", "planned.brand": "Controller", "planned.save": "Save as program", "planned.saved": "{name} is saved.",
   "planned.safety": "The program goes by the flange, slowly, from well outside, and stops before each move until the operator starts it. Use manual mode.",
+
+  "certificate.taken": "{name} of certificate {number} is taken.", "certificate.several": "Certificate {number} has several diameters; {name} is taken. See that it is the right one.",
 };

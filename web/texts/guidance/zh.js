@@ -24,4 +24,6 @@ export const texts = {
   "planned.step": "用于", "planned.step_tcp": "TCP", "planned.step_turntable": "转台", "planned.step_verify": "验证", "planned.count": "采集次数", "planned.go": "规划",
   "planned.pose": "法兰在基座中（{convention}）", "planned.table": "转台", "planned.brand": "控制器", "planned.save": "保存为程序", "planned.saved": "{name} 已保存。",
   "planned.safety": "程序以法兰为准，从远处缓慢接近，每次移动前停下，直到操作员启动。请使用手动模式。",
+
+  "certificate.taken": "已采用证书 {number} 的 {name}。", "certificate.several": "证书 {number} 含多个直径；已采用 {name}。请确认是否正确。",
 };

@@ -1,0 +1,130 @@
+"""A sphere's digital calibration certificate (DCC): its diameter with its standard uncertainty.
+
+The XML of PTB's Digital Calibration Certificate with quantities in D-SI: `si:value`, `si:unit`, the expanded
+uncertainty with its coverage factor, in the words
+of D-SI 1 (`expandedUnc`) and of D-SI 2 (`measurementUncertaintyUnivariate`).
+"""
+
+import math
+import re
+from collections.abc import Sequence
+
+from calib_core.errors import InputError
+from calib_core.records import Record
+from calib_core.robots.xml_file import Element, elements
+
+_MM = {"metre": 1000.0, "m": 1000.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3}
+_PREFIXES = {"milli": 1e-3, "micro": 1e-6, "centi": 1e-2, "deci": 1e-1, "nano": 1e-9, "kilo": 1e3}
+_DIAMETER = re.compile(r"diamet|durchmesser|diamètre|diámetro|直径|直徑", re.IGNORECASE)
+_EXPANDED = ("uncertainty", "valueExpandedMU")
+_FACTORS = ("coverageFactor",)
+_STANDARD = ("valueStandardMU",)
+_LARGEST_BYTES = 20_000_000
+
+
+class CertifiedDiameter(Record):
+    """One diameter of a certificate; `sigma_mm` is its standard uncertainty, None where none stands there."""
+
+    name: str
+    diameter_mm: float
+    sigma_mm: float | None
+    coverage_factor: float | None
+    line: int
+
+
+class Certificate(Record):
+    """What a certificate tells of a sphere: its number, and its diameters, as they stand there."""
+
+    identifier: str
+    diameters: list[CertifiedDiameter]
+
+
+def read_certificate(data: bytes, where: str = "certificate") -> Certificate:
+    """Return the diameters of a digital calibration certificate.
+
+    Raises
+    ------
+    InputError
+        If it is no whole XML, declares entities, is no DCC, or has no diameter in a unit of length.
+    """
+    if len(data) > _LARGEST_BYTES:
+        raise InputError("a certificate of at most 20 MB", f"{len(data)} bytes", "Give the XML alone.", where)
+    found = elements(data, where)
+    if not found or found[0].name != "digitalCalibrationCertificate":
+        got = f"<{found[0].name}>" if found else "nothing"
+        to_do = "Give the XML file of the certificate; of a PDF it is an attachment."
+        raise InputError("a digital calibration certificate (DCC)", got, to_do, where)
+    numbers = [e.text.strip() for e in found if e.name == "uniqueIdentifier"]
+    reals = [e for e in found if e.name == "real"]
+    diameters = [one for real in reals if (one := _diameter(real, found, where)) is not None]
+    if not diameters:
+        to_do = "Type the diameter and its standard uncertainty instead."
+        raise InputError("a diameter in a unit of length", f"{len(reals)} other quantities", to_do, where)
+    return Certificate(identifier=next(iter(numbers), ""), diameters=diameters)
+
+
+def _diameter(real: Element, every: Sequence[Element], where: str) -> CertifiedDiameter | None:
+    inside = [e for e in every if any(parent is real for parent in e.path)]
+    own = {e.name: e for e in inside if e.path[-1] is real}
+    quantity = next((e for e in reversed(real.path) if e.name == "quantity"), None)
+    name = _name(quantity, every) if quantity is not None else ""
+    kind = "" if quantity is None else quantity.attributes.get("refType", "")
+    label = own["label"].text if "label" in own else ""
+    factor = _factor(own["unit"].text) if "unit" in own else None
+    if factor is None or "value" not in own or not _DIAMETER.search(f"{name} {kind} {label}"):
+        return None
+    value = _number(own["value"], where) * factor
+    if value <= 0:
+        raise InputError("a positive diameter", f"{value:g} mm", "Look at the certificate.", _at(real, where))
+    sigma, coverage = _sigma(inside, where)
+    told = name or label or kind
+    return CertifiedDiameter(
+        name=told,
+        diameter_mm=round(value, 9),
+        sigma_mm=None if sigma is None else round(sigma * factor, 9),
+        coverage_factor=coverage,
+        line=real.line,
+    )
+
+
+def _sigma(inside: Sequence[Element], where: str) -> tuple[float | None, float | None]:
+    """Return the standard uncertainty in the quantity's unit, and the coverage factor that it was divided by."""
+    standard = next((e for e in inside if e.name in _STANDARD), None)
+    expanded = next((e for e in inside if e.name in _EXPANDED), None)
+    factor = next((e for e in inside if e.name in _FACTORS), None)
+    if expanded is not None and factor is not None:
+        k = _number(factor, where)
+        if k < 1:
+            raise InputError("a coverage factor of at least 1", f"{k:g}", "Look at it.", _at(factor, where))
+        return abs(_number(expanded, where)) / k, k
+    return (None if standard is None else abs(_number(standard, where))), None
+
+
+def _name(quantity: Element, every: Sequence[Element]) -> str:
+    contents = [e for e in every if e.name == "content" and quantity in e.path]
+    named = [e for e in contents if e.path[-1].name == "name" and e.path[-2] is quantity]
+    return next((text for e in named if (text := " ".join(e.text.split()))), "")[:120]
+
+
+def _factor(unit: str) -> float | None:
+    r"""Return millimetres a unit, as D-SI writes it (``\milli\metre``) or plainly; None where it is no length."""
+    words = [word for word in unit.strip().split("\\") if word]
+    if not words or words[-1] not in _MM or len(words) > 2:
+        return None
+    if len(words) == 2:
+        return _MM[words[-1]] * _PREFIXES[words[0]] if words[0] in _PREFIXES and words[-1] == "metre" else None
+    return _MM[words[0]]
+
+
+def _number(element: Element, where: str) -> float:
+    try:
+        value = float(element.text.strip())
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError("a number", repr(element.text.strip()[:40]), "Look at it.", _at(element, where))
+    return value
+
+
+def _at(element: Element, where: str) -> str:
+    return f"{where}, line {element.line}"

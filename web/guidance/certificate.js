@@ -1,0 +1,29 @@
+// A sphere's digital certificate read into the form of a new cell: its diameter and its standard uncertainty.
+
+import { json, request } from "../state/http.js";
+import { h } from "../dom.js";
+import { learnTexts, t } from "../texts.js";
+import { attempt, notify } from "../components/toasts.js";
+
+await learnTexts("guidance");
+
+/** @param {HTMLFormElement | null} form */
+export function fillFromCertificate(form) {
+  const input = h("input", { type: "file", accept: ".xml,.dcc" });
+  input.addEventListener("change", () => void attempt(async () => {
+    const file = input.files?.[0];
+    if (!file || !form) return;
+    /** @type {import("../api-types.js").Certificate} */
+    const found = await (await request("/certificates", json("POST", { xml: await file.text() }))).json();
+    const one = found.diameters[0];
+    if (!one) return;
+    const put = (/** @type {string} */ name, /** @type {number | null} */ value) => {
+      const field = form.elements.namedItem(name);
+      if (field instanceof HTMLInputElement) field.value = value === null ? "" : String(value);
+    };
+    put("diameter", one.diameter_mm);
+    put("diameter_sigma", one.sigma_mm);
+    notify(t(found.diameters.length > 1 ? "certificate.several" : "certificate.taken", { name: one.name, number: found.identifier }));
+  }));
+  input.click();
+}
