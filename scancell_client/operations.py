@@ -401,8 +401,8 @@ class Operations(Connection):
         return self.request("GET", "/api/v1/brands")
 
     def machines_read_sphere_certificate(self, body: Mapping[str, Any]) -> Any:
-        """Return the diameters of a sphere's digital certificate, each with its standard uncertainty;
-        stores nothing."""
+        """Return the diameters of a sphere's digital certificate, with their standard uncertainty; stores
+        nothing."""
         return self.request("POST", "/api/v1/certificates", json=body)
 
     def machines_read_controller(self, files: Mapping[str, bytes], brand: Any, as_written: Any, told: Any) -> Any:

@@ -1148,6 +1148,20 @@ export interface OffTheTruth {
   frames: FrameDifference[];
 }
 
+export interface OldSession {
+  id: string;
+  name: string;
+  cell: string;
+  updated: string;
+  revision: number;
+  size: number;
+  why: "age" | "quota";
+}
+
+export interface OldSessions {
+  items: OldSession[];
+}
+
 export interface PastResult {
   number: number;
   created: string;
