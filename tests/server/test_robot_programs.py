@@ -1,12 +1,12 @@
-"""Programs for controllers: slow, from outside; each dialect's dialogue, byte for byte, takes its captures."""
+"""Programs for controllers: slow, from outside; each dialect's text, run by an interpreter, takes its captures."""
 
 import io
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from pathlib import Path
+from threading import Barrier, BrokenBarrierError
 from typing import Any
 
 import httpx
@@ -19,8 +19,9 @@ from calib_core.robots.programs.registry import PROGRAMS
 from calib_core.simulation import simulate
 from tests.server.live_rig import Rig, rig, until
 from tests.server.live_server import assert_problem, make_session
+from tests.server.robot_interpreters import INTERPRETERS, Controller
 from tests.server.test_live_devices import ABB_CELL, captures, devices
-from tests.server.test_robot_port import Program, program, token
+from tests.server.test_robot_port import token
 
 POSES = [c.pose or [] for c in simulate("tcp", 7).session.captures]
 PLANNED = [{"id": f"p{k + 1:02d}", "pose": pose} for k, pose in enumerate(POSES)]
@@ -94,31 +95,36 @@ SLOW = {
 }
 
 
-def said_by_krl(pose: RigidTransform, name: str) -> bytes:
-    numbers = dict(zip("XYZABC", to_pose("kuka", pose), strict=True))
-    told = " ".join(f'{letter}="{value:.6f}"' for letter, value in numbers.items())
-    return f'<Shot Capture="{name}"><Pose {told}></Pose></Shot>'.encode()
+class InCell(Controller):
+    """A controller whose arm is the simulated cell's; those that run at once go to each stop together."""
 
+    def __init__(self, cell: Rig, stops: Sequence[int], together: Barrier, count: Callable[[], int]) -> None:
+        super().__init__()
+        self._cell, self._stops, self._together, self._count = cell, stops, together, count
+        self._moves = 0
+        self._is_on = False
 
-def said_by_rapid(pose: RigidTransform, name: str) -> bytes:
-    x, y, z, *q = to_pose("abb", pose)
-    return f"{name} {x:.3f} {y:.3f} {z:.3f} {' '.join(f'{v:.8f}' for v in q)}\r\n".encode()
+    def move(self, base_from_tool0: RigidTransform) -> None:
+        stop, part = divmod(self._moves, 3)  # to the approach, to the stop, back to the approach
+        self._moves += 1
+        shot = self._cell.cell.shots[self._stops[stop]]
+        away = np.linalg.norm(base_from_tool0.translation_mm - shot.reported[:3, 3])
+        assert away == pytest.approx(0.0 if part == 1 else 150.0, abs=2e-3)
+        if part == 1 and self._together.wait(60) == 0:
+            self._cell.go(self._stops[stop])
+        if part == 1:
+            self._together.wait(60)
+            until(lambda: not self._cell.cell.at(self._cell.now()).moving)
 
+    def where(self) -> RigidTransform:
+        return RigidTransform(self._cell.cell.at(self._cell.now()).reported, "base", "tool0")
 
-def said_by_urscript(pose: RigidTransform, name: str) -> bytes:
-    return f"{name} p[{', '.join(f'{v:.7g}' for v in to_pose('ur', pose))}]\n".encode()
-
-
-def said_by_karel(pose: RigidTransform, name: str) -> bytes:
-    return (name + "".join(f" {v: .3f}" for v in to_pose("fanuc", pose)) + "\r\n").encode()
-
-
-DIALOGUES = {
-    "krl": ("kuka", said_by_krl, b'<Hello Token="%s"/>', b'<End Done="1"/>', 'Ok="1"'),
-    "rapid": ("abb", said_by_rapid, b"%s\r\n", b"done\r\n", "OK "),
-    "urscript": ("ur", said_by_urscript, b"%s\n", b"done\n", "OK "),
-    "karel": ("fanuc", said_by_karel, b"%s\r\n", b"done\r\n", "OK "),
-}
+    def input(self) -> bool:
+        """On while somebody presses it: once the capture of this stop is there."""
+        if not self._is_on:
+            until(lambda: self._count() > self._moves // 3)
+        self._is_on = not self._is_on
+        return self._is_on
 
 
 @pytest.fixture
@@ -127,36 +133,84 @@ def cell(tmp_path: Path) -> Any:
         yield made
 
 
-def test_the_dialogue_of_each_dialect_takes_fourteen_captures(client: httpx.Client, cell: Rig) -> None:
-    """One cell, and at each stop the four dialects speak at once, each on the port of its own session."""
-    sessions: dict[str, str] = {}
-    with ExitStack() as stack, ThreadPoolExecutor(len(DIALOGUES)) as together:
-        robots = {}
-        for name, (convention, _, hello, _, good) in DIALOGUES.items():
-            own = {**ABB_CELL, "pose_convention": convention}
-            session = sessions[name] = make_session(client, name=f"program in {name}", cell=own)
+class Running:
+    """Programs of some dialects as the workbench writes them, each for its own session, run at once."""
+
+    def __init__(self, client: httpx.Client, cell: Rig, stops: Sequence[int], names: Sequence[str]) -> None:
+        self._client = client
+        self.sessions: dict[str, str] = {}
+        self.robots: dict[str, InCell] = {}
+        together = Barrier(len(names))
+        programs: dict[str, dict[str, str]] = {}
+        for name in names:
+            session = self.sessions[name] = self._session(name, cell)
+            self.robots[name] = InCell(cell, stops, together, lambda s=session: len(captures(client, s)))
+            programs[name] = self._program(name, cell, stops)
+        until(
+            lambda: all(d["status"] == "live" for s in self.sessions.values() for d in devices(client, s).values())
+        )
+        with ThreadPoolExecutor(len(names)) as pool:
+            runs = [pool.submit(self._run, name, programs[name], together) for name in names]
+            for one in sorted(runs, key=lambda run: isinstance(run.exception(), BrokenBarrierError)):
+                one.result()
+        for session in self.sessions.values():
+            client.delete(f"/sessions/{session}/robot-port")
+            for device in devices(client, session):
+                client.delete(f"/sessions/{session}/devices/{device}")
+
+    def _run(self, name: str, files: dict[str, str], together: Barrier) -> None:
+        try:
+            INTERPRETERS[name](files, self.robots[name])
+        except BaseException:
+            together.abort()  # else the others would wait for it
+            raise
+        finally:
+            self.robots[name].disconnect()
+
+    def _session(self, name: str, cell: Rig) -> str:
+        client = self._client
+        own = {**ABB_CELL, "pose_convention": PROGRAMS.get(name).convention}
+        session = make_session(client, name=f"program in {name}", cell=own)
+        if name == "inform":  # it cannot talk: captures are taken at standstill, and an input lets it go on
+            cell.connect(client, session)
+            client.put(f"/sessions/{session}/live", json={"automatic": True})
+        else:
             scanner = {"source": "frame-folder", "settings": {"folder": str(cell.folder)}}
             assert client.put(f"/sessions/{session}/devices/scanner", json=scanner).status_code == 200
-            port = client.put(f"/sessions/{session}/robot-port", json={}).json()["port"]
-            robots[name] = stack.enter_context(program(port))
-            assert good in robots[name].say(hello % token(client).encode())
-        until(lambda: all(devices(client, s)["scanner"]["status"] == "live" for s in sessions.values()))
-        stops = (cell.good * 2)[:14]
-        for count, number in enumerate(stops, start=1):
-            cell.go(number)
-            until(lambda: not cell.cell.at(cell.now()).moving)
-            reported = RigidTransform(cell.cell.shots[number].reported, "base", "tool0")
-            said = [DIALOGUES[name][1](reported, f"p{count:02d}") for name in robots]
-            answers = list(together.map(Program.say, robots.values(), said))
-            assert all(DIALOGUES[n][4] in answer for n, answer in zip(robots, answers, strict=True)), answers
-        for name, robot in robots.items():
-            assert "done 14 captures" in robot.say(DIALOGUES[name][3])
-    for name, session in sessions.items():
-        client.delete(f"/sessions/{session}/robot-port")
-        client.delete(f"/sessions/{session}/devices/scanner")
+        return session
+
+    def _program(self, name: str, cell: Rig, stops: Sequence[int]) -> dict[str, str]:
+        client, session, convention = self._client, self.sessions[name], PROGRAMS.get(name).convention
+        port = client.put(f"/sessions/{session}/robot-port", json={}).json()["port"]
+        poses = [to_pose(convention, RigidTransform(cell.cell.shots[k].reported, "base", "tool0")) for k in stops]
+        plan = [{"id": f"p{k:02d}", "pose": list(pose)} for k, pose in enumerate(poses, start=1)]
+        body = {"host": "127.0.0.1", "port": port, "token": token(client), "poses": plan}
+        answer = client.post(f"/sessions/{session}/robot-programs/{name}", json=body)
+        assert answer.status_code == 200, answer.text
+        with zipfile.ZipFile(io.BytesIO(answer.content)) as zipped:
+            return {entry: zipped.read(entry).decode("ascii") for entry in zipped.namelist()}
+
+
+def test_the_program_of_each_dialect_takes_fourteen_captures(client: httpx.Client, cell: Rig) -> None:
+    """One cell, and all dialects at once: what they run is the text that is loaded into the controllers."""
+    stops = (cell.good * 2)[:14]
+    ran = Running(client, cell, stops, PROGRAMS.names())
+    for name, session in ran.sessions.items():
+        assert ran.robots[name].starts == len(stops), name
+        assert ran.robots[name].refused == 0, name
         found = captures(client, session)
-        assert len(found) == len(stops)
+        assert [capture["id"] for capture in found] == [f"p{k + 1:02d}" for k in range(14)], name
         for capture, number in zip(found, stops, strict=True):
             wanted = RigidTransform(cell.cell.shots[number].reported, "base", "tool0")
-            told = parse_pose(DIALOGUES[name][0], capture["pose"])
+            told = parse_pose(PROGRAMS.get(name).convention, capture["pose"])
             assert np.abs(wanted.difference(told)).max() < 2e-3
+        if name != "inform":
+            assert len(ran.robots[name].shown) == len(stops) + 2
+
+
+def test_a_program_that_is_answered_no_asks_its_operator(client: httpx.Client, cell: Rig) -> None:
+    weak = next(k for k in range(len(cell.cell.shots)) if cell.offset(k) < 0.28)
+    ran = Running(client, cell, [weak], [name for name in PROGRAMS.names() if name != "inform"])
+    for name, session in ran.sessions.items():
+        assert ran.robots[name].refused == 1, name
+        assert captures(client, session) == []
