@@ -26,6 +26,7 @@ from server.live.pictures import preview_jpeg
 from server.live.recording import Recording
 from server.live.shots import CaptureSettings
 from server.simulated_cell.devices import SimulatedDevices
+from server.simulated_cell.gige_server import GigeServer
 from server.simulated_cell.stream_server import StreamServer
 from server.sources.device import Frame, Reading, Sample, host_now_s
 from server.sources.lossless import lossless
@@ -225,34 +226,70 @@ def _cost_of_preview(image: bytes, cell: Any, optics: ProfileCalibration) -> flo
 
 
 def _gige_vision(frames: int) -> Iterator[Row]:
-    """Aravis's fake camera, which makes fewer frames than it is asked for where the machine is busy."""
+    """The simulated cell's camera, in a process of its own, and Aravis's fake one, which sends nothing again."""
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    camera = context.Process(target=_serve_gige, args=(there,), daemon=True)
+    camera.start()
+    here.recv()
+    try:
+        yield _blocks_missing("simulated camera", frames)
+    finally:
+        here.send("stop")
+        again = here.recv()
+        camera.join()
+    yield Row("its packets that got lost and were sent again", "", str(again), True)
     program = shutil.which("arv-fake-gv-camera-0.8")
     if program is None:
         return
-    camera = subprocess.Popen([program, "-i", "127.0.0.1"])
-    came: list[int] = []
-    source = SOURCES.get("genicam")
-    features = {"Width": str(_WIDTH), "Height": str(_HEIGHT)}
-    settings = source.settings(features=features, frame_rate_hz=_RATE_HZ, exposure_us=5000.0)
-
-    def take(_: str, reading: Reading) -> None:
-        assert isinstance(reading, Frame)
-        came.append(int(Path(reading.name).stem))
-
-    link = Link("camera", source, settings, take, lambda _: None)
+    fake = subprocess.Popen([program, "-i", "127.0.0.1"])
     try:
-        link.start()
-        _until(lambda: len(came) > 0)
-        began_s, before = host_now_s(), len(came)
-        _until(lambda: len(came) >= before + frames)
-        rate = (len(came) - before) / (host_now_s() - began_s)
-        lost = sum((later - earlier - 1) % 65535 for earlier, later in pairwise(came))
-        what = f"GigE Vision, {_WIDTH}×{_HEIGHT} at {rate:.0f} frames a second: blocks missing"
-        yield Row(what, "0", f"{lost} of {len(came)}", lost == 0)
+        yield _blocks_missing("Aravis's fake camera, which keeps no packets", frames, Width=_WIDTH, Height=_HEIGHT)
     finally:
-        link.stop()
-        camera.kill()
-        camera.wait()
+        fake.kill()
+        fake.wait()
+
+
+def _serve_gige(there: Any) -> None:
+    images = list(_images())
+    made = iter(range(10**9))
+    server = GigeServer(
+        lambda _: (images[next(made) % len(images)], time.monotonic()), (_WIDTH, _HEIGHT), _RATE_HZ
+    )
+    there.send("ready")
+    there.recv()
+    server.stop()
+    there.send(server.sent_again)
+
+
+def _blocks_missing(camera: str, frames: int, **features: int) -> Row:
+    """Receive frames by the source of cameras while they are written to the disk, and count the blocks missing."""
+    source = SOURCES.get("genicam")
+    settings = source.settings(
+        features={name: str(value) for name, value in features.items()}, frame_rate_hz=_RATE_HZ, exposure_us=5000.0
+    )
+    came: list[int] = []
+    with tempfile.TemporaryDirectory() as folder:
+        recording = Recording(Path(folder))
+
+        def take(_: str, reading: Reading) -> None:
+            assert isinstance(reading, Frame)
+            came.append(int(Path(reading.name).stem))
+            recording.expose(reading)
+
+        link = Link("camera", source, settings, take, lambda _: None)
+        try:
+            link.start()
+            _until(lambda: len(came) > 0)
+            began_s, before = host_now_s(), len(came)
+            _until(lambda: len(came) >= before + frames)
+            rate = (len(came) - before) / (host_now_s() - began_s)
+        finally:
+            link.stop()
+        recording.end()
+    lost = sum((later - earlier - 1) % 65535 for earlier, later in pairwise(came))
+    what = f"GigE Vision, {camera}, {_WIDTH}×{_HEIGHT} at {rate:.0f} frames a second, to the disk: blocks missing"
+    return Row(what, "0", f"{lost} of {len(came)}", lost == 0)
 
 
 def _until(found: Callable[[], bool]) -> None:

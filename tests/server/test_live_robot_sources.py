@@ -213,6 +213,21 @@ def test_abb_egm_is_received_in_abbs_own_messages() -> None:
     assert_pose(sample_of(device), flange_of_joints(NAMED_ARMS["ur10e"], JOINTS_DEG))
 
 
+def test_the_peers_receiver_reads_the_same_egm_messages() -> None:
+    """So the messages above are such as the package's own client takes from controllers, not as ours likes them."""
+    from ABBRobotEGM import EGM
+
+    port = free_port(socket.SOCK_DGRAM)
+    with EGM(port) as peer:
+        send_datagrams(port, egm_message(123_456))
+        came, state = peer.receive_from_robot(5.0)
+    assert came
+    assert state is not None
+    assert tuple(state.joint_angles) == JOINTS_DEG
+    assert (state.cartesian.pos.x, state.cartesian.pos.y, state.cartesian.pos.z) == (364.35, 1.25, 594.0)
+    assert (state.external_axes[0], state.header.tm) == (45.5, 123_456)
+
+
 PAGE = """<?xml version="1.0" encoding="UTF-8"?>
 <!DOCTYPE html PUBLIC "-//W3C//DTD XHTML 1.0 Strict//EN" "http://www.w3.org/TR/xhtml1/DTD/xhtml1-strict.dtd">
 <html xmlns="http://www.w3.org/1999/xhtml"><head><title>motionsystem</title><base href="http://localhost/rw/"/></head>
