@@ -214,7 +214,7 @@ def test_abb_egm_is_received_in_abbs_own_messages() -> None:
 
 
 def test_the_peers_receiver_reads_the_same_egm_messages() -> None:
-    """So the messages above are such as the package's own client takes from controllers, not as ours likes them."""
+    """So the messages above are what the package's own client takes from controllers, not what ours likes."""
     from ABBRobotEGM import EGM
 
     port = free_port(socket.SOCK_DGRAM)
