@@ -7,7 +7,7 @@ from fastapi import Path, Query, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError
+from calib_core.errors import CalibrationError, ConflictError, NotFoundError
 from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
 from server.http.api_router import api_router
@@ -15,7 +15,7 @@ from server.http.dependencies import IdempotencyDep, JobId, JobsDep, SessionId, 
 from server.http.schemas import Job
 from server.http.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
 from server.http.schemas_results import StageResult
-from server.store.history import PastResult, latest_numbers, moment, past_result, stage_history, timeline
+from server.store.history import PastResult, compared, latest_numbers, moment, past_result, stage_history, timeline
 from server.store.models import Data
 from server.store.sessions import StoredSession, load_session, locked_session
 from server.store.solves import REPLAY, create_job, job_answer, job_data
@@ -66,25 +66,10 @@ def compare(
     stage: Annotated[KnownStage, Path(examples=["tcp"])], left: SideName, right: SideName, store: StoreDep
 ) -> Response:
     """Return two results of a stage side by side, of one session or two: what differs, in units of its sigma."""
-    from calib_core.review.compare import Compared, compare_results
+    from calib_core.review.compare import compare_results
 
-    sides: list[Compared] = []
     with store.read() as db:
-        for name, side in (("left", left), ("right", right)):
-            session_id, number = _side(name, side)
-            found = past_result(db, session_id, stage, number)
-            now = load_session(db, store.blobs, session_id).session
-            known = found.session is not None
-            sides.append(
-                Compared(
-                    session_id,
-                    found.record,
-                    found.session or now,
-                    found.files if known else None,
-                    found.number,
-                    found.created,
-                )
-            )
+        sides = [compared(db, store.blobs, stage, side) for side in (left, right)]
     return JSONResponse(compare_results(*sides).to_json())
 
 
@@ -156,10 +141,3 @@ def _frames(stored: StoredSession, stale: list[str]) -> Data | None:
         return json.loads(export(stored.session, stored.results, "json", stale)[0])
     except CalibrationError:
         return None
-
-
-def _side(name: str, text: str) -> tuple[str, int | None]:
-    session_id, _, number = text.partition(":")
-    if number and not (number.isascii() and number.isdigit() and len(number) < 16):
-        raise InputError(_SIDE.split(",")[0], repr(text), "Take both from the session's history.", name)
-    return session_id, int(number) if number else None

@@ -17,6 +17,8 @@ SPHERE: Rgb = (150, 155, 165)
 GHOST: Rgb = (190, 75, 200)
 UNCERTAIN: Rgb = (213, 94, 0)
 LASER: Rgb = (214, 39, 40)
+FIRST: Rgb = (30, 110, 200)
+SECOND: Rgb = (230, 120, 20)
 
 MOUNTS: tuple[Rgb, ...] = ((204, 121, 167), (60, 160, 215), (200, 190, 60), (120, 90, 200))
 BOARD: Rgb = (60, 160, 215)

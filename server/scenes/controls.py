@@ -8,6 +8,7 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 
 from calib_core.errors import InputError, NotFoundError
+from calib_core.records import StageName
 from server.http.api_router import api_router
 from server.scenes.bridge import bridge
 from server.scenes.layers import LAYERS
@@ -77,6 +78,14 @@ class Turn(BaseModel):
     capture: str | None = Field(default=None, examples=["t01"])
 
 
+class TwoResults(BaseModel):
+    """Two results of a stage, each SESSION or SESSION:NUMBER as in the comparison."""
+
+    stage: StageName = Field(examples=["tcp"])
+    left: str = Field(max_length=100, examples=["4c1f0a92e6b37d58:3"])
+    right: str = Field(max_length=100, examples=["4c1f0a92e6b37d58:5"])
+
+
 class MomentChange(BaseModel):
     """A place on the session's time line."""
 
@@ -111,6 +120,13 @@ def turn(session: SessionId, body: Turn, scenes: Scenes) -> None:
 def go_to_moment(session: SessionId, body: MomentChange, scenes: Scenes, past: Past) -> None:
     """Let a page's own scene (SESSION.NAME) show the session as it stood at a place of its time line."""
     past.go(session, body.place)
+    scenes.refresh(session)
+
+
+@controls_router.post("/compared", status_code=204, summary="Show two answers in one scene")
+def show_both(session: SessionId, body: TwoResults, scenes: Scenes, past: Past) -> None:
+    """Let a page's own scene (SESSION.NAME) show two results of a stage, the first as SESSION has it."""
+    past.compare(session, body.stage, body.left, body.right)
     scenes.refresh(session)
 
 
@@ -197,7 +213,7 @@ def _shown_by(step: str) -> str:
     for stage in stages():
         if step in (stage.name, *stage.guided) and stage.step is not None:
             return stage.step.shows
-    return {"merge": "object", "chain": "sphere-on-table"}.get(step, "sphere")
+    return {"merge": "object", "chain": "sphere-on-table", "compared": "answers"}.get(step, "sphere")
 
 
 def _live(scenes: SceneManager, session: str) -> LiveScene:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import MergedScans, scanner_on_flange
 from server.scenes.optics import OpticsFacts, optics_facts
 from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
+
+if TYPE_CHECKING:
+    from calib_core.review.compare import PlacedPoint
 
 LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]
@@ -52,6 +55,8 @@ class SceneInput:
         Says which files the three above read, so that what was read can be kept.
     stale : frozenset of str
         The stages whose results are older than the captures.
+    compared : tuple of PlacedPoint
+        Two answers, where the scene shows what lies between them.
     """
 
     session: Session
@@ -63,6 +68,7 @@ class SceneInput:
     load_reference: Callable[[], ReferenceMesh | None] = lambda: None
     outputs: tuple[str, ...] = ()
     stale: frozenset[str] = frozenset()
+    compared: "tuple[PlacedPoint, ...]" = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +116,7 @@ class SceneFacts:
     scans: Callable[[], MergedScans | None] = lambda: None
     next_pose: RigidTransform | None = None
     uncertainty: KnownHowWell | None = None
+    compared: "tuple[PlacedPoint, ...]" = ()
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -166,7 +173,10 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     optics, merged = optics_facts(session, results), scene.load_merged() or scene.load_scans()
     facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
     radius_mm, well = _radius_mm(session, facts), _known_how_well(results)
-    return replace(facts, sphere_radius_mm=radius_mm, next_pose=_next_pose(scene), uncertainty=well)
+    next_pose = _next_pose(scene)
+    return replace(
+        facts, sphere_radius_mm=radius_mm, next_pose=next_pose, uncertainty=well, compared=scene.compared
+    )
 
 
 def _known_how_well(results: Mapping[str, Result]) -> KnownHowWell:

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.frames import RigidTransform
 from server.scenes import nodes
+from server.scenes.answers import answers
 from server.scenes.arm import arm
 from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
@@ -141,6 +142,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "camera": ("Camera: field of view", camera),
     "boards": ("Camera: boards", boards),
     "plane": ("Camera: laser plane", plane_in_camera),
+    "answers": ("Both answers", answers),
     "labels": ("Labels", labels),
 }
 """Root node of each layer, its name for people, and what draws it; the first ones are sent and seen first."""

@@ -3,14 +3,17 @@
 from collections.abc import Collection, Sequence
 from html import escape
 
+from server.scenes.answers import magnified as answers_magnified
 from server.scenes.cloud_layers import height_range_mm, shown_cloud
 from server.scenes.cloud_view import Section
 from server.scenes.colors import (
     BOARD,
     DIVERGING,
+    FIRST,
     LIGHT,
     REJECTED,
     SCANS,
+    SECOND,
     UNCERTAIN,
     USED,
     VIRIDIS,
@@ -44,6 +47,9 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         parts += _of_cloud(cloud, look)
     if _told_how_well(facts.uncertainty) and told("uncertainty"):
         parts.append(_key(UNCERTAIN, "●", f"uncertainty, k = 2, ×{magnified(facts)}"))
+    if facts.compared and layers is not None and "answers" in layers:
+        parts += [_key(FIRST, "●", "first answer"), _key(SECOND, "●", "second answer")]
+        parts.append(f"<p>Ellipsoids, k = 2, and the way between them ×{answers_magnified(facts)}</p>")
     if look.alone:
         parts.append(f"<p>The cell as it stood at capture {escape(look.picked or '')}.</p>")
     return "".join(parts)

@@ -2,11 +2,14 @@
 
 import threading
 from collections import OrderedDict
-from typing import TYPE_CHECKING, Final
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
 
 from calib_core.errors import NotFoundError
 from server.scenes.facts import SceneInput
 from server.scenes.stored import scene_of, stored_scene
+from server.store.history import compared, moment
+from server.store.sessions import load_session
 
 if TYPE_CHECKING:
     from server.store.database import Store
@@ -25,16 +28,17 @@ class PastScenes:
     def __init__(self, store: "Store") -> None:
         self._store = store
         self._places: OrderedDict[str, int] = OrderedDict()
+        self._compared: OrderedDict[str, tuple[str, str, str]] = OrderedDict()
         self._lock = threading.Lock()
 
     def load(self, key: str) -> SceneInput | None:
         """Return a scene as it is now, or at its place on the time line; None where there is no such session."""
         session_id = session_of(key)
+        if (both := self._compared.get(key)) is not None:
+            return self._both(session_id, *both)
         place = self._places.get(key)
         if key == session_id or place is None:
             return stored_scene(self._store, session_id)
-        from server.store.history import moment
-
         try:
             with self._store.read() as db:
                 return scene_of(moment(db, self._store.blobs, session_id, place).stored)
@@ -49,13 +53,55 @@ class PastScenes:
         NotFoundError
             If the key is that of the session's own scene, which always shows the present.
         """
-        if key == session_of(key):
-            raise NotFoundError("a scene of the past", f"'{key}'", "Name it SESSION.NAME.", "session")
+        _require_own(key)
         with self._lock:
-            self._places[key] = place
-            self._places.move_to_end(key)
-            while len(self._places) > _MOST:
-                self._places.popitem(last=False)
+            _keep(self._places, key, place)
+
+    def compare(self, key: str, stage: str, left: str, right: str) -> None:
+        """Let a page's own scene show two results of a stage from its next refresh on.
+
+        Parameters
+        ----------
+        key, stage : str
+        left, right : str
+            SESSION or SESSION:NUMBER, the first of the session that the key names.
+
+        Raises
+        ------
+        NotFoundError
+            If the key is that of the session's own scene, or there is no such result.
+        """
+        _require_own(key)
+        with self._store.read() as db:
+            for side in (left, right):
+                compared(db, self._store.blobs, stage, side)
+        with self._lock:
+            _keep(self._compared, key, (stage, left, right))
+
+    def _both(self, session_id: str, stage: str, left: str, right: str) -> SceneInput | None:
+        """Return the first session's scene with both answers in it; as it is now where one of them is gone."""
+        from calib_core.review.compare import placed_points
+
+        try:
+            with self._store.read() as db:
+                first, second = (compared(db, self._store.blobs, stage, side) for side in (left, right))
+                stored = load_session(db, self._store.blobs, session_id)
+        except NotFoundError:
+            return stored_scene(self._store, session_id)
+        with_first = replace(stored, results={**stored.results, stage: dict(first.record)})
+        return replace(scene_of(with_first), compared=tuple(placed_points(first, second)))
+
+
+def _require_own(key: str) -> None:
+    if key == session_of(key):
+        raise NotFoundError("a scene of a page's own", f"'{key}'", "Name it SESSION.NAME.", "session")
+
+
+def _keep(known: OrderedDict[str, Any], key: str, what: object) -> None:
+    known[key] = what
+    known.move_to_end(key)
+    while len(known) > _MOST:
+        known.popitem(last=False)
 
 
 def session_of(key: str) -> str:

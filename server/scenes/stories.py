@@ -35,6 +35,7 @@ _STORIES: dict[tuple[str, Side], Story] = {
     ("sphere-on-table", "result"): _story("Table", "table circles places", "points turned uncertainty"),
     ("object", "measure"): _story("Table", "table scans live", "turned"),
     ("object", "result"): _story("Object", "scans"),
+    ("answers", "result"): _story("Answers", "answers"),
 }
 _WHOLE = Story("Captures", frozenset(LAYERS), frozenset(LAYERS))
 
@@ -48,6 +49,7 @@ def story(shows: str, side: Side, facts: SceneFacts) -> Story:
         "board": facts.optics is not None,
         "sphere": side == "measure" or facts.sphere_center_in_base_mm is not None,
         "sphere-on-table": facts.table is not None,
+        "answers": bool(facts.compared),
         "object": facts.merged is not None if side == "result" else facts.table is not None,
     }
     if known.get(shows, False):

@@ -9,7 +9,7 @@ from server.scenes.facts import SceneFacts
 from server.scenes.nodes import METRES_PER_MM
 from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts
 
-VIEWS = ("Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser")
+VIEWS = ("Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser", "Answers")
 FIELD_OF_VIEW_RAD = 0.75
 
 _ISOMETRIC = np.array([1.0, -1.2, 0.75])
@@ -70,6 +70,10 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
         return _around(scanned, _ISOMETRIC)
     if name == "Camera" and facts.optics is not None:
         return _around(_bench_places_mm(facts.optics), _BENCH)
+    if name == "Answers" and facts.compared:
+        from server.scenes.answers import places_mm
+
+        return _around(places_mm(facts), _ISOMETRIC)
     everything = _places_mm(facts)
     if name == "Cell" or not len(everything):
         # Before anything is known the base stands in the middle of the room that a robot works in.

@@ -2,17 +2,21 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
-from calib_core.errors import NotFoundError
+from calib_core.errors import InputError, NotFoundError
 from calib_core.records import Capture, Measured, Session, parse_session
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, JobRow, ResultRow
 from server.store.sessions import StoredSession, load_session, session_row
 from server.store.solves import ALL, REPLAY
+
+if TYPE_CHECKING:
+    from calib_core.review.compare import Compared
 
 _REMOVED = "Its files were removed since."
 
@@ -118,6 +122,27 @@ def past_result(db: Transaction, session_id: str, stage: str, number: int | None
             "a result of this stage", got, "List its history; solve the stage where it is empty.", "number"
         )
     return found[0]
+
+
+def compared(db: Transaction, blobs: Blobs, stage: str, side: str) -> "Compared":
+    """Return one side of a comparison by its name, SESSION or SESSION:NUMBER, without a number the latest result.
+
+    Raises
+    ------
+    InputError
+        If the number is none.
+    NotFoundError
+        If there is no such session or result.
+    """
+    from calib_core.review.compare import Compared
+
+    session_id, _, number = side.partition(":")
+    if number and not (number.isascii() and number.isdigit() and len(number) < 16):
+        raise InputError("SESSION or SESSION:NUMBER", repr(side), "Take both from the session's history.", "side")
+    found = past_result(db, session_id, stage, int(number) if number else None)
+    now = load_session(db, blobs, session_id).session
+    files = found.files if found.session is not None else None
+    return Compared(session_id, found.record, found.session or now, files, found.number, found.created)
 
 
 def past_results(db: Transaction, session_id: str, stage: str | None = None) -> list[PastResult]:

@@ -95,6 +95,12 @@ def test_two_solves_side_by_side(client: httpx.Client, session: str) -> None:
     assert frame["at_workpiece_mm"] < 4 * frame["at_workpiece_sigma_mm"]
     row = next(r for r in found["residuals"] if r["capture"] == "p03")
     assert (row["left_used"], row["right_used"]) == (True, False)
+    scene = f"{str(client.base_url).removesuffix('/api/v1/')}/scenes/{session}"
+    both = {"stage": "tcp", "left": f"{session}:{old}", "right": f"{session}:{new}"}
+    assert client.post(f"{scene}.page4711/compared", json=both).status_code == 204
+    assert client.get(f"{scene}.page4711/page").status_code == 200
+    assert_problem(client.post(f"{scene}/compared", json=both), 404, "SESSION.NAME")
+    assert_problem(client.post(f"{scene}.page4711/compared", json={**both, "right": f"{session}:999"}), 404, "999")
 
 
 def test_two_sessions_side_by_side(client: httpx.Client, session: str) -> None:

@@ -24,6 +24,8 @@ _CONTROLS = """() => {
     const box = one.getBoundingClientRect();
     if (box.width < 2 || box.height < 2 || one.classList.contains("visually-hidden")) continue;
     if (one.matches("a") && (one.target === "_blank" || new URL(one.href).origin !== location.origin)) continue;
+    // The session that is walked in stays: what ends it for good is not pressed, in whatever language the walk is.
+    if (one.matches("button.danger") && one.closest("dialog")?.querySelector("#deed-title")) continue;
     if (one.matches("a[download], a[href^='/docs'], a[href$='/report'], a[href*='/api/']")) continue;
     seen.push(one);
   }
@@ -58,6 +60,12 @@ _USE = """([index, chance]) => {
 _CLICK = """(index) => {
   window.walkControls[index].dispatchEvent(new MouseEvent("click", { bubbles: true, cancelable: true }));
 }"""
+_TOLD = "sc-toasts .toast, [role=alert]:not(.visually-hidden), dialog[open] .mark-fail, .lost h1"
+# A toast may be closed by the very next action: that it was there is remembered.
+_REMEMBER = f"""new MutationObserver(() => {{
+  if (document.querySelector("{_TOLD}")) window.walkTold = performance.now();
+}}).observe(document, {{ subtree: true, childList: true, attributes: true }})"""
+_LATELY = "() => performance.now() - (window.walkTold ?? -1e9) < 5000"
 _ALIVE = """() => {
   const text = document.body.innerText.trim();
   return { words: text.length, bad: /undefined|NaN|\\[object /.exec(text)?.[0] ?? null };
@@ -80,8 +88,6 @@ _KEYS = (
 )
 _REFUSED = re.compile(r"Failed to load resource: the server responded with a status of 4\d\d")
 _SHORT = re.compile("Failed to load resource: the server responded with a status of ")
-# The session that is walked in stays: what ends it for good is not pressed.
-_NOT = ("Delete session", "Delete sessions", "Log out")
 
 
 @dataclass
@@ -116,6 +122,7 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
     page.on("pageerror", lambda error: complain(str(error)))
     page.on("dialog", lambda dialog: dialog.dismiss())
     page.on("popup", lambda other: other.close())
+    page.add_init_script(_REMEMBER)
     page.goto(home)
     page.locator("h1").first.wait_for()
     while done.actions < actions and len(done.problems) < stop_at:
@@ -142,10 +149,11 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
 
 
 def _told(page: Page) -> bool:
-    """Return whether the page says that something was refused."""
+    """Return whether the page says, or has just said, that something was refused."""
+    if page.evaluate(_LATELY):
+        return True
     try:
-        told = "sc-toasts .toast, [role=alert]:not(.visually-hidden), dialog[open] .mark-fail, .lost h1"
-        page.locator(told).first.wait_for(timeout=2000)
+        page.locator(_TOLD).first.wait_for(timeout=2000)
     except PlaywrightTimeout:
         return False
     return True
@@ -169,7 +177,7 @@ def _act(page: Page, lot: random.Random, done: Walk) -> str | None:
         return None
     index = lot.randrange(count)
     used = page.evaluate(_USE, [index, lot.random()])
-    if used is None or any(words in used["what"] for words in _NOT):
+    if used is None:
         return None
     done.used[used["what"].split(" ")[0]] += 1
     if used.get("at"):

@@ -5,6 +5,7 @@ import { h } from "../dom.js";
 import { fixed, integer, plusMinus, significant, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
+import { bothAnswers } from "./both-answers.js";
 import { intervalPlot } from "./interval-plot.js";
 import { plot } from "./plot.js";
 
@@ -23,6 +24,7 @@ const BAND = 2.795;
 export function comparisonSections(comparison, names) {
   return [
     decision(comparison),
+    bothAnswers(comparison),
     ...comparison.frames.map((frame) => frameSection(frame, comparison, names)),
     changesSection(comparison),
     figuresSection(comparison, names),
@@ -101,7 +103,7 @@ function changesSection({ changes, left, right }) {
   if (left.software !== right.software) about.push(t("comparison.software", { left: left.software, right: right.software }));
   if (left.method !== right.method) about.push(t("comparison.method", { left: left.method, right: right.method }));
   if (left.session !== right.session && !changes?.length) return about.length ? panel(t("comparison.changes"), list(about)) : null;
-  const words = changes ? changes.map(changeWords) : [];
+  const words = changes ? grouped(changes) : [];
   const nothing = !words.length && !about.length;
   return panel(
     t("comparison.changes"),
@@ -111,7 +113,18 @@ function changesSection({ changes, left, right }) {
   );
 }
 
-/** @param {string[]} sentences */
+/** One line for what was done to several captures alike; long lists of changed values open on demand. @param {readonly Change[]} changes */
+function grouped(changes) {
+  return [...new Set(changes.map(({ kind }) => kind))].flatMap((kind) => {
+    const some = changes.filter((change) => change.kind === kind);
+    if (kind === "cell" || some.length === 1) return some.map(changeWords);
+    const what = some.map((change) => change.what).join(", ");
+    if (kind !== "changed" && kind !== "file") return [t(`change.${kind}_many`, { count: some.length, what })];
+    return [h("details", {}, h("summary", {}, t(`change.${kind}_many`, { count: some.length })), list(some.map(changeWords)))];
+  });
+}
+
+/** @param {(string | Node)[]} sentences */
 function list(sentences) {
   return h("ul", { class: "changes" }, ...sentences.map((sentence) => h("li", {}, sentence)));
 }

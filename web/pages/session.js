@@ -49,7 +49,7 @@ export class SessionPage extends HTMLElement {
     state.watch(["session", "problem"], () => this.#update(state));
     state.watch(["view", "step"], () => this.#address(state));
     void attempt(() => state.start()).then(() => {
-      if (window.localStorage.getItem(`${LIVE}${state.id}`)) void this.#follow(state);
+      if (state.session && window.localStorage.getItem(`${LIVE}${state.id}`)) void this.#follow(state);
       state.addEventListener("change", (event) => {
         if (/** @type {CustomEvent<Set<string>>} */ (event).detail.has("devices")) void this.#follow(state);
       });
