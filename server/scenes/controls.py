@@ -94,12 +94,17 @@ class MomentChange(BaseModel):
 
 @controls_router.get("/controls", response_model=SceneControls, summary="What can be set in a scene")
 def controls(session: SessionId, scenes: Scenes) -> SceneControls:
-    """Return the views and layers; all layers are shown where nobody looks."""
+    """Return the views and layers that there is something of now; all of them where nobody looks."""
     require_scene(scenes, session)
     live = scenes.live(session)
     shown = live.layers if live else {}
-    layers = [LayerShown(name=n, title=title, shown=shown.get(n, True)) for n, (title, _) in LAYERS.items()]
-    return SceneControls(views=list(VIEWS), layers=layers)
+    drawn = live.drawn_layers if live else LAYERS.keys()
+    layers = [
+        LayerShown(name=name, title=title, shown=shown.get(name, True))
+        for name, (title, _) in LAYERS.items()
+        if name in drawn
+    ]
+    return SceneControls(views=live.views if live else list(VIEWS), layers=layers)
 
 
 @controls_router.post("/layers", status_code=204, summary="Show or hide a layer of the scene")

@@ -19,12 +19,14 @@ from server.scenes.optics import OpticsFacts, optics_facts
 from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
 
 if TYPE_CHECKING:
+    from calib_core.guidance.so_far import KnownSoFar
     from calib_core.review.compare import PlacedPoint
 
 LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]
 
 MAX_POINTS = 200_000
+_LARGEST_SPHERE_MM = 200.0  # in radius: what a failed result says beyond it is no sphere
 
 
 def _no_scans(_known: object = None) -> None:
@@ -117,6 +119,7 @@ class SceneFacts:
     next_pose: RigidTransform | None = None
     uncertainty: KnownHowWell | None = None
     compared: "tuple[PlacedPoint, ...]" = ()
+    so_far: "KnownSoFar | None" = None
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -174,9 +177,12 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
     radius_mm, well = _radius_mm(session, facts), _known_how_well(results)
     next_pose = _next_pose(scene)
-    return replace(
+    facts = replace(
         facts, sphere_radius_mm=radius_mm, next_pose=next_pose, uncertainty=well, compared=scene.compared
     )
+    from server.scenes.so_far import read_so_far
+
+    return replace(facts, so_far=read_so_far(scene))
 
 
 def _known_how_well(results: Mapping[str, Result]) -> KnownHowWell:
@@ -269,4 +275,5 @@ def _radius_mm(session: Session, facts: SceneFacts) -> float | None:
         if c.state == "used" and c.sphere_center_in_base_mm is not None
     ]
     distances = np.concatenate([np.zeros(0), *offsets])
-    return float(np.median(distances)) if len(distances) else None
+    radius_mm = float(np.median(distances)) if len(distances) else np.inf
+    return radius_mm if radius_mm < _LARGEST_SPHERE_MM else None

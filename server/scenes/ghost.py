@@ -33,7 +33,7 @@ def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
         return
     laser = pose @ facts.tool0_from_laser
     yield nodes.axes("/ghost/laser", laser, 0.6 * _AXES_MM, GHOST)
-    corners = _fan_mm(_ahead_mm(facts, laser))
+    corners = fan_mm(_ahead_mm(facts, laser))
     yield nodes.surface("/ghost/light", laser, corners, np.array([[0, 1, 2]], dtype=np.uint32), GHOST, 0.16)
 
 
@@ -61,6 +61,7 @@ def _ahead_mm(facts: SceneFacts, laser: RigidTransform) -> float:
     return ahead if abs(ahead) > 1.0 else _FAR_MM
 
 
-def _fan_mm(ahead_mm: float) -> FloatArray:
+def fan_mm(ahead_mm: float) -> FloatArray:
+    """Return the corners (3, 3) of the light from the scanner's origin to so far along z, in L."""
     half = abs(ahead_mm) * np.tan(_FAN_HALF_RAD)
     return np.array([[0.0, 0.0, 0.0], [-half, 0.0, ahead_mm], [half, 0.0, ahead_mm]])

@@ -18,6 +18,7 @@ from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.robot_now import robot_now
 from server.scenes.signs import cross, short
+from server.scenes.so_far import so_far
 from server.scenes.trial import trial
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
 from server.scenes.uncertainty import uncertainty
@@ -132,6 +133,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "points": ("Points by residual", residual_points),
     "sphere": ("Sphere", sphere),
     "uncertainty": ("Uncertainty, magnified", uncertainty),
+    "so-far": ("As far as known", so_far),
     "ghost": ("Pose to take next", ghost),
     "trial": ("Poses being read", trial),
     "live": ("Robot now", robot_now),

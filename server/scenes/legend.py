@@ -10,10 +10,12 @@ from server.scenes.colors import (
     BOARD,
     DIVERGING,
     FIRST,
+    GHOST,
     LIGHT,
     REJECTED,
     SCANS,
     SECOND,
+    SPHERE,
     UNCERTAIN,
     USED,
     VIRIDIS,
@@ -29,7 +31,7 @@ from server.scenes.merged import MergedScans
 from server.scenes.optics import OpticsFacts
 from server.scenes.turntable import TableFacts
 from server.scenes.turntable_layers import AXIS, mount_color
-from server.scenes.uncertainty import magnified
+from server.scenes.uncertainty import is_cut, magnified
 
 
 def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = None) -> str:
@@ -46,7 +48,11 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
     if (cloud := shown_cloud(facts, look)) is not None and told("scans"):
         parts += _of_cloud(cloud, look)
     if _told_how_well(facts.uncertainty) and told("uncertainty"):
-        parts.append(_key(UNCERTAIN, "●", f"uncertainty, k = 2, ×{magnified(facts)}"))
+        how = "larger than drawn" if is_cut(facts) else f"×{magnified(facts)}"
+        parts.append(_key(UNCERTAIN, "●", f"uncertainty, k = 2, {how}"))
+    if facts.so_far is not None and told("so-far"):
+        parts.append(_key(SPHERE, "●", "scanner and sphere, as far as known"))
+        parts.append(_key(GHOST, "●", "uncertainty by now, k = 2, at most 25 mm drawn"))
     if facts.compared and layers is not None and "answers" in layers:
         parts += [_key(FIRST, "●", "first answer"), _key(SECOND, "●", "second answer")]
         parts.append(f"<p>Ellipsoids, k = 2, and the way between them ×{answers_magnified(facts)}</p>")
@@ -67,6 +73,8 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
         parts.append(_key(USED, "●", f"{count['used']} used"))
         if count["waiting"]:
             parts.append(_key(WAITING, "●", f"{count['waiting']} not in the result"))
+    elif facts.captures and facts.tool0_from_laser is None and facts.so_far is not None:
+        parts.append(_key(WAITING, "●", _plural(count["waiting"], "capture")))
     elif facts.captures and facts.tool0_from_laser is None:
         parts.append("<p>Only the flange is known so far. Scanner and sphere appear with the first result.</p>")
         parts.append(_key(WAITING, "●", _plural(count["waiting"], "capture")))

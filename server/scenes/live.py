@@ -24,7 +24,7 @@ from server.scenes.panel import Panel, PanelActions, take
 from server.scenes.robot_now import RobotNow, robot_now
 from server.scenes.stories import Side, Story, story
 from server.scenes.viewers import Viewers
-from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view, view_of_places
+from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view, view_of_places, views_of
 
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
@@ -153,6 +153,17 @@ class LiveScene:
     def move(self, viewer: str, name: str) -> None:
         """Move one page's camera to a view; raises NotFoundError where that page does not look."""
         self.viewers.move(viewer, self._view(name))
+
+    @property
+    def views(self) -> list[str]:
+        """The views that there is something to see in now."""
+        with self._lock:
+            return views_of(self._known)
+
+    @property
+    def drawn_layers(self) -> set[str]:
+        """The layers of which something is drawn now."""
+        return {name.split("/")[1] for name in self.node_names}
 
     @property
     def layers(self) -> dict[str, bool]:

@@ -28,7 +28,7 @@ _STORIES: dict[tuple[str, Side], Story] = {
     ("board", "measure"): _story("Camera", "camera boards plane"),
     ("board", "result"): _story("Camera", "camera boards plane"),
     ("sphere", "measure"): _story(
-        "Captures", "frames light sphere ghost trial live", "arm labels points uncertainty base"
+        "Captures", "frames light sphere so-far ghost trial live", "arm labels points uncertainty base"
     ),
     ("sphere", "result"): _story("Sphere", "sphere points uncertainty"),
     ("sphere-on-table", "measure"): _story("Table", "table circles places live", "ghost turned uncertainty"),

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
-from server.scenes.colors import UNCERTAIN
+from server.scenes.colors import UNCERTAIN, Rgb
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.nodes import Node
@@ -18,11 +18,19 @@ _LARGEST_MM = 25.0  # what is hardly known must not hide everything else
 
 def magnified(facts: SceneFacts) -> int:
     """Return how many times as large as they are the ellipsoids are drawn: the most that keeps them small."""
+    return next((times for times in _MAGNIFIED if times * _worst_mm(facts) <= _LARGEST_MM), 1)
+
+
+def is_cut(facts: SceneFacts) -> bool:
+    """Return whether an ellipsoid is larger than it is drawn."""
+    return _worst_mm(facts) > _LARGEST_MM
+
+
+def _worst_mm(facts: SceneFacts) -> float:
     known = facts.uncertainty
     parts = [] if known is None else [known.tool, known.sphere]
     blocks = [part[-3:, -3:] for part in parts if part is not None]
-    worst_mm = max((_K * float(np.sqrt(max(np.linalg.eigvalsh(b)[-1], 0.0))) for b in blocks), default=0.0)
-    return next((times for times in _MAGNIFIED if times * worst_mm <= _LARGEST_MM), 1)
+    return max((_K * float(np.sqrt(max(np.linalg.eigvalsh(b)[-1], 0.0))) for b in blocks), default=0.0)
 
 
 def uncertainty(facts: SceneFacts, look: Look) -> Iterator[Node]:
@@ -38,15 +46,15 @@ def uncertainty(facts: SceneFacts, look: Look) -> Iterator[Node]:
             laser = here.base_from_tool0 @ facts.tool0_from_laser
             turned = here.base_from_tool0.rotation
             covariance = turned @ known.tool[3:, 3:] @ turned.T
-            yield _ellipsoid("/uncertainty/tool", laser.translation_mm, covariance, times)
+            yield ellipsoid("/uncertainty/tool", laser.translation_mm, covariance, times)
     if known.sphere is not None and facts.sphere_center_in_base_mm is not None:
-        yield _ellipsoid("/uncertainty/sphere", facts.sphere_center_in_base_mm, known.sphere, times)
+        yield ellipsoid("/uncertainty/sphere", facts.sphere_center_in_base_mm, known.sphere, times)
     if known.table is not None and facts.table is not None:
         place = facts.table.base_from_turntable
         low, high, away = facts.table.reach_mm
         ends = np.array([[0.0, 0.0, low - 0.5 * away], [0.0, 0.0, high + 0.8 * away]])
         for name, point in zip(("low", "high"), ends, strict=True):
-            yield _ellipsoid(
+            yield ellipsoid(
                 f"/uncertainty/axis-{name}", place.apply(point), _across(place, point, known.table), times
             )
 
@@ -61,10 +69,13 @@ def _across(place: RigidTransform, point_mm: FloatArray, covariance: FloatArray)
     return flat @ jacobian @ covariance @ jacobian.T @ flat
 
 
-def _ellipsoid(name: str, center_mm: FloatArray, covariance: FloatArray, times: int) -> Node:
+def ellipsoid(
+    name: str, center_mm: FloatArray, covariance: FloatArray, times: int, color: Rgb = UNCERTAIN
+) -> Node:
+    """Return a k = 2 ellipsoid, magnified; what is hardly known is drawn smaller than it is."""
     values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
-    half_mm = np.clip(_K * times * np.sqrt(np.maximum(values, 0.0)), 0.1, 4 * _LARGEST_MM)
+    half_mm = np.clip(_K * times * np.sqrt(np.maximum(values, 0.0)), 0.1, _LARGEST_MM)
     if np.linalg.det(axes) < 0:
         axes = axes * [1.0, 1.0, -1.0]
     pose = RigidTransform.of(axes, center_mm, "base", "base")
-    return nodes.ellipsoid(name, pose, half_mm, UNCERTAIN, 0.4)
+    return nodes.ellipsoid(name, pose, half_mm, color, 0.4)

@@ -83,6 +83,19 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
     return _around(everything, direction)
 
 
+def views_of(facts: SceneFacts) -> list[str]:
+    """Return the names of the views that there is something to see in."""
+    there = {
+        "Sphere": facts.sphere_center_in_base_mm is not None,
+        "Table": _table_places_mm(facts) is not None,
+        "Object": _object_places_mm(facts) is not None,
+        "Camera": facts.optics is not None,
+        "Along laser": _along_laser(facts, None) is not None,
+        "Answers": bool(facts.compared),
+    }
+    return [name for name in VIEWS if there.get(name, True)]
+
+
 def view_of_places(places_mm: FloatArray) -> View:
     """Return a view that holds places (N, 3) in the base, mm, and the base itself."""
     return _around(np.concatenate([places_mm, np.zeros((1, 3))]), _ISOMETRIC)
@@ -99,6 +112,8 @@ def _places_mm(facts: SceneFacts) -> FloatArray:
             places.append(laser.translation_mm)
     if facts.sphere_center_in_base_mm is not None:
         places.append(facts.sphere_center_in_base_mm)
+    elif facts.so_far is not None:
+        places.append(facts.so_far.center_in_base_mm)
     if facts.table is not None:
         places += [place.center_in_base_mm for place in facts.table.places]
     return np.array(places).reshape(-1, 3)

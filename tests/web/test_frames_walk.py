@@ -67,6 +67,14 @@ def look_at_the_result(page: Page, step: str) -> None:
         views = page.locator("details", has=page.get_by_text("Residuals of each view"))
         views.evaluate("(details) => { details.open = true; }")
         expect(page.locator("svg.arrows .corner").first).to_be_visible()
+        # A view that is chosen is the capture that is picked, and the other way round.
+        view = page.locator("#camera-view")
+        view.select_option(index=2)
+        picked = view.input_value()
+        expect(page.get_by_role("img", name=f"Residuals of view {picked}:")).to_be_visible()
+        expect(page.locator(".dot.picked").first).to_have_attribute("data-capture", picked)
+        view.select_option("")
+        expect(page.get_by_role("img", name=f"Residuals of view {picked}:")).to_have_count(0)
         expect(page.get_by_role("heading", name="Coverage")).to_be_visible()
     elif step == "Laser plane":
         expect(page.locator("#view-result .evidence-plot").first).to_be_visible()

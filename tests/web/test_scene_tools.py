@@ -66,7 +66,11 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
         expect(page.locator("table.captures tr.picked")).to_contain_text("p02", timeout=30_000)
 
         # A layer that is switched off goes; playing turns to the next capture, alone.
-        page.locator(".scene-layers summary").click()
+        # Only what there is can be chosen: no turntable, no cloud, no camera yet.
+        views = page.locator("sc-scene select[aria-label=View] option").all_inner_texts()
+        assert views[1:] == ["Captures", "Cell", "Top", "Side"]
+        page.locator(".scene-layers summary", has_text="Layers").click()
+        expect(page.locator(".scene-layer-list").first).not_to_contain_text("Turntable")
         page.get_by_label("Labels").set_checked(False)
         scene.wait_for_function("window.__viserSceneTree.getState()['/labels'].overrideVisibility === false")
         page.keyboard.press("Escape")
@@ -76,6 +80,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
         page.get_by_role("button", name="Stop").click()
         scene.wait_for_function(DRAWN, arg="/ghost/flange")
 
+        page.locator(".scene-layers summary", has_text="Save").click()
         with page.expect_download() as saved:
             page.get_by_role("button", name="Image", exact=True).click()
         picture = np.array(Image.open(BytesIO(Path(saved.value.path()).read_bytes())))

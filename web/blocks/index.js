@@ -72,6 +72,9 @@ function one(block, { state }) {
   if (block.kind === "frame") return frame(block);
   if (block.kind === "table") return table(block, state);
   if (block.kind === "picture") return picture(block, state);
-  if (block.kind === "plot") return h("figure", { class: "evidence-plot" }, plot(block, state), h("figcaption", { class: "soft small" }, block.caption));
+  if (block.kind === "plot") {
+    const caption = h("figcaption", { class: "soft small" }, block.caption);
+    return h("figure", { class: "evidence-plot" }, plot(block, state, caption), caption);
+  }
   return block.kind === "note" ? note(block) : h("p", { class: "soft" }, t("evidence.unknown", { kind: block.kind }));
 }

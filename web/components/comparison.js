@@ -113,15 +113,18 @@ function changesSection({ changes, left, right }) {
   );
 }
 
-/** One line for what was done to several captures alike; long lists of changed values open on demand. @param {readonly Change[]} changes */
+/** One line for what was done to several captures alike; long lists of changed values open on demand. @param {readonly Change[]} changes @returns {(string | Node)[]} */
 function grouped(changes) {
-  return [...new Set(changes.map(({ kind }) => kind))].flatMap((kind) => {
+  return [...new Set(changes.map(({ kind }) => kind))].flatMap(groupOf);
+
+  /** @param {Change["kind"]} kind @returns {(string | Node)[]} */
+  function groupOf(kind) {
     const some = changes.filter((change) => change.kind === kind);
     if (kind === "cell" || some.length === 1) return some.map(changeWords);
     const what = some.map((change) => change.what).join(", ");
     if (kind !== "changed" && kind !== "file") return [t(`change.${kind}_many`, { count: some.length, what })];
     return [h("details", {}, h("summary", {}, t(`change.${kind}_many`, { count: some.length })), list(some.map(changeWords)))];
-  });
+  }
 }
 
 /** @param {(string | Node)[]} sentences */

@@ -1,27 +1,41 @@
 // A capture at the size of the window: its profile with the arc and what lies along it, or its frame with what was found.
 
-import { h, make } from "../dom.js";
+import { h, make, s } from "../dom.js";
 import { small } from "../format.js";
 import { t } from "../texts.js";
+import { arrowsOn, timesLonger } from "./arrows.js";
 import { framePlot } from "./frame-plot.js";
 import { PlotElement } from "./plot.js";
 import { profilePlot } from "./profile-plot.js";
 
-/** @import {CaptureOut, Measured} from "../state/model.js" */
+/** @import {CameraResult, CaptureOut, Measured} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
 
 const SIZE = { width: 1000, height: 520 };
 
-/** @param {CaptureOut} capture @param {string} sessionId */
-export function fullSize(capture, sessionId) {
+/** @param {CaptureOut} capture @param {SessionState} state */
+export function fullSize(capture, state) {
   const { measured, id } = capture;
   const dialog = h("dialog", { class: "full-size", "aria-labelledby": "full-title" });
   dialog.append(h("div", { class: "body" },
     h("div", { class: "row spread" }, h("h2", { id: "full-title" }, id), h("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, t("close"))),
-    measured.image_size ? framePlot(capture, sessionId) : profilePlot(measured, SIZE),
+    ...(measured.image_size ? frameWithArrows(capture, state) : [profilePlot(measured, SIZE)]),
     along(measured)));
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);
   dialog.showModal();
+}
+
+/** The frame with what was found in it, and with the camera's residuals once that is solved. @param {CaptureOut} capture @param {SessionState} state */
+function frameWithArrows(capture, state) {
+  const plot = framePlot(capture, state.id);
+  const result = /** @type {CameraResult | undefined} */ (/** @type {unknown} */ (Object.values(state.results).find((one) => "reprojection_rms_px" in one)));
+  const view = result?.residuals.find((one) => one.capture === capture.id && (one.points_px ?? []).length > 0);
+  if (!result || !view) return [plot];
+  const times = timesLonger(result);
+  const [width = 1, height = 1] = result.image_size.map(Number);
+  plot.append(s("g", { class: "arrows" }, ...arrowsOn([view], Math.max(width, height), times)));
+  return [plot, h("p", { class: "soft small" }, t("camera.arrows_what", { times }))];
 }
 
 /** How far each point lies off the arc, along it. @param {Measured} measured */

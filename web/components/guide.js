@@ -10,9 +10,10 @@ import { copyButton } from "./copy.js";
 import { DrawingElement } from "./drawing.js";
 import { meterSection } from "./meter.js";
 import { stepName } from "./rail.js";
+import { mendable } from "./remedy.js";
 import { attempt } from "./toasts.js";
 
-/** @import {GuideNow} from "../state/model.js" */
+/** @import {GuideNow, RootCause} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 
 export class GuideElement extends StateElement {
@@ -31,7 +32,10 @@ export class GuideElement extends StateElement {
     const { guide, now, step } = this.state;
     if (!guide) return;
     this.#drawing.name = now?.drawing ?? "cell";
-    this.#words.replaceChildren(...(now ? words(now, stepName(this.state, step), this.state) : this.#elsewhere()));
+    // What mends a failed result comes before more captures, here as at the result and on the main button.
+    const [cause] = mendable(this.state.resultOf(step) ?? {});
+    const name = stepName(this.state, step);
+    this.#words.replaceChildren(...(cause ? remedy(cause, name) : now ? words(now, name, this.state) : this.#elsewhere()));
   }
 
   /** What to do in a step that can be worked on though another comes first. @param {string | undefined} status */
@@ -69,6 +73,9 @@ function repeated(sessionId) {
   });
   return list;
 }
+
+/** @param {RootCause} cause @param {string} name of the step */
+const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h1", {}, `${cause.title}.`), h("p", { class: "soft" }, cause.sentence)];
 
 /** @param {GuideNow} now @param {string} name of the step @param {SessionState} state */
 function words(now, name, state) {

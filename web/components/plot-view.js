@@ -28,13 +28,13 @@ export function viewsOf(block, rows) {
   };
   const views = [{ label: t("plot.in_sigma"), block }];
   const told = (/** @type {SeriesOf[]} */ all) => all.some(({ y }) => y.some((value) => value !== null));
-  const add = (/** @type {string} */ label, /** @type {SeriesOf[]} */ all, /** @type {number | null} */ low) => {
-    if (told(all)) views.push({ label, block: { ...block, y: { ...block.y, unit: "mm", low, high: null }, series: all, band: null } });
+  const add = (/** @type {string} */ label, /** @type {string} */ caption, /** @type {SeriesOf[]} */ all, /** @type {number | null} */ low) => {
+    if (told(all)) views.push({ label, block: { ...block, caption, y: { ...block.y, unit: "mm", low, high: null }, series: all, band: null } });
   };
-  add(t("plot.in_mm"), [series("", (row) => row.center_distance_mm)], 0);
+  add(t("plot.in_mm"), t("plot.caption_mm"), [series("", (row) => row.center_distance_mm)], 0);
   for (const [key, part] of PARTS) {
     const names = t(/** @type {"plot.parts_base"} */ (key)).split(", ");
-    add(names.join(", "), names.map((name, index) => series(name, (row) => part(row, index))), null);
+    add(names.join(", "), t("plot.caption_parts", { parts: names.join(", ") }), names.map((name, index) => series(name, (row) => part(row, index))), null);
   }
   return views;
 }

@@ -34,6 +34,7 @@ const chosen = new WeakMap();
 export class PlotElement extends HTMLElement {
   /** @type {PlotBlock | null} */ block = null;
   /** @type {SessionState | null} */ state = null;
+  /** Where the words below it stand: they go along with the figures shown. @type {HTMLElement | null} */ caption = null;
   #tip = h("div", { class: "tip", role: "status", hidden: true });
   /** @type {(() => void) | null} */ #stop = null;
   /** The figures that are shown of the dots. @type {PlotBlock | null} */ #view = null;
@@ -95,6 +96,7 @@ export class PlotElement extends HTMLElement {
     if (!this.#range) this.#whole = { x: [drawn.x.low, drawn.x.high], y: [drawn.y.low, drawn.y.high] };
     this.#drawing.replaceChildren(drawn.root);
     this.#legend.replaceChildren(legend(shown));
+    if (this.caption) this.caption.textContent = shown.caption ?? "";
     if (this.isConnected) this.#light();
   }
 
@@ -189,8 +191,8 @@ export class PlotElement extends HTMLElement {
 
 customElements.define("sc-plot", PlotElement);
 
-/** @param {PlotBlock} block @param {SessionState | null} [state] */
-export const plot = (block, state = null) => make(PlotElement, { block, state });
+/** @param {PlotBlock} block @param {SessionState | null} [state] @param {HTMLElement | null} [caption] */
+export const plot = (block, state = null, caption = null) => make(PlotElement, { block, state, caption });
 
 /** @param {Dot} dot @param {PlotBlock | null} block */
 function wordsOf(dot, block) {

@@ -30,7 +30,7 @@ export class QualityElement extends StateElement {
     const focused = this.contains(document.activeElement);
     this.replaceChildren(
       h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
-      body(capture, left?.reason ?? null, this.state.id),
+      body(capture, left?.reason ?? null, this.state),
       preview(withoutWords(this.state, capture.id)),
       ...frameCoverage(this.state.captures, capture),
     );
@@ -79,14 +79,14 @@ function heading(capture, picked) {
 /**
  * @param {CaptureOut} capture
  * @param {string | null} rejected why the solve left it out
- * @param {string} sessionId
+ * @param {import("../state/session.js").SessionState} state
  */
-function body(capture, rejected, sessionId) {
+function body(capture, rejected, state) {
   const { measured } = capture;
   return h(
     "div", { class: "quality-body" },
-    (measured.image_size || (measured.preview ?? []).length > 0) && h("figure", {}, measured.image_size ? framePlot(capture, sessionId) : profilePlot(measured, { width: 232, height: 152 }),
-      h("button", { type: "button", class: "plain wide small", onclick: async () => (await import("./full-size.js")).fullSize(capture, sessionId) }, t("full.open"))),
+    (measured.image_size || (measured.preview ?? []).length > 0) && h("figure", {}, measured.image_size ? framePlot(capture, state.id) : profilePlot(measured, { width: 232, height: 152 }),
+      h("button", { type: "button", class: "plain wide small", onclick: async () => (await import("./full-size.js")).fullSize(capture, state) }, t("full.open"))),
     h("div", { class: "quality-words" }, rejected ? said("fail", rejected) : reason(capture), figures(capture)),
   );
 }

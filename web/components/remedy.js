@@ -10,10 +10,10 @@ import { attempt } from "./toasts.js";
 /** @import {SessionState} from "../state/session.js" */
 /** @typedef {{ name: string, words: string, mend: () => Promise<unknown> }} Remedy */
 
-/** The root causes of a fresh result. @param {StageResult} result @returns {RootCause[]} */
+/** The root causes of a fresh result. @param {Partial<StageResult>} result @returns {RootCause[]} */
 export const causesOf = (result) => (result.stale ? [] : /** @type {RootCause[]} */ (result.causes ?? []));
 
-/** Those of them that something mends. @param {StageResult} result */
+/** Those of them that something mends. @param {Partial<StageResult>} result */
 export const mendable = (result) => causesOf(result).filter(({ changes }) => changes);
 
 /** @param {SessionState} state @param {string} stage @param {readonly RootCause[]} causes @returns {Remedy[]} */

@@ -6,7 +6,7 @@ import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
 import { t } from "../texts.js";
 import { StateElement } from "./base.js";
-import { attempt } from "./toasts.js";
+import { attempt, notify } from "./toasts.js";
 
 /** @import {SceneControls} from "../state/model.js" */
 
@@ -25,11 +25,13 @@ export class SceneElement extends StateElement {
   #views = h("select", { "aria-label": t("scene.view"), onchange: () => this.#look() });
   #layers = h("fieldset", { class: "scene-layer-list" }, h("legend", { class: "visually-hidden" }, t("scene.layers")));
   #play = h("button", { type: "button", class: "scene-play", onclick: () => this.#toggle() });
-  #picture = h("button", { type: "button", onclick: () => void this.#download() }, t("scene.picture"));
+  #picture = h("button", { type: "button", class: "plain wide", onclick: () => void this.#download() }, t("scene.picture"));
   #large = h("button", { type: "button", class: "icon", "aria-label": t("scene.large"), title: t("scene.large"), onclick: () => void this.#enlarge() }, icon("large"));
-  #page = h("a", { class: "button", download: "" }, t("scene.page"));
+  #page = h("a", { class: "button plain wide", download: "" }, t("scene.page"));
   #viewer = randomName();
   #shown = "";
+  #learnt = 0;
+  #offered = "";
   #story = "";
   #telling = 0;
   #shownLayers = /** @type {Record<string, boolean>} */ ({});
@@ -43,14 +45,10 @@ export class SceneElement extends StateElement {
   }
 
   build() {
-    const layers = h("details", { class: "scene-layers" }, h("summary", { class: "button" }, t("scene.layers")), this.#layers);
-    layers.addEventListener("keydown", (event) => {
-      if (event.key !== "Escape" || !layers.open) return;
-      layers.open = false;
-      layers.querySelector("summary")?.focus();
-    });
+    const tools = h("div", { class: "scene-tools", role: "group", "aria-label": t("scene.tools"), onpointerenter: () => this.#learn(), onfocusin: () => this.#learn() },
+      this.#views, folded(t("scene.layers"), this.#layers), this.#play, folded(t("scene.save"), h("div", { class: "scene-layer-list" }, this.#picture, this.#page)), this.#large);
     this.append(
-      h("div", { class: "scene-tools", role: "group", "aria-label": t("scene.tools") }, this.#views, layers, this.#play, this.#picture, this.#page, this.#large),
+      tools,
       h("div", { class: "scene-frame" }, h("p", { class: "scene-wait soft" }, t("scene.wait")), this.#frame));
     this.#showPlay();
   }
@@ -103,7 +101,7 @@ export class SceneElement extends StateElement {
     for (let asked = 0; asked < MOST_ASKED && telling === this.#telling && this.isConnected && this.#drawn; asked++) {
       const told = await api.sceneStory(this.#scene, this.#viewer, state.step, state.view).catch(() => null);
       if (telling !== this.#telling) return;
-      if (told?.open && this.#showLayers(told.layers)) return;
+      if (told?.open && this.#showLayers(told.layers)) return this.#learn();
       await new Promise((resolve) => setTimeout(resolve, ASK_AGAIN_MS));
     }
   }
@@ -139,11 +137,21 @@ export class SceneElement extends StateElement {
     this.#story = "";
     this.#frame.src = address;
     this.#page.href = `${scene}page`;
-    void api.sceneControls(scene).then((controls) => this.#offer(controls)).catch(() => undefined);
+    this.#learn();
+  }
+
+  /** What there is to look at and to show by now: it changes with captures and results. */
+  #learn() {
+    if (Date.now() < this.#learnt + ASK_AGAIN_MS || !this.#scene) return;
+    this.#learnt = Date.now();
+    void api.sceneControls(this.#scene).then((controls) => this.#offer(controls)).catch(() => undefined);
   }
 
   /** @param {SceneControls} controls */
   #offer({ views, layers }) {
+    const told = JSON.stringify([views, layers.map(({ name }) => name)]);
+    if (told === this.#offered) return;
+    this.#offered = told;
     this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, view)));
     this.#layers.replaceChildren(h("legend", { class: "visually-hidden" }, t("scene.layers")), ...layers.map(({ name, title, shown }) => {
       const box = h("input", { type: "checkbox", name, ".checked": this.#shownLayers[name] ?? shown, onchange: () => this.#showLayers({ ...this.#shownLayers, [name]: box.checked }) });
@@ -193,6 +201,7 @@ export class SceneElement extends StateElement {
   }
 
   async #download() {
+    if (!this.#drawn) return void notify(t("scene.wait"));
     this.#picture.setAttribute("aria-disabled", "true");
     this.#picture.textContent = t("scene.drawing");
     await attempt(async () => {
@@ -213,6 +222,17 @@ export class SceneElement extends StateElement {
     const [viewer, capture] = event.newValue.replaceAll('"', "").split(" ");
     if (viewer === this.#viewer && capture) this.state.select(capture);
   };
+}
+
+/** What opens below a button, and closes with Escape. @param {string} words @param {HTMLElement} content */
+function folded(words, content) {
+  const details = h("details", { class: "scene-layers" }, h("summary", { class: "button" }, words), content);
+  details.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || !details.open) return;
+    details.open = false;
+    details.querySelector("summary")?.focus();
+  });
+  return details;
 }
 
 /** A name of this page for its scene: another page beside it has its own camera. */

@@ -1,45 +1,54 @@
-// What the camera draws itself: each view's residuals as arrows, one view at a time or all laid over each other.
+// What the camera draws itself: each view's residuals as arrows, one view at a time or all laid over each other. The view is
+// the capture that is picked, here as in tables, plots and scene.
 
-import { h, s } from "../../dom.js";
+import { arrowsOn, timesLonger } from "../../components/arrows.js";
+import { StateElement } from "../../components/base.js";
+import { h, make, s } from "../../dom.js";
 import { fixed } from "../../format.js";
 import { t } from "../../texts.js";
 
 /** @import {Context} from "../../blocks/index.js" */
 /** @import {Block, CameraResult} from "../../state/model.js" */
-/** @typedef {CameraResult["residuals"][number]} View */
+
+class CameraResidualsElement extends StateElement {
+  /** @type {CameraResult | null} */ result = null;
+  #picture = h("div", {});
+  #select = h("select", { id: "camera-view", onchange: () => this.state.select(this.#select.value || null) });
+
+  get parts() {
+    return /** @type {const} */ (["selection"]);
+  }
+
+  get #views() {
+    return (this.result?.residuals ?? []).filter((view) => (view.points_px ?? []).length > 0);
+  }
+
+  build() {
+    const views = this.#views;
+    this.#select.append(h("option", { value: "" }, t("camera.all_views", { views: views.length })),
+      ...views.map((view) => h("option", { value: view.capture }, `${view.capture} · ${fixed(view.rms_px ?? 0, 3)} px${view.used ? "" : ` · ${t("captures.rejected")}`}`)));
+    this.append(h("p", { class: "soft small" }, t("camera.arrows_what", { times: this.result ? timesLonger(this.result) : 1 })),
+      h("div", { class: "field" }, h("label", { for: "camera-view" }, t("camera.view")), this.#select), this.#picture);
+  }
+
+  update() {
+    const { result } = this;
+    if (!result) return;
+    const views = this.#views;
+    const one = views.find(({ capture }) => capture === this.state.selected);
+    this.#select.value = one?.capture ?? "";
+    const label = one ? t("camera.view_label", { capture: one.capture, corners: one.corners ?? 0, rms: fixed(one.rms_px ?? 0, 3) }) : t("camera.all_views", { views: views.length });
+    const [width = 1, height = 1] = result.image_size.map(Number);
+    this.#picture.replaceChildren(s("svg", { class: "arrows", viewBox: `-0.5 -0.5 ${width} ${height}`, role: "img", "aria-label": label },
+      ...arrowsOn(one ? [one] : views.filter(({ used }) => used), Math.max(width, height), timesLonger(result))));
+  }
+}
+
+customElements.define("sc-camera-residuals", CameraResidualsElement);
 
 export const elements = {
   blocks: {
     /** @param {Block} _ @param {Context} context */
-    "camera-residuals": (_, { state, stage }) => arrows(/** @type {CameraResult} */ (/** @type {unknown} */ (state.results[stage])), state.selected),
+    "camera-residuals": (_, { state, stage }) => make(CameraResidualsElement, { state, result: /** @type {CameraResult} */ (/** @type {unknown} */ (state.results[stage])), className: "arrows-block" }),
   },
 };
-
-/** @param {CameraResult} result @param {string | null} selected */
-function arrows({ residuals, image_size, reprojection_rms_px }, selected) {
-  const views = residuals.filter((view) => (view.points_px ?? []).length > 0);
-  const first = views.find((view) => view.capture === selected);
-  const [width = 1, height = 1] = image_size.map(Number);
-  const times = 10 ** Math.max(0, Math.floor(Math.log10(Math.max(width, height) / 12 / Math.max(3 * reprojection_rms_px, 1e-3))));
-  const picture = h("div", {});
-  const show = (/** @type {View | undefined} */ view) => {
-    const label = view ? t("camera.view_label", { capture: view.capture, corners: view.corners ?? 0, rms: fixed(view.rms_px ?? 0, 3) }) : t("camera.all_views", { views: views.length });
-    picture.replaceChildren(arrowsOf(view ? [view] : views.filter(({ used }) => used), width, height, times, label));
-  };
-  const select = h("select", { id: "camera-view", onchange: () => show(views.find((view) => view.capture === select.value)) },
-    h("option", { value: "" }, t("camera.all_views", { views: views.length })),
-    ...views.map((view) => h("option", { value: view.capture, selected: view === first }, `${view.capture} · ${fixed(view.rms_px ?? 0, 3)} px${view.used ? "" : ` · ${t("captures.rejected")}`}`)));
-  show(first);
-  return h("div", { class: "arrows-block" }, h("p", { class: "soft small" }, t("camera.arrows_what", { times })),
-    h("div", { class: "field" }, h("label", { for: "camera-view" }, t("camera.view")), select), picture);
-}
-
-/** @param {View[]} views @param {number} width @param {number} height @param {number} times @param {string} label */
-function arrowsOf(views, width, height, times, label) {
-  const size = Math.max(width, height) / 200;
-  const path = views.map(({ points_px: points = [], residuals_px: residuals = [] }) => points.map(([x, y], index) =>
-    `M${x} ${y}l${((residuals[index]?.[0] ?? 0) * times).toFixed(1)} ${((residuals[index]?.[1] ?? 0) * times).toFixed(1)}`).join("")).join("");
-  const corners = views.map(({ points_px: points = [] }) => points.map(([x, y]) => `M${x} ${y}h0`).join("")).join("");
-  return s("svg", { class: "arrows", viewBox: `-0.5 -0.5 ${width} ${height}`, role: "img", "aria-label": label },
-    s("path", { class: "arrow", "stroke-width": size * 0.6, d: path }), s("path", { class: "corner", "stroke-width": size * 1.4, d: corners }));
-}

@@ -56,6 +56,8 @@ export const result = {
   "plot.shown": "Figures shown",
   "plot.in_sigma": "In standard deviations",
   "plot.in_mm": "Distance in mm",
+  "plot.caption_mm": "How far each capture's sphere lies from where all the others expect it, in millimetres. Crosses are captures that are not used.",
+  "plot.caption_parts": "The same distances in parts: {parts}, in millimetres. Crosses are captures that are not used.",
   "plot.parts_base": "x in base, y in base, z in base",
   "plot.parts_table": "across the axis, around the axis, along the axis",
   "plot.zoom_in": "Zoom in",

@@ -150,6 +150,7 @@ export const session = {
   "scene.layers": "Layers",
   "scene.play": "Play",
   "scene.pause": "Stop",
+  "scene.save": "Save",
   "scene.picture": "Image",
   "scene.drawing": "Drawing …",
   "scene.page": "Offline page",

@@ -1,0 +1,61 @@
+"""Tool and sphere as far as the captures tell them by now, before anything is solved, with their uncertainty."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.guidance.advice import inputs_of, inputs_read
+from calib_core.guidance.design import Design
+from calib_core.guidance.known import situation_of
+from calib_core.records import Measured, Session
+
+
+@dataclass(frozen=True, eq=False)
+class KnownSoFar:
+    """What the captures of the still sphere tell by now.
+
+    Attributes
+    ----------
+    tool0_from_laser : RigidTransform
+    center_in_base_mm : (3,)
+        Of the still sphere.
+    tool : (6, 6)
+        The covariance of tool0_from_laser: rx ry rz tx ty tz, rad and mm.  It shrinks with each capture.
+    center : (3, 3)
+        That of the sphere's centre, mm².
+    """
+
+    tool0_from_laser: RigidTransform
+    center_in_base_mm: FloatArray
+    tool: FloatArray
+    center: FloatArray
+
+
+def known_so_far(
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
+) -> KnownSoFar | None:
+    """Return what the TCP's captures tell by now; None where too little is known to say where the sphere is.
+
+    Parameters
+    ----------
+    session : Session
+    measured : sequence of Measured
+    results : mapping
+        From stage to the JSON data of its result; a stale one still tells about where the tool is.
+    """
+    return _so_far(inputs_of(session, measured, results, ("tcp",)))
+
+
+@lru_cache(maxsize=64)
+def _so_far(told: str) -> KnownSoFar | None:
+    situation = situation_of(*inputs_read(told))
+    if situation is None or not situation.taken:
+        return None
+    assumed = situation.assumed
+    design = Design(situation.taken, assumed)
+    covariance = design.covariance(range(len(design)))
+    return KnownSoFar(
+        assumed.tool0_from_laser, assumed.center_in_base_mm, covariance[:6, :6], covariance[6:9, 6:9]
+    )
