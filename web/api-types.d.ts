@@ -887,6 +887,12 @@ export interface LayerShown {
   shown: boolean;
 }
 
+export interface LikelyColumns {
+  order: number[];
+  spread_mm: number;
+  told_spread_mm: number;
+}
+
 export interface LikelyConvention {
   convention: string;
   spread_mm: number;
@@ -1250,6 +1256,7 @@ export interface PoseLine {
 export interface PoseLines {
   items: PoseLine[];
   likely_convention?: LikelyConvention | null;
+  likely_columns?: LikelyColumns | null;
 }
 
 export interface PoseList {
@@ -2281,6 +2288,12 @@ export interface TurntableResult {
   undetermined?: Undetermined[];
   variance_components: VarianceComponents;
   residuals: TurntableResidual[];
+}
+
+export interface TwoResults {
+  stage: "camera" | "laser-plane" | "tcp" | "turntable" | "chain" | "hand-eye" | "verify" | "recheck" | "merge";
+  left: string;
+  right: string;
 }
 
 export interface TwoStep {

@@ -143,11 +143,20 @@ class LikelyConvention(BaseModel):
     told_spread_mm: float | None = None
 
 
+class LikelyColumns(BaseModel):
+    """The order in which the numbers clearly stand instead: number k of the convention is at place order[k]."""
+
+    order: list[int]
+    spread_mm: float
+    told_spread_mm: float
+
+
 class PoseLines(BaseModel):
-    """The lines that are not empty; `likely_convention` where the poses tell another one."""
+    """The lines that are not empty; `likely_…` where the poses tell another convention, or swapped columns."""
 
     items: list[PoseLine]
     likely_convention: LikelyConvention | None = None
+    likely_columns: LikelyColumns | None = None
 
 
 class Problem(BaseModel):

@@ -164,7 +164,7 @@ def check(session_id: SessionId, store: StoreDep) -> Findings:
 @router.post("/{session_id}/pose-lines", response_model=PoseLines)
 def pose_lines(session_id: SessionId, body: PoseText, _: IdempotencyDep, store: StoreDep) -> Response:
     """Return what pasted pose lines say, to be looked at before they are used; stores nothing."""
-    from calib_core.causes.likely import likely_convention
+    from calib_core.causes.likely import likely_columns, likely_convention
     from calib_core.records import Cell
     from calib_core.robots import parse_pose_lines
 
@@ -183,10 +183,11 @@ def pose_lines(session_id: SessionId, body: PoseText, _: IdempotencyDep, store: 
         for row in rows
     ]
     numbers = [row.numbers for row in rows if row.numbers is not None]
-    likely = likely_convention(Cell.model_validate({**cell, "pose_convention": convention}), numbers)
-    return JSONResponse(
-        plain_json({"items": items, "likely_convention": None if likely is None else asdict(likely)})
-    )
+    read = Cell.model_validate({**cell, "pose_convention": convention})
+    swapped = likely_columns(read, numbers)
+    likely = None if swapped else likely_convention(read, numbers)
+    told = {"likely_convention": likely and asdict(likely), "likely_columns": swapped and asdict(swapped)}
+    return JSONResponse(plain_json({"items": items, **told}))
 
 
 def existing_session(session_id: SessionId, store: StoreDep) -> str:

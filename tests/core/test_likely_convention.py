@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib_core.causes.likely import likely_convention
+from calib_core.causes.likely import likely_columns, likely_convention
 from calib_core.records import Cell
 from calib_core.robots import CONVENTIONS, parse_pose, to_pose
 from calib_core.simulation import TcpScenario, simulate_tcp
@@ -59,3 +59,19 @@ def test_metres_are_seen_through() -> None:
 )
 def test_poses_that_tell_nothing(rows: list[list[float]]) -> None:
     assert likely_convention(Cell(pose_convention="kuka"), rows) is None
+    assert likely_columns(Cell(pose_convention="kuka"), rows) is None
+
+
+def test_swapped_columns_are_told_and_right_ones_stand() -> None:
+    orders = [(1, 0, 2, 3, 4, 5), (0, 1, 2, 5, 4, 3), (3, 4, 5, 0, 1, 2)]
+    told = 0
+    for seed in range(1, 9):
+        rows = np.array(rows_of("kuka", seed))
+        assert likely_columns(Cell(pose_convention="kuka"), rows.tolist()) is None
+        for order in orders:
+            wrong = np.empty_like(rows)
+            wrong[:, list(order)] = rows
+            likely = likely_columns(Cell(pose_convention="kuka"), wrong.tolist())
+            told += likely is not None
+            assert likely is None or likely.order == order
+    assert told >= 0.5 * 8 * len(orders)  # of the others the poses turn too little to tell

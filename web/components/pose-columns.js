@@ -66,6 +66,19 @@ export class PoseColumnsElement extends HTMLElement {
     return this.#usable && this.#table ? angleIn(this.#table, this.#roles, line - 1) : undefined;
   }
 
+  /** Columns that were swapped: the number k stands in the column that is read as order[k] now. @param {readonly number[]} order */
+  reorder(order) {
+    const names = NUMBERS[this.convention] ?? [];
+    const columns = names.map((name) => this.#roles.indexOf(name));
+    names.forEach((name, index) => { this.#roles[columns[order[index] ?? index] ?? 0] = name; });
+    this.#draw();
+  }
+
+  /** Whether the poses stand in a table whose columns can be told otherwise. */
+  get isTable() {
+    return this.#usable;
+  }
+
   get #usable() {
     return this.#table !== null && (NUMBERS[this.convention] ?? []).every((name) => this.#roles.includes(name)) && this.convention in NUMBERS;
   }

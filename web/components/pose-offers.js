@@ -5,6 +5,7 @@ import { h } from "../dom.js";
 import { small } from "../format.js";
 import { mark } from "../icons.js";
 import { lookLikeMetres, readInMetres } from "../state/pose-unit.js";
+import { NUMBERS } from "../state/pose-table.js";
 import { maybe, t } from "../texts.js";
 
 /** @import {LikelyConvention, PoseLines} from "../state/model.js" */
@@ -16,19 +17,23 @@ export class PoseOffersElement extends HTMLElement {
   #metres = false;
   /** What was taken, and what it was read as before. @type {(LikelyConvention & { before: string }) | null} */ #taken = null;
 
+  /** The order that was taken back, to go back to. @type {readonly number[] | null} */ #swapped = null;
+
   /** The poses as they are to be used. @param {PoseLines} reading @param {boolean} sphere whether all look at one sphere that stands still */
-  take({ items, likely_convention: likely }, sphere) {
+  take({ items, likely_convention: likely, likely_columns: swapped }, sphere) {
     const { convention } = this.#columns;
     const metres = lookLikeMetres(items, convention);
     this.#metres &&= metres; // other poses
     if (this.#taken?.convention !== convention || !items.length) this.#taken = null;
-    this.replaceChildren(...[metres && this.#unit(), sphere && (likely ? this.#convention(likely) : this.#back())].filter((row) => row instanceof Node));
+    if (!items.length) this.#swapped = null;
+    this.replaceChildren(...[metres && this.#unit(), sphere && this.#columns.isTable && this.#order(swapped), sphere && !swapped && (likely ? this.#convention(likely) : this.#back())].filter((row) => row instanceof Node));
     return this.#metres ? items.map((pose) => readInMetres(pose, convention)) : items;
   }
 
   clear() {
     this.#metres = false;
     this.#taken = null;
+    this.#swapped = null;
     this.replaceChildren();
   }
 
@@ -42,6 +47,22 @@ export class PoseOffersElement extends HTMLElement {
       this.#metres = !this.#metres;
       this.changed();
     });
+  }
+
+  /** Columns that were swapped, or the way back. @param {PoseLines["likely_columns"]} likely */
+  #order(likely) {
+    const order = likely?.order ?? null;
+    const names = NUMBERS[this.#columns.convention] ?? [];
+    if (order) return row(mark("warn", t("intake.columns", { now: names.join(" "), other: order.map((place) => names[place]).join(" "), spread: small(likely?.spread_mm ?? 0), spread_now: small(likely?.told_spread_mm ?? 0) })), t("intake.columns_go"), () => this.#reorder(order, order), "primary");
+    const back = this.#swapped;
+    return back && row(mark("pass", t("intake.columns_read")), t("intake.columns_back"), () => this.#reorder(back.map((_, index) => back.indexOf(index)), null));
+  }
+
+  /** @param {readonly number[]} order @param {readonly number[] | null} swapped */
+  #reorder(order, swapped) {
+    this.#columns.reorder(order);
+    this.#swapped = swapped;
+    this.changed();
   }
 
   /** @param {LikelyConvention} likely */

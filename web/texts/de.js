@@ -115,7 +115,7 @@ export const texts = Object.freeze({
   "intake.metres_go": "Als Meter lesen",
   "intake.millimetres_go": "Als Millimeter lesen",
   "intake.metres_read": "Positionen werden als Meter gelesen.",
-  "intake.convention": "Als {name} gelesen blicken die Posen auf einen Ort, auf ±{spread} mm.",
+  "intake.columns": "Spalten sind wohl vertauscht: als {other} statt {now} gelesen zeigen die Posen auf {spread} genau auf eine Stelle, nicht auf {spread_now}.", "intake.columns_go": "Tauschen", "intake.columns_read": "Die Spalten sind getauscht.", "intake.columns_back": "Lesen, wie sie stehen", "intake.convention": "Als {name} gelesen blicken die Posen auf einen Ort, auf ±{spread} mm.",
   "intake.convention_now": "Als {name} gelesen wandert er um ±{spread} mm.",
   "intake.convention_go": "Als {name} lesen",
   "intake.convention_read": "Als {name} gelesen: Die Posen blicken auf einen Ort, auf ±{spread} mm.",

@@ -69,7 +69,7 @@ export const texts = Object.freeze({
   "intake.metres_go": "按米读取",
   "intake.millimetres_go": "按毫米读取",
   "intake.metres_read": "位置按米读取。",
-  "intake.convention": "若按 {name} 读取，各位姿都看向同一处，偏差在 ±{spread} mm 以内。",
+  "intake.columns": "列可能颠倒：按 {other} 而非 {now} 读取时，位姿指向同一位置，误差为 {spread}，而不是 {spread_now}。", "intake.columns_go": "交换", "intake.columns_read": "列已交换。", "intake.columns_back": "按原样读取", "intake.convention": "若按 {name} 读取，各位姿都看向同一处，偏差在 ±{spread} mm 以内。",
   "intake.convention_now": "按 {name} 读取时，该处偏移 ±{spread} mm。",
   "intake.convention_go": "按 {name} 读取",
   "intake.convention_read": "已按 {name} 读取：各位姿看向同一处，偏差在 ±{spread} mm 以内。",
