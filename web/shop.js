@@ -1,15 +1,20 @@
 // Shop floor: for a tablet at arm's length. Large type, one huge action, and a tone that tells how a capture was.
 
+import { style } from "./dom.js";
+
 const KEY = "scancell-shop";
 const ROOT = document.documentElement;
 /** Tones in Hz: rising is good, falling is refused. @type {Readonly<Record<string, readonly number[]>>} */
 const TONES = { pass: [660, 880], warn: [660, 660], fail: [440, 262] };
 const TONE_S = 0.16;
+let styled = false;
 
 export const atShop = () => ROOT.hasAttribute("data-shop");
 
 /** @param {boolean} on */
 export function setShop(on) {
+  if (on && !styled) style("shop");
+  styled ||= on;
   ROOT.toggleAttribute("data-shop", on);
   if (on) window.localStorage.setItem(KEY, "1");
   else window.localStorage.removeItem(KEY);

@@ -11,7 +11,7 @@ from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.nodes import Node
 
-_AXES_MM, _RING_MM, _FAN_HALF_RAD = 44.0, 32.0, 0.26
+_AXES_MM, _RING_MM, _FAN_HALF_RAD = 44.0, 14.0, 0.26
 _FAR_MM = 200.0  # as far as the light is drawn where the sphere's distance is not known
 _DASHES = 9
 

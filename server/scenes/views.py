@@ -15,7 +15,7 @@ FIELD_OF_VIEW_RAD = 0.75
 _ISOMETRIC = np.array([1.0, -1.2, 0.75])
 _SIDE = np.array([0.0, -1.0, 0.08])
 _TOP = np.array([0.0, -1e-3, 1.0])
-_NEAREST_M = 0.12
+_NEAREST_M = 0.05
 _FILLED = 0.85  # of the window, so that labels at the edge have room
 _ROUNDS = 8
 _BENCH = np.array([1.0, 0.45, 0.5])  # the camera looks along −y: from its side
@@ -63,7 +63,7 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
         if along is not None:
             return along
     if name == "Sphere" and facts.sphere_center_in_base_mm is not None:
-        return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, 1.5 * (facts.sphere_radius_mm or 20.0))
+        return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, 1.2 * (facts.sphere_radius_mm or 20.0))
     if name == "Table" and (table := _table_places_mm(facts)) is not None:
         return _around(table, _ISOMETRIC)
     if name == "Object" and (scanned := _object_places_mm(facts)) is not None:

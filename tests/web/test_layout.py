@@ -47,14 +47,35 @@ def main_action_in_sight(page: Page) -> bool:
 
 
 def test_a_tablet_by_touch(tablet: Page, api: httpx.Client) -> None:
-    tablet.goto(f"/sessions/{simulated_session(api, captures=3)}")
-    expect(tablet.locator(".captures tbody tr")).to_have_count(3)
-    for count in (4, 5):
+    """The whole TCP: captures, the solve, and the result from its top to its end."""
+    session = simulated_session(api, captures=1)
+    tablet.goto(f"/sessions/{session}")
+    main = tablet.locator("sc-actions button.primary:visible").first
+    rows = tablet.locator(".captures tbody tr")
+
+    def require_room() -> None:
         assert tablet.evaluate(_WIDE) <= 0
         assert main_action_in_sight(tablet)
         assert tablet.evaluate(_SMALL_TARGETS) == []
-        tablet.locator("sc-actions button.primary:visible").first.tap()
-        expect(tablet.locator(".captures tbody tr")).to_have_count(count)
+
+    expect(rows).to_have_count(1)
+    require_room()
+    main.tap()
+    expect(rows).to_have_count(2)
+    require_room()
+    count = 2  # what is between looks the same: taken without taps
+    while api.get(f"/sessions/{session}/guide").json()["current"]["action"] == "capture":
+        api.post(f"/sessions/{session}/sources/simulated/capture").raise_for_status()
+        count += 1
+    expect(rows).to_have_count(count, timeout=30_000)
+    expect(main).to_contain_text("Solve")
+    require_room()
+    main.tap()
+    expect(tablet.locator(".answer-card")).to_be_visible(timeout=60_000)
+    expect(tablet.locator(".plot-captures .dot").first).to_be_attached()
+    require_room()
+    tablet.locator(".work").evaluate("(work) => { work.scrollTop = work.scrollHeight; }")
+    require_room()
 
 
 def test_the_shop_floor(open_page: Callable[..., Any], api: httpx.Client) -> None:

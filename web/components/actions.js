@@ -61,11 +61,12 @@ export class ActionsElement extends StateElement {
     const solved = now?.action === "review";
     // What is not accepted is mended by captures; where all is well, the way leads on.
     const result = this.state.resultOf(this.state.step);
-    const mends = solved && result !== null && result.verdict !== "pass";
-    this.#next = mends ? null : nextStep(this.state);
-    const onward = this.#next !== null;
+    const mends = (solved || !now) && result !== null && !result.stale && result.verdict !== "pass";
+    this.#next = nextStep(this.state);
+    const onward = this.#next !== null && !mends;
     this.#onWords.textContent = t("guide.go_on", { step: stepName(this.state, this.#next ?? "") });
-    this.#on.hidden = !onward;
+    this.#on.hidden = this.#next === null;
+    this.#on.className = mends ? "plain wide" : "primary";
     this.#captureWords.textContent = maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
     this.#solveWords.textContent = maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
     const status = this.state.guide?.steps.find(({ step }) => step === this.state.step)?.status ?? (this.state.now ? "working" : "");

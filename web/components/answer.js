@@ -102,7 +102,8 @@ function more(title, texts) {
 function next(state, stage) {
   const now = state.guide?.current;
   const result = state.results[stage];
-  // Where the main button mends the cause, more captures would not.
+  // What is not accepted is mended here first, and where the main button mends the cause, more captures would not.
+  if (result && !result.stale && result.verdict !== "pass" && now?.stage !== stage) return null;
   if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && mendable(result).length)) return null;
   return h("p", { class: "next", title: now.instruction }, h("strong", {}, t("answer.next")), " ", brief(now.instruction));
 }

@@ -81,7 +81,7 @@ const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h
 function words(now, name, state) {
   return [
     h("p", { class: "guide-progress" }, name, rest(now)),
-    h("h1", {}, now.instruction),
+    h("h1", {}, now.action === "review" && state.resultOf(state.step)?.verdict === "warn" ? t("guide.mend") : now.instruction),
     now.meter ? meterSection(now.meter, state) : null,
     now.why && h("p", { class: "soft" }, now.why),
     now.exit && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", now.exit),

@@ -5,13 +5,15 @@ import { Problem } from "../state/http.js";
 import { comparisonSections } from "../components/comparison.js";
 import { attempt } from "../components/toasts.js";
 import { stages } from "../state/registries.js";
-import { h } from "../dom.js";
+import { h, style } from "../dom.js";
 import { when } from "../format.js";
 import { maybe, t } from "../texts.js";
 
 /** @import {Comparison, PastResult, SessionSummary} from "../state/model.js" */
 
 const SIDES = /** @type {const} */ (["left", "right"]);
+
+style("review");
 
 export class ComparePage extends HTMLElement {
   /** @type {HTMLElement | null} */ top = null;

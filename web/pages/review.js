@@ -10,11 +10,13 @@ import { ReviewLogElement } from "../components/review-log.js";
 import { SceneElement } from "../components/scene.js";
 import { TimelineElement } from "../components/timeline.js";
 import { attempt } from "../components/toasts.js";
-import { h, make } from "../dom.js";
+import { h, make, style } from "../dom.js";
 import { mark } from "../icons.js";
 import { ReviewState } from "../state/review.js";
 import { t } from "../texts.js";
 import { cellWords } from "../components/cell-words.js";
+
+style("review");
 
 export class ReviewPage extends HTMLElement {
   sessionId = "";

@@ -159,6 +159,7 @@ export const session = {
   "guide.go_on": "Continue with {step}",
   "guide.later": "The steps before this one come first.",
   "guide.not_needed": "This step is not needed here.",
+  "guide.mend": "Usable, not accepted yet: more captures make it better.",
   "guide.nothing": "Nothing more to do in this step.",
   "captures.filter": "Filter",
   "captures.several": "Selected captures",
