@@ -145,6 +145,7 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
         if page.url == "about:blank" or done.actions % 150 == 0:
             page.goto(home)
             page.locator("h1").first.wait_for()
+            refused.clear()  # of what was still on its way; the page that would tell of it is gone
     return done
 
 

@@ -1,5 +1,6 @@
 """The page's texts: each key stands once, is used, and is there in every language with the same places."""
 
+import ast
 import json
 import re
 from collections import Counter
@@ -82,3 +83,47 @@ def test_no_module_imports_itself_by_a_way_round() -> None:
         ready = {file for file, others in imports.items() if file not in free and others <= free}
         assert ready, f"these import each other: {sorted(set(imports) - free)}"
         free |= ready
+
+
+def told_by(tree: ast.AST) -> set[str]:
+    """Return the texts in Python code; what changes in one is {}."""
+    found: set[str] = set()
+    for one in ast.walk(tree):
+        if isinstance(one, ast.Constant) and isinstance(one.value, str):
+            found.add(one.value)
+        elif isinstance(one, ast.JoinedStr):
+            parts = [str(part.value) if isinstance(part, ast.Constant) else "{}" for part in one.values]
+            found.add("".join(parts))
+    return found
+
+
+def labels_of(tree: ast.AST) -> set[str]:
+    """Return the texts that are given to blocks of evidence as labels, titles, captions and remarks."""
+    words = [
+        keyword.value
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call)
+        for keyword in call.keywords
+        if keyword.arg in ("label", "title", "remark", "caption")
+    ]
+    return {word.value for word in words if isinstance(word, ast.Constant) and isinstance(word.value, str)}
+
+
+def test_what_the_server_says_is_there_in_every_language_and_still_said() -> None:
+    root = WEB.parent
+    parsed = {
+        file: ast.parse(file.read_text(encoding="utf-8"))
+        for folder in ("calib_core/stages", "calib_core/evidence", "calib_core/review", "server/scenes")
+        for file in (root / folder).rglob("*.py")
+    }
+    told: set[str] = set().union(*map(told_by, parsed.values()))
+    shown = set().union(*(labels_of(tree) for file, tree in parsed.items() if "evidence" in str(file)))
+    entry = re.compile(r'^  ("(?:[^"\\]|\\.)*"): ("(?:[^"\\]|\\.)*"),$', re.MULTILINE)
+    for name in ("de", "zh"):
+        text = (WEB / "texts" / "server" / f"{name}.js").read_text(encoding="utf-8")
+        texts = {json.loads(said): json.loads(words) for said, words in entry.findall(text)}
+        assert len(texts) > 200
+        assert sorted(shown - texts.keys() - {""}) == [], name
+        assert sorted(texts.keys() - told) == [], name
+        for said, words in texts.items():
+            assert len(re.findall(r"\{\d?\}", words)) == said.count("{}"), (name, said)

@@ -2,7 +2,7 @@
 // stage in place of it is drawn by that.
 
 import { h } from "../dom.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { plot } from "../components/plot.js";
 import { figures } from "./figure.js";
 import { frame } from "./frame.js";
@@ -26,7 +26,7 @@ export function* sections(blocks, context, own = {}) {
   for (const group of grouped(blocks)) {
     const [first] = group;
     if (!first) continue;
-    const title = first.title ?? t("evidence.title");
+    const title = first.title ? said(first.title) : t("evidence.title");
     const parts = [...drawn(group, context, own)];
     if (!parts.length) continue;
     const id = `evidence-${context.stage}-${blocks.indexOf(first)}`;
@@ -73,7 +73,7 @@ function one(block, { state }) {
   if (block.kind === "table") return table(block, state);
   if (block.kind === "picture") return picture(block, state);
   if (block.kind === "plot") {
-    const caption = h("figcaption", { class: "soft small" }, block.caption);
+    const caption = h("figcaption", { class: "soft small" }, said(block.caption));
     return h("figure", { class: "evidence-plot" }, plot(block, state, caption), caption);
   }
   return block.kind === "note" ? note(block) : h("p", { class: "soft" }, t("evidence.unknown", { kind: block.kind }));

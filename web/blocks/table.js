@@ -4,6 +4,7 @@ import { h } from "../dom.js";
 import { glossed } from "../components/glossary.js";
 import { fixed } from "../format.js";
 import { quantityWords } from "./quantity.js";
+import { said } from "../texts.js";
 
 /** @import {CellOf, ColumnOf, TableBlock, RowOf} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -12,7 +13,7 @@ const ROWS_AT_ONCE = 200;
 
 /** @param {TableBlock} block @param {SessionState} state */
 export function table({ caption, columns, rows }, state) {
-  return h("div", { class: "table-block" }, caption && h("p", { class: "soft small" }, caption), h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-label": caption || (columns[0]?.label ?? "") },
+  return h("div", { class: "table-block" }, caption && h("p", { class: "soft small" }, said(caption)), h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-label": caption || (columns[0]?.label ?? "") },
     h("table", { class: "number compare" },
       h("thead", {}, h("tr", {}, ...columns.map((column) => h("th", { scope: "col", class: column.align !== "left" && "right" }, glossed(headOf(column)))))),
       fillLater(h("tbody"), rows, (row) => line(row, columns, state)))));
@@ -26,7 +27,7 @@ function fillLater(body, rows, make, from = 0) {
 }
 
 /** @param {ColumnOf} column */
-const headOf = ({ label, unit }) => (unit ? `${label}, ${unit}` : label);
+const headOf = ({ label, unit }) => (unit ? `${said(label)}, ${unit}` : said(label));
 
 /** @param {RowOf} row @param {ColumnOf[]} columns @param {SessionState} state */
 function line({ cells, capture, used = true, reason }, columns, state) {
@@ -40,6 +41,6 @@ function line({ cells, capture, used = true, reason }, columns, state) {
 
 /** @param {CellOf} cell @param {ColumnOf | undefined} column */
 function cellWords(cell, column) {
-  if (cell === null || typeof cell === "string") return cell ?? "–";
+  if (cell === null || typeof cell === "string") return cell ? said(cell) : "–";
   return typeof cell === "number" ? fixed(cell, column?.decimals ?? 0) : quantityWords(cell);
 }

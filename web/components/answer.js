@@ -4,7 +4,7 @@ import { figureWords } from "../blocks/figure.js";
 import { quantityWords } from "../blocks/quantity.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 import { glossed } from "./glossary.js";
 import { stepName } from "./rail.js";
 import { causesOf, mendable } from "./remedy.js";
@@ -25,7 +25,7 @@ export function answer(result, state, stage) {
   return h(
     "section", { class: `panel answer-card answer-${verdict}`, "aria-labelledby": "answer-title" },
     h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), mark(verdict, maybe(`verdict.${verdict}`, verdict))),
-    h("dl", { class: "headline number" }, ...shownFigures(result).map((figure) => h("div", { class: figure.headline ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(figure.label))))),
+    h("dl", { class: "headline number" }, ...shownFigures(result).map((figure) => h("div", { class: figure.headline ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(said(figure.label)))))),
     ...messages(result),
     next(state, stage),
   );
@@ -60,11 +60,11 @@ export function otherFigures(result) {
 /** @param {StageResult} result */
 function messages(result) {
   const { stale, warnings = [], notes = [] } = result;
-  const said = [...(stale ? [t("result.stale_words")] : []), ...grouped(warnings ?? [])];
+  const told = [...(stale ? [t("result.stale_words")] : []), ...grouped(warnings ?? [])];
   // Where the cause is known it stands alone: what follows from it is told on demand.
   const [cause] = causesOf(result);
-  const first = cause ? [] : said.slice(0, IN_SIGHT);
-  const rest = said.filter((text) => !first.includes(text));
+  const first = cause ? [] : told.slice(0, IN_SIGHT);
+  const rest = told.filter((text) => !first.includes(text));
   return [
     cause && h("ul", { class: "messages" }, message(cause.sentence, brief(cause.title))),
     first.length > 0 && h("ul", { class: "messages" }, ...first.map((text) => message(text, brief(text)))),
@@ -105,5 +105,5 @@ function next(state, stage) {
   // What is not accepted is mended here first, and where the main button mends the cause, more captures would not.
   if (result && !result.stale && result.verdict !== "pass" && now?.stage !== stage) return null;
   if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && mendable(result).length)) return null;
-  return h("p", { class: "next", title: now.instruction }, h("strong", {}, t("answer.next")), " ", brief(now.instruction));
+  return h("p", { class: "next", title: said(now.instruction) }, h("strong", {}, t("answer.next")), " ", brief(said(now.instruction)));
 }

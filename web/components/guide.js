@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { h, make } from "../dom.js";
 import { mark } from "../icons.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { nextStep } from "../state/next-step.js";
 import { StateElement } from "./base.js";
 import { copyButton } from "./copy.js";
@@ -50,9 +50,10 @@ export class GuideElement extends StateElement {
     const { state } = this;
     const told = state.guide?.steps.find((one) => one.step === state.step);
     const current = state.guide?.current.step ?? "";
+    const open = said(this.#open(told?.status) ?? "") || undefined;
     return [
       h("p", { class: "guide-progress" }, stepName(state, state.step)),
-      h("h1", {}, this.#open(told?.status) ?? t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
+      h("h1", {}, open ?? t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
       h("p", { class: "soft" }, told?.note ?? ""),
       state.step === "recheck" && repeated(state.id),
       // Where the main button leads on, once is enough.
@@ -81,17 +82,17 @@ const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h
 function words(now, name, state) {
   return [
     h("p", { class: "guide-progress" }, name, rest(now)),
-    h("h1", {}, now.action === "review" && state.resultOf(state.step)?.verdict === "warn" ? t("guide.mend") : now.instruction),
+    h("h1", {}, now.action === "review" && state.resultOf(state.step)?.verdict === "warn" ? t("guide.mend") : said(now.instruction)),
     now.meter ? meterSection(now.meter, state) : null,
-    now.why && h("p", { class: "soft" }, now.why),
-    now.exit && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", now.exit),
+    now.why && h("p", { class: "soft" }, said(now.why)),
+    now.exit && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", said(now.exit)),
     suggestion(now),
   ].filter((part) => part instanceof Node);
 }
 
 /** @param {GuideNow} now */
 function rest({ progress, still_needed: needed }) {
-  const parts = [progress, needed ? t("guide.needed", { count: needed }) : null].filter(Boolean);
+  const parts = [progress && said(progress), needed ? t("guide.needed", { count: needed }) : null].filter(Boolean);
   return h("span", { class: "soft" }, ...parts.map((part) => ` · ${part}`));
 }
 

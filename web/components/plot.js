@@ -3,7 +3,7 @@
 
 import { h, make, s } from "../dom.js";
 import { fixed, significant } from "../format.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { excludeCapture } from "./exclude.js";
 import { piece, viewsOf, widened } from "./plot-view.js";
 import { thumbnail } from "./thumbnail.js";
@@ -96,7 +96,7 @@ export class PlotElement extends HTMLElement {
     if (!this.#range) this.#whole = { x: [drawn.x.low, drawn.x.high], y: [drawn.y.low, drawn.y.high] };
     this.#drawing.replaceChildren(drawn.root);
     this.#legend.replaceChildren(legend(shown));
-    if (this.caption) this.caption.textContent = shown.caption ?? "";
+    if (this.caption) this.caption.textContent = said(shown.caption ?? "");
     if (this.isConnected) this.#light();
   }
 
@@ -205,7 +205,7 @@ const withUnit = (value, unit) => `${significant(value, 3)}${unit ? `\u202f${uni
 
 /** The drawing and its scales. @param {PlotBlock} block @param {PlotElement} element @returns {{ root: Element, x: Scale, y: Scale }} */
 function draw(block, element) {
-  const label = `${block.caption} ${t("plot.keys")}`;
+  const label = `${said(block.caption)} ${t("plot.keys")}`;
   const none = { low: 0, high: 0, place: Number };
   if (block.shape === "grid") return { root: grid(block), x: none, y: none };
   const width = block.shape === "captures" ? Math.min(WIDEST, Math.max(WIDTH, EDGE.left + longest(block) * 14)) : WIDTH;
@@ -287,7 +287,7 @@ function axes(block, x, y, width) {
 }
 
 /** @param {AxisOf} axis */
-const titleOf = ({ label, unit }) => (unit ? `${label}, ${unit}` : label);
+const titleOf = ({ label, unit }) => (unit ? `${said(label)}, ${unit}` : said(label));
 
 /** @param {PlotBlock} block @param {Scale} x @returns {[number, string][]} */
 function columns({ shape, series }, x) {
@@ -362,8 +362,8 @@ function grid({ series, caption }) {
 function legend({ shape, series, band }) {
   if (shape === "grid") return "";
   const rejected = series.some(({ reasons }) => reasons?.some(Boolean));
-  const keys = series.length > 1 ? series.map(({ label }, index) => h("span", { class: `key series-${index % MARKS.length}` }, label)) : [];
+  const keys = series.length > 1 ? series.map(({ label }, index) => h("span", { class: `key series-${index % MARKS.length}` }, said(label ?? ""))) : [];
   if (rejected) keys.push(h("span", { class: "key key-out" }, t("plot.out")));
-  if (band) keys.push(h("span", { class: "key key-band" }, band.label));
+  if (band) keys.push(h("span", { class: "key key-band" }, said(band.label)));
   return keys.length ? h("p", { class: "legend small" }, ...keys) : "";
 }

@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -152,17 +152,18 @@ export class SceneElement extends StateElement {
     const told = JSON.stringify([views, layers.map(({ name }) => name)]);
     if (told === this.#offered) return;
     this.#offered = told;
-    this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, view)));
+    this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, said(view))));
     this.#layers.replaceChildren(h("legend", { class: "visually-hidden" }, t("scene.layers")), ...layers.map(({ name, title, shown }) => {
       const box = h("input", { type: "checkbox", name, ".checked": this.#shownLayers[name] ?? shown, onchange: () => this.#showLayers({ ...this.#shownLayers, [name]: box.checked }) });
-      return h("label", {}, box, ` ${title}`);
+      return h("label", {}, box, ` ${said(title)}`);
     }));
   }
 
   #look() {
     const view = this.#views.value;
     this.#views.value = "";
-    if (view) void attempt(() => this.#tell(`viewers/${this.#viewer}/view`, { view }));
+    if (view && !this.#drawn) notify(t("scene.wait"));
+    else if (view) void attempt(() => this.#tell(`viewers/${this.#viewer}/view`, { view }));
   }
 
   async #enlarge() {
