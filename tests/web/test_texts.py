@@ -113,7 +113,13 @@ def test_what_the_server_says_is_there_in_every_language_and_still_said() -> Non
     root = WEB.parent
     parsed = {
         file: ast.parse(file.read_text(encoding="utf-8"))
-        for folder in ("calib_core/stages", "calib_core/evidence", "calib_core/review", "server/scenes")
+        for folder in (
+            "calib_core/stages",
+            "calib_core/evidence",
+            "calib_core/guidance",
+            "calib_core/review",
+            "server/scenes",
+        )
         for file in (root / folder).rglob("*.py")
     }
     told: set[str] = set().union(*map(told_by, parsed.values()))
