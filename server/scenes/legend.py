@@ -41,6 +41,8 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         return layers is None or any(name in layers for name in names)
 
     parts = _of_captures(facts, look) if told("frames", "points") else []
+    if facts.captures and facts.tool0_from_laser is not None and told("light"):
+        parts.append(_key(LIGHT, "◣", "plane of light"))
     if facts.table is not None and told("table"):
         parts += _of_table(facts.table)
     if facts.optics is not None and told("camera"):
@@ -84,8 +86,6 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
         parts.append("<p>No captures yet. They appear here as they come in.</p>")
     if count["rejected"]:
         parts.append(_key(REJECTED, "✕", f"{count['rejected']} rejected"))
-    if facts.tool0_from_laser is not None:
-        parts.append(_key(LIGHT, "◣", "plane of light"))
     return parts
 
 

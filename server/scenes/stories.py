@@ -37,6 +37,7 @@ _STORIES: dict[tuple[str, Side], Story] = {
     ("object", "result"): _story("Object", "scans"),
     ("answers", "result"): _story("Answers", "answers"),
 }
+_SCANNED = _story("Object", "scans live", "table turned")
 _WHOLE = Story("Captures", frozenset(LAYERS), frozenset(LAYERS))
 
 
@@ -52,6 +53,8 @@ def story(shows: str, side: Side, facts: SceneFacts) -> Story:
         "answers": bool(facts.compared),
         "object": facts.merged is not None if side == "result" else facts.table is not None,
     }
+    if shows == "object" and side == "measure" and facts.merged is not None:
+        return _SCANNED
     if known.get(shows, False):
         return _STORIES[shows, side]
     return _STORIES["sphere", "measure"] if facts.captures else _WHOLE

@@ -137,7 +137,9 @@ def _object_places_mm(facts: SceneFacts) -> FloatArray | None:
     """Return the corners of the merged cloud's box, strays left aside, None without a cloud or its place."""
     if facts.merged is None:
         return None
-    low, high = np.quantile(facts.merged.points_mm.astype(float), [0.005, 0.995], axis=0)
+    # Scans as they were measured have more strays than a cloud that was cleaned.
+    stray = 0.005 if facts.merged.fused else 0.03
+    low, high = np.quantile(facts.merged.points_mm.astype(float), [stray, 1.0 - stray], axis=0)
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
     if facts.merged.frame == "base":
         return corners

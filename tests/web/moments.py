@@ -138,7 +138,7 @@ MOMENTS: dict[str, Told] = {
     "laser-plane": Told("frames-tcp", "laser-plane", "laser-plane.result", ["boards"]),
     "table-half": Told("cell", "half turntable", "turntable", ["frames"]),
     "table": Told("cell", "turntable", "turntable.result", ["circles", "places"]),
-    "scans": Told("cell", "half scan", "scan", ["table", "scans"]),
+    "scans": Told("cell", "half scan", "scan", ["scans"]),
     "merged": Told("cell", "merge", "merge.result", ["scans"]),
     "deviation": Told("cell", "merge", "merge.result", ["scans"], _compare_with_the_part),
 }
