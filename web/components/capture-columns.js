@@ -17,6 +17,9 @@ import { thumbnail } from "./thumbnail.js";
  * @property {(capture: CaptureOut, residual: Residual | undefined) => Node | string | null} cell
  */
 
+/** As the server begins its reasons; `tests/web/test_texts.py` holds both. */
+const [STRIPE_ALONE, OTHER_KIND] = ["the stripe alone", "a capture of kind "];
+
 /** @param {unknown} value */
 const number = (value) => (typeof value === "number" ? value : null);
 /** A column of plain numbers. @param {string} name @param {Value} value @param {(value: number) => string} words @returns {Column} */
@@ -80,6 +83,10 @@ export const status = (capture, residual) => mark(...statusOf(capture, residual)
 export function statusOf(capture, residual) {
   const { verdict } = capture.measured;
   if (capture.excluded) return ["skipped", t("captures.excluded")];
+  const reason = residual?.used === false ? residual.reason ?? "" : "";
+  // What a step does not need is not rejected: frames of the stripe for the camera, captures of another kind.
+  if (reason.startsWith(STRIPE_ALONE)) return ["skipped", t("captures.stripe_only")];
+  if (reason.startsWith(OTHER_KIND)) return ["skipped", t("captures.not_needed")];
   if (residual?.used === false) return verdict === "fail" ? ["fail", t("quality.fail")] : ["warn", t("captures.rejected")];
   if (residual) return ["pass", t("captures.used")];
   return [verdict, maybe(`quality.${verdict}`, verdict)];

@@ -5,6 +5,7 @@ import { fixed, integer, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
+import { statusOf } from "./capture-columns.js";
 import { frameCoverage, sharpness } from "./frame-coverage.js";
 import { framePlot } from "./frame-plot.js";
 import { profilePlot, zoneBar } from "./profile-plot.js";
@@ -30,7 +31,7 @@ export class QualityElement extends StateElement {
     const focused = this.contains(document.activeElement);
     this.replaceChildren(
       h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
-      body(capture, left?.reason ?? null, this.state),
+      body(capture, left, this.state),
       preview(withoutWords(this.state, capture.id)),
       ...frameCoverage(this.state.captures, capture),
     );
@@ -78,16 +79,16 @@ function heading(capture, picked) {
 
 /**
  * @param {CaptureOut} capture
- * @param {string | null} rejected why the solve left it out
+ * @param {Residual | undefined} left what the solve says that left it out
  * @param {import("../state/session.js").SessionState} state
  */
-function body(capture, rejected, state) {
+function body(capture, left, state) {
   const { measured } = capture;
   return h(
     "div", { class: "quality-body" },
     (measured.image_size || (measured.preview ?? []).length > 0) && h("figure", {}, measured.image_size ? framePlot(capture, state.id) : profilePlot(measured, { width: 232, height: 152 }),
       h("button", { type: "button", class: "plain wide small", onclick: async () => (await import("./full-size.js")).fullSize(capture, state) }, t("full.open"))),
-    h("div", { class: "quality-words" }, rejected ? said("fail", rejected) : reason(capture), figures(capture)),
+    h("div", { class: "quality-words" }, left?.reason ? said(statusOf(capture, left)[0], left.reason) : reason(capture), figures(capture)),
   );
 }
 

@@ -119,6 +119,8 @@ export const session = {
   "captures.use": "Use {capture}",
   "captures.excluded": "excluded",
   "captures.rejected": "rejected",
+  "captures.stripe_only": "stripe only",
+  "captures.not_needed": "not needed",
   "captures.used": "used",
   "captures.no_pose": "no pose",
   "captures.no_angle": "no table angle",

@@ -172,6 +172,8 @@ export const texts = {
   "Stray points lie on no surface, mixed ones between two at an edge, grazing ones were seen at too flat an angle.": "Streupunkte liegen auf keiner Oberfläche, gemischte an einer Kante zwischen zweien, streifende wurden zu flach gesehen.",
   "Each round repeats poses of the calibration; the last one decides.": "Jede Runde wiederholt Posen der Kalibrierung; die letzte entscheidet.",
   "The change along the scanner's axes, round by round: a warming scanner wanders, then stays.": "Die Änderung entlang der Achsen des Scanners, Runde für Runde: Ein Scanner, der sich erwärmt, wandert und bleibt dann stehen.",
+  "the stripe alone": "nur der Streifen",
+  "a capture of kind '{}', not a frame": "eine Aufnahme der Art „{}“, kein Bild",
   "RMS": "RMS",
   "2634-style. Pass up to the limit less U, conditional pass up to the limit, conditional fail up to the limit plus U (k = 2).": "Nach Art der 2634. Bestanden bis zur Grenze abzüglich U, bedingt bestanden bis zur Grenze, bedingt nicht bestanden bis zur Grenze zuzüglich U (k = 2).",
   "± at k = 2.": "± bei k = 2.",

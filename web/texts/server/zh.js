@@ -172,6 +172,8 @@ export const texts = {
   "Stray points lie on no surface, mixed ones between two at an edge, grazing ones were seen at too flat an angle.": "离散点不在任何表面上，混合点位于边缘两表面之间，掠射点的观测角度过平。",
   "Each round repeats poses of the calibration; the last one decides.": "每轮重复标定的位姿；以最后一轮为准。",
   "The change along the scanner's axes, round by round: a warming scanner wanders, then stays.": "沿扫描仪各轴的变化，逐轮显示：预热中的扫描仪先漂移后稳定。",
+  "the stripe alone": "仅条纹",
+  "a capture of kind '{}', not a frame": "类型为“{}”的采集，不是图像",
   "RMS": "RMS",
   "2634-style. Pass up to the limit less U, conditional pass up to the limit, conditional fail up to the limit plus U (k = 2).": "参照 2634：限值减 U 以内为合格，限值以内为有条件合格，限值加 U 以内为有条件不合格（k = 2）。",
   "± at k = 2.": "± 为 k = 2。",
