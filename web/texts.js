@@ -1,6 +1,7 @@
 // Every text of the page comes from one catalogue, in the language that the browser asks for.
 
-/** @typedef {keyof typeof import("./texts/en.js").texts | keyof typeof import("./texts/live/en.js").texts | keyof typeof import("./texts/guidance/en.js").texts} Text */
+/** @typedef {typeof import("./texts/en.js").texts & typeof import("./texts/live/en.js").texts & typeof import("./texts/guidance/en.js").texts & typeof import("./texts/access/en.js").texts & typeof import("./texts/compare/en.js").texts} Texts */
+/** @typedef {keyof Texts} Text */
 
 export const LANGUAGES = /** @type {const} */ (["en", "de", "zh"]);
 const KEY = "scancell-language";

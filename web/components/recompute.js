@@ -4,13 +4,15 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { significant } from "../format.js";
 import { mark } from "../icons.js";
-import { maybe, t } from "../texts.js";
+import { learnTexts, maybe, t } from "../texts.js";
 import { comparisonSections } from "./comparison.js";
 import { attempt, say } from "./toasts.js";
 
 /** @import {Comparison, Job, Recomputed, StageReplay} from "../state/model.js" */
 
 const ASK_MS = 300;
+
+await learnTexts("compare");
 
 export class RecomputeElement extends HTMLElement {
   sessionId = "";

@@ -4,7 +4,9 @@ import { AuditLogElement } from "../components/audit-log.js";
 import { TokensElement } from "../components/tokens.js";
 import { h, make } from "../dom.js";
 import { may, me } from "../state/me.js";
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
+
+await learnTexts("access");
 
 export class AccessPage extends HTMLElement {
   connectedCallback() {

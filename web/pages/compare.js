@@ -7,13 +7,14 @@ import { attempt } from "../components/toasts.js";
 import { stages } from "../state/registries.js";
 import { h, style } from "../dom.js";
 import { when } from "../format.js";
-import { maybe, t } from "../texts.js";
+import { learnTexts, maybe, t } from "../texts.js";
 
 /** @import {Comparison, PastResult, SessionSummary} from "../state/model.js" */
 
 const SIDES = /** @type {const} */ (["left", "right"]);
 
 style("review");
+await learnTexts("compare");
 
 export class ComparePage extends HTMLElement {
   /** @type {HTMLElement | null} */ top = null;

@@ -1,9 +1,7 @@
 // English: the catalogue's one index. Keys are the page's own; values may hold {places}. Another language is another folder beside en/.
 
-import { access } from "./en/access.js";
 import { cell } from "./en/cell.js";
 import { common } from "./en/common.js";
-import { compare } from "./en/compare.js";
 import { intake } from "./en/intake.js";
 import { merge } from "./en/merge.js";
 import { problems } from "./en/problems.js";
@@ -12,4 +10,4 @@ import { review } from "./en/review.js";
 import { session } from "./en/session.js";
 import { start } from "./en/start.js";
 
-export const texts = Object.freeze({ ...common, ...problems, ...start, ...cell, ...session, ...intake, ...result, ...merge, ...review, ...compare, ...access });
+export const texts = Object.freeze({ ...common, ...problems, ...start, ...cell, ...session, ...intake, ...result, ...merge, ...review });

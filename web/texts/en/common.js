@@ -52,4 +52,6 @@ export const common = {
   "menu.shop": "Shop floor: large type, one action, sound",
   "menu.language": "Language",
   "menu.keys": "Keys",
+  "access.title": "Access",
+  "comparison.wait": "Comparing …",
 };

@@ -1,6 +1,6 @@
 // English. Two results side by side.
 
-export const compare = {
+export const texts = {
   "comparison.page_title": "Compare · scancell",
   "comparison.title": "Compare two results",
   "comparison.lead": "Two sessions, or two solves of one session: what changed, and how far apart the results are.",
@@ -11,7 +11,6 @@ export const compare = {
   "comparison.right_solve": "Its solve",
   "comparison.choose": "Choose …",
   "comparison.latest": "latest",
-  "comparison.wait": "Comparing …",
   "comparison.two": "Choose two sessions, or the same session twice to compare two of its solves.",
   "comparison.first": "first, solved {when}",
   "comparison.second": "second, solved {when}",

@@ -1,8 +1,7 @@
 // English. The admin's page: tokens, and the log of who did what.
 
-export const access = {
+export const texts = {
   "access.page_title": "Access · scancell",
-  "access.title": "Access",
   "access.lead": "Give each person and each program its own token, with the least role it needs.",
   "access.no_login": "This server only answers its own machine and asks for no login. Tokens are needed once it listens on the network.",
 
