@@ -160,7 +160,7 @@ def test_from_a_result_to_its_history_and_to_the_comparison(
 def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) -> None:
     page.goto(f"/sessions/{session}/review")
     expect(page.locator("sc-review-captures tbody tr")).to_have_count(14)
-    page.locator(".scene-layers summary").click()
+    page.locator(".scene-layers summary", has_text="Layers").click()
     assert violations(page, axe) == []
     # On paper there are neither controls nor scene, and all of the columns.
     page.emulate_media(media="print")

@@ -12,7 +12,8 @@ const [ASK_AGAIN_MS, MOST_ASKED] = [700, 60];
 
 /** @param {Comparison} comparison */
 export function bothAnswers({ stage, frames, left, right }) {
-  if (!frames.length) return null;
+  // What was only recomputed is no session's result: there is no scene to show it in.
+  if (!frames.length || !left.session || !right.session) return null;
   const [own, viewer] = [randomName(), randomName()];
   const scene = `/scenes/${encodeURIComponent(left.session)}.${own}/`;
   const frame = h("iframe", { title: t("comparison.scene"), onload: () => void tell(frame, scene, viewer) });
