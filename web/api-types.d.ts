@@ -2330,6 +2330,9 @@ export interface Verification {
   form_mm?: number | null;
   form_95_mm?: number | null;
   size_mm?: number | null;
+  spacing_mm?: number | null;
+  ball_bar_mm?: number | null;
+  ball_bar_sigma_mm?: number | null;
 }
 
 export interface VerifyCheck {

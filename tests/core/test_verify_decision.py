@@ -4,7 +4,10 @@ import bench_verify
 import numpy as np
 import pytest
 
+from calib_core.errors import MotionError
+from calib_core.frames import RigidTransform
 from calib_core.records import Session
+from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import run
 from calib_core.stages.verify.decision import decided, probing
@@ -59,3 +62,43 @@ def test_a_tool_that_the_user_brings_is_decided_on_by_the_limit() -> None:
     assert (bad.decision, bad.verdict) == ("fail", "fail")
     assert "limit 1 mm" in bad.warnings[0]
     assert bad.checks[0].value_mm == pytest.approx(2.0, abs=1.5 * bad.checks[0].uncertainty_mm)
+
+
+def on_a_ball_bar(off_mm: float, calibrated_off_mm: float = 0.0, alone: bool = False) -> VerifyResult:
+    """Verify with captures of two spheres 300 mm apart, the scanner `off_mm` from where the tool says."""
+    cell = simulate("tcp-centers", 4)
+    record = cell.session.to_json()
+    tool = np.array(cell.truth["tool0_from_laser"])
+    limits = {"ball_bar_mm": 300.0 + calibrated_off_mm, "ball_bar_sigma_mm": 0.005, "spacing_mm": 0.5}
+    told = tool.copy()
+    told[0, 3] += off_mm
+    record["cell"] |= {"known": {"tool0_from_laser": told.tolist()}, "verification": limits}
+    way = np.array([180.0, 240.0, 0.0])
+    for number, capture in enumerate(record["captures"]):
+        capture |= {"step": "verify", "mount": "A"}
+        if number == 1 if alone else number % 2:
+            pose = parse_pose(record["cell"]["pose_convention"], capture["pose"])
+            moved = RigidTransform.of(pose.rotation, pose.translation_mm + way, "base", "tool0")
+            capture |= {"pose": to_pose(record["cell"]["pose_convention"], moved), "mount": "B"}
+    result = run(Session.model_validate(record), cell.files.__getitem__, "verify")["verify"]
+    assert isinstance(result, VerifyResult)
+    return result
+
+
+def test_the_spacing_of_a_ball_bars_spheres() -> None:
+    good = next(check for check in on_a_ball_bar(0.0).checks if check.name == "spacing")
+    assert abs(good.value_mm) < 1.5 * good.uncertainty_mm
+    assert 0.01 < good.uncertainty_mm < 0.2
+    assert good.decision == "pass"
+    bad = on_a_ball_bar(0.0, calibrated_off_mm=1.0)
+    spacing = next(check for check in bad.checks if check.name == "spacing")
+    assert spacing.value_mm == pytest.approx(-1.0, abs=1.5 * spacing.uncertainty_mm)
+    assert bad.decision == "fail"
+    # Each sphere is judged about its own centre: the spheres' distance is no scatter.
+    assert bad.held_out_scatter_rms_mm < 1.0
+    assert len([row for row in bad.residuals if row.used]) == 14
+
+
+def test_one_capture_of_a_ball_bars_sphere_is_too_few() -> None:
+    with pytest.raises(MotionError, match="captures of each sphere"):
+        on_a_ball_bar(0.0, alone=True)

@@ -22,7 +22,7 @@ class Verify(Stage):
         "Capture the sphere, standing still, from poses that were not used for the TCP.",
     )
     planned = True
-    takes: ClassVar = {"verify": SPHERE_FIELDS}
+    takes: ClassVar = {"verify": (*SPHERE_FIELDS, "mount")}
     reads = (*SPHERE_READS, "verification")
     settings_field = "verification"
     after = ("camera", "laser-plane", "tcp", "chain")

@@ -113,6 +113,21 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
     )
 
 
+def together(parts: Sequence[HeldOut]) -> HeldOut:
+    """Return what captures of several spheres show, each about its own; the centre is the first one's."""
+    return HeldOut(
+        center_in_base_mm=parts[0].center_in_base_mm,
+        covariance=parts[0].covariance,
+        offsets_in_base_mm=np.concatenate([part.offsets_in_base_mm for part in parts]),
+        expected_offsets_mm=np.concatenate([part.expected_offsets_mm for part in parts]),
+        squared_distances=np.concatenate([part.squared_distances for part in parts]),
+        sides=np.concatenate([part.sides for part in parts]),
+        surface_rms_mm=np.concatenate([part.surface_rms_mm for part in parts]),
+        chi_squared=sum(part.chi_squared for part in parts),
+        degrees_of_freedom=sum(part.degrees_of_freedom for part in parts),
+    )
+
+
 def linearised(
     observations: Sequence[SphereObservation], radius_mm: float, center: FloatArray, tool: Tool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:

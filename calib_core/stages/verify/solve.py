@@ -1,6 +1,7 @@
 """The verify stage: the answer's tool taken as it is, the sphere seen with it by captures of their own."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,11 +16,11 @@ from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.decision import checked, overall, probing, tool_error
-from calib_core.stages.verify.held_out import HeldOut, Tool, held_out
+from calib_core.stages.verify.held_out import HeldOut, Tool, held_out, together
 from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
+from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
 
 _ANSWER_SHARE = 0.6
-_LEAST_CAPTURES = 2
 _LEAST_PROBED = 4
 _DOUBTFUL_CHANCE = 0.01
 _FAILING_FACTOR = 3.0  # of the scatter over the expected one
@@ -40,17 +41,27 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
     tool, verified, doubts = _tool(given)
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
     observed = observe_stage(given)
-    if len({o.capture for o in observed.observations}) < _LEAST_CAPTURES:
+    if len({o.capture for o in observed.observations}) < LEAST_CAPTURES:
         raise MotionError(
-            f"{_LEAST_CAPTURES} captures with step 'verify' that show the sphere, ten are good",
+            f"{LEAST_CAPTURES} captures with step 'verify' that show the sphere, ten are good",
             f"{len(observed.observations)}",
             "Capture the sphere, standing still, from poses that were not used for the TCP.",
             "captures",
         )
-    found = held_out(observed.observations, sphere, tool)
+    spheres = by_sphere(observed.observations, given.captures)
+    alone = [mount for mount, seen in spheres.items() if len({o.capture for o in seen}) < LEAST_CAPTURES]
+    if alone:
+        to_do = f"Capture sphere '{alone[0]}' again, or give its capture the right `mount`."
+        raise MotionError(f"{LEAST_CAPTURES} captures of each sphere", f"one of '{alone[0]}'", to_do, "captures")
+    ordered = [o for seen in spheres.values() for o in seen]
+    observed = replace(observed, observations=ordered)
+    found = together([held_out(seen, sphere, tool) for seen in spheres.values()])
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     verdict, warnings = _judged(found, knows_uncertainty)
-    checks = _checks(given, observed.observations, sphere, tool, found)
+    checks = [
+        *_checks(given, next(iter(spheres.values())), sphere, tool, found),
+        *_spacing(given, spheres, sphere, tool),
+    ]
     judged = overall(checks)
     if judged is not None:
         _, verdict, reasons = judged
@@ -100,6 +111,17 @@ def _checks(
             checked("size", "Probing size", figures["size"], limits.size_mm),
         ]
     return checks
+
+
+def _spacing(
+    given: StageInput, spheres: Mapping[str, Sequence[SphereObservation]], sphere: SphereSize, tool: Tool
+) -> list[VerifyCheck]:
+    """Return the ball bar's figure, where its calibrated length is told and both of its spheres were captured."""
+    told = given.session.cell.verification
+    if told.ball_bar_mm is None:
+        return []
+    error = spacing(spheres, sphere, tool, told.ball_bar_mm, told.ball_bar_sigma_mm or 0.0)
+    return [] if error is None else [checked("spacing", "Sphere spacing", error, told.spacing_mm)]
 
 
 def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:

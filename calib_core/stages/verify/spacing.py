@@ -1,0 +1,57 @@
+"""A ball bar: the distance of its two spheres as the cell measures it, beside the calibrated one."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.frames import FloatArray
+from calib_core.records import Capture
+from calib_core.stages.verify.decision import Estimate
+from calib_core.stages.verify.held_out import HeldOut, Tool, held_out
+
+LEAST_CAPTURES = 2  # of each sphere: one alone shows nothing of its own scatter
+_FREEDOM = 3
+
+
+def by_sphere(
+    observations: Sequence[SphereObservation], captures: Sequence[Capture]
+) -> dict[str, list[SphereObservation]]:
+    """Return the observations by the sphere that their capture's `mount` names, that of most captures first."""
+    mounts = {capture.id: capture.mount or "" for capture in captures}
+    found: dict[str, list[SphereObservation]] = {}
+    for observation in observations:
+        found.setdefault(mounts[observation.capture], []).append(observation)
+    return dict(sorted(found.items(), key=lambda one: -len(one[1])))
+
+
+def spacing(
+    spheres: Mapping[str, Sequence[SphereObservation]],
+    sphere: SphereSize,
+    tool: Tool,
+    calibrated_mm: float,
+    calibrated_sigma_mm: float,
+) -> Estimate | None:
+    """Return the error of the spheres' distance, radius held, and its U; None of any number of spheres but two.
+
+    Notes
+    -----
+    2634-style: SD = L_measured − L_calibrated.  The tool's own covariance is not in the uncertainty: what is
+    verified is no evidence for itself.  Where a sphere's captures scatter more than their noise, its centre's
+    variance grows.
+    """
+    if len(spheres) != 2 or any(len(seen) < LEAST_CAPTURES for seen in spheres.values()):
+        return None
+    exact = replace(tool, covariance=np.zeros((6, 6)))
+    one, other = (held_out(seen, sphere, exact) for seen in spheres.values())
+    between = one.center_in_base_mm - other.center_in_base_mm
+    length = float(np.linalg.norm(between))
+    way = between / length
+    variance = way @ (_grown(one) + _grown(other)) @ way + calibrated_sigma_mm**2
+    return Estimate(length - calibrated_mm, 2 * float(np.sqrt(variance)))
+
+
+def _grown(found: HeldOut) -> FloatArray:
+    freedom = max(found.degrees_of_freedom, _FREEDOM)
+    return found.covariance * max(1.0, found.chi_squared / freedom)
