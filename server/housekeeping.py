@@ -66,6 +66,9 @@ def remove_orphans(store: Store, stopping: threading.Event) -> None:
         if stopping.is_set():
             return
         beginning = f"{first:02x}"
+        stored = list(store.blobs.digests(beginning))
+        if not stored:
+            continue
         with store.read() as db:
             known = {
                 digest
@@ -75,4 +78,4 @@ def remove_orphans(store: Store, stopping: threading.Event) -> None:
                     select(column).distinct().where(column >= beginning, column < beginning + "g")
                 )
             }
-        store.blobs.remove(digest for digest in store.blobs.digests(beginning) if digest not in known)
+        store.blobs.remove(digest for digest in stored if digest not in known)

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from functools import partial
 from itertools import groupby
 from typing import Final
@@ -52,17 +53,17 @@ class WebhookSender:
             self._thread.join()
 
     def _work(self) -> None:
-        with (
-            httpx.Client(timeout=_TIMEOUT_S, follow_redirects=False, headers=_HEADERS, trust_env=False) as client,
-            ThreadPoolExecutor(_AT_ONCE, "webhook") as threads,
-        ):
+        with ExitStack() as opened, ThreadPoolExecutor(_AT_ONCE, "webhook") as threads:
+            client: httpx.Client | None = None  # made for the first delivery: its certificates take time
             while not self._stopping.is_set():
                 self._woken.clear()
                 try:
                     with self._store.read() as db:
                         due = due_deliveries(db)
-                    by_webhook = [list(group) for _, group in groupby(due, key=lambda one: one.webhook_id)]
-                    list(threads.map(partial(self._deliver, client), by_webhook))
+                    if due:
+                        client = client or opened.enter_context(_new_client())
+                        by_webhook = [list(group) for _, group in groupby(due, key=lambda one: one.webhook_id)]
+                        list(threads.map(partial(self._deliver, client), by_webhook))
                 except Exception:  # a locked database, a full disk: it stays due
                     log.exception("webhooks could not be served")
                     due = []
@@ -89,3 +90,7 @@ class WebhookSender:
                 return answer.status_code, None  # what it says beside its status is of no use here
         except (httpx.HTTPError, httpx.InvalidURL, OSError, ValueError) as error:
             return None, str(error)[:300] or type(error).__name__
+
+
+def _new_client() -> httpx.Client:
+    return httpx.Client(timeout=_TIMEOUT_S, follow_redirects=False, headers=_HEADERS, trust_env=False)

@@ -1,6 +1,7 @@
 """The real server, on loopback, in a thread of the test process; its workers are real processes."""
 
 import json
+import ssl
 import threading
 import time
 from collections.abc import Generator
@@ -15,6 +16,7 @@ from tests.server.forked_commands import fork_from_one
 
 API = "/api/v1"
 _LIMITS = httpx.Limits(keepalive_expiry=2.0)
+_NO_TRUST = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # plain HTTP needs no certificates, which take 30 ms to load
 
 
 @contextmanager
@@ -27,7 +29,8 @@ def serving(settings: Settings) -> Generator[httpx.Client]:
         while not server.started:
             assert thread.is_alive(), "the server ended at its start"
             time.sleep(0.01)
-        with httpx.Client(base_url=server.address + API, timeout=60, trust_env=False, limits=_LIMITS) as client:
+        options: Any = {"timeout": 60, "trust_env": False, "limits": _LIMITS, "verify": _NO_TRUST}
+        with httpx.Client(base_url=server.address + API, **options) as client:
             yield client
     finally:
         server.stop()
