@@ -10,11 +10,13 @@ from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView, points_in_board_mm
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.hand_eye import HandEye, solve_hand_eye
+from calib_core.optics.hand_eye import CameraDoubt, HandEye, solve_hand_eye
 from calib_core.optics.laser_plane_solve import PlaneView, board_poses, view_of_known_board
+from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
 from calib_core.records import Capture, Session
 from calib_core.robots import parse_pose
+from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.stage import ReadFile
 
 
@@ -57,22 +59,36 @@ class PlaneViews:
     @cached_property
     def hand_eye(self) -> HandEye:
         """The camera on the flange, the board in the base; raises MotionError where lit frames do not tell."""
+        return self._hand_eye(None)
+
+    def hand_eye_within(self, found: CameraResult) -> HandEye:
+        """Return the same where the camera is known as its result states; raises as `hand_eye`."""
+        views = [view for _, view in self._lit.values()]
+        if not views:
+            return self._hand_eye(None)
+        told = found.parameters, np.array(found.covariance, dtype=float), found.inflation
+        return self._hand_eye(camera_doubt(self._camera, *told, views))
+
+    def _hand_eye(self, doubt: CameraDoubt | None) -> HandEye:
         robot = self._session.cell.robot
         degrees = robot.orientation_sigma_deg
         turning = None if degrees is None else float(np.deg2rad(degrees))
         poses = list(self.frames.values())
-        return solve_hand_eye([a for a, _ in poses], [b for _, b in poses], robot.position_sigma_mm, turning)
+        found = solve_hand_eye(
+            [a for a, _ in poses], [b for _, b in poses], robot.position_sigma_mm, turning, doubt
+        )
+        if not found.frames_agree and any(view.turn_is_ambiguous for _, view in self._lit.values()):
+            raise MotionError(
+                "a fixed board with one right way up (a chessboard whose columns + rows is odd, or ChArUco)",
+                "one that looks the same turned by 180°, and frames that contradict each other",
+                "Take another board, or light it in every frame.",
+            )
+        return found
 
     @cached_property
     def frames(self) -> dict[str, tuple[RigidTransform, RigidTransform]]:
         """base_from_tool0 and camera_from_board by the lit frames that have a pose; raises as `hand_eye`."""
         lit = [(self._pose(c), view) for c, view in self._lit.values()]
-        if any(view.turn_is_ambiguous for _, view in lit):
-            raise MotionError(
-                "a fixed board with one right way up (a chessboard whose columns + rows is odd, or ChArUco)",
-                "one that looks the same turned by 180°",
-                "Take another board, or light it in every frame.",
-            )
         boards, _ = board_poses(self._camera, [view for _, view in lit]) if lit else ([], None)
         pairs = [(pose, board) for (pose, _), board in zip(lit, boards, strict=True)]
         return dict(zip(self._lit, pairs, strict=True))

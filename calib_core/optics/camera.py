@@ -22,6 +22,7 @@ from calib_core.optics.camera_start import (
     poses_from_homographies,
     start_from_homographies,
 )
+from calib_core.optics.robot_lengths import RobotPoses, with_robot
 
 FEWEST_VIEWS = 3
 _VIEWS_TO_TELL_A_BEND = 5
@@ -80,6 +81,7 @@ def calibrate_camera(
     image_size: tuple[int, int],
     options: CameraOptions | None = None,
     progress: Callable[[float, str], None] | None = None,
+    robot: RobotPoses | None = None,
 ) -> CameraSolution:
     """Return the camera that saw the boards.
 
@@ -91,6 +93,8 @@ def calibrate_camera(
     options : CameraOptions, optional
     progress : callable, optional
         Told the fraction done and what is being done.
+    robot : RobotPoses, optional
+        Where the robot was at each view of a board that stands still: its lengths are compared with the boards'.
 
     Raises
     ------
@@ -136,7 +140,8 @@ def calibrate_camera(
     if options.model == "auto" and chosen in ("plain", "tilted"):
         final, layout = _without_idle(corners, final, layout, options.folds)
     bent = None if options.refine_board else _bent_fit(corners, layout, final)
-    return summarise(final, layout, image_size, candidates, bent)
+    solution = summarise(final, layout, image_size, candidates, bent)
+    return solution if robot is None else with_robot(solution, final, layout, robot)
 
 
 def _no_boards(corners: Corners, image_size: tuple[int, int]) -> dict[int, str]:

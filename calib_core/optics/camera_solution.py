@@ -8,6 +8,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.adjust import Adjusted, Corners
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.robot_lengths import RobotLengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,9 @@ class CameraSolution:
         By how much the covariance has grown for errors that a view's corners share; 1 for independent ones.
     coverage : Coverage
     converged : bool
+    robot : RobotLengths or None
+        What the robot's poses say of it, where it was carried past a fixed board; the covariance holds their
+        disagreement.
     """
 
     camera: CameraModel
@@ -93,6 +97,7 @@ class CameraSolution:
     inflation: float
     coverage: Coverage
     converged: bool
+    robot: RobotLengths | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -182,7 +182,7 @@ def _by_common_errors(
     """Return what the errors that all poses told by the robot share add to the covariance."""
     assert problem.priors is not None
     by_shared = problem.equations(adjusted.state).poses_by_shared - problem.priors.follows
-    follows = np.zeros((len(problem.free), 12))
+    follows = np.zeros((len(problem.free), next(pose.common.shape[1] for pose in known if pose is not None)))
     for view, pose in enumerate(known):
         if pose is not None:
             follows += by_shared[view].T @ problem.priors.information[view] @ pose.common

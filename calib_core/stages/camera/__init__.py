@@ -5,10 +5,15 @@ from typing import TYPE_CHECKING, ClassVar
 from calib_core.stages.stage import FRAME_FIELDS, CaptureStep, Stage
 
 if TYPE_CHECKING:
-    from calib_core.records import GuideNow, Session
+    from collections.abc import Iterator
+
+    from calib_core.records import Capture, GuideNow, Session
     from calib_core.stages.camera.record import CameraResult
     from calib_core.stages.given import StageInput
     from calib_core.stages.guide import GuideView
+
+
+_OF_ROBOT = ("pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
 
 
 class Camera(Stage):
@@ -47,11 +52,26 @@ class Camera(Stage):
 
         return uses_frames(session)
 
+    def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
+        """Return the cell's fields that it reads: of a fixed board the robot's too, whose lengths it compares."""
+        return (*self.reads, *_OF_ROBOT) if _is_fixed(session) else self.reads
+
+    def reads_of_captures(self, session: "Session") -> "Iterator[tuple[Capture, tuple[str, ...]]]":
+        """Give the captures that it reads, of a fixed board with the robot's pose."""
+        fixed = _is_fixed(session)
+        for capture, fields in super().reads_of_captures(session):
+            with_pose = fixed and not capture.excluded and "pose" not in fields
+            yield capture, (*fields, "pose") if with_pose else fields
+
     def guide(self, view: "GuideView") -> "GuideNow | None":
         """Return what to do now for it, None where it asks for nothing."""
         from calib_core.stages.camera.guide import camera_now
 
         return camera_now(view)
+
+
+def _is_fixed(session: "Session") -> bool:
+    return session.cell.board is not None and session.cell.board.fixed
 
 
 STAGE = Camera()

@@ -45,6 +45,7 @@ def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:
         Figure(label="Model", text=MODELS[result.model]),
         captures_used(result),
         *_parameters(result),
+        *_lengths(result),
         *_views(result),
         *_coverage(result),
         *_candidates(result),
@@ -94,6 +95,30 @@ def _parameters(result: CameraResult) -> list[AnyBlock]:
     if result.board_bend_mm is not None:
         figures.append(Figure(label="Board bent by", quantity=quantity(result.board_bend_mm, "mm")))
     return figures
+
+
+def _lengths(result: CameraResult) -> list[AnyBlock]:
+    told = result.by_robot
+    if told is None:
+        return []
+    matrix = result.camera_matrix
+    alone = [quantity(matrix[k][k], "px", _sigma(result, name)) for k, name in enumerate(("fx", "fy"))]
+    both = [quantity(v, "px", s) for v, s in zip(told.focal_px, told.focal_sigma_px, strict=True)]
+    pitch = quantity(100 * (told.pitch_factor - 1), "%", 100 * told.pitch_sigma)
+    columns = [Column(label="", align="left"), Column(label="Boards"), Column(label="Boards and robot")]
+    rows = [
+        Row(cells=["Focal length x", alone[0], both[0]]),
+        Row(cells=["Focal length y", alone[1], both[1]]),
+        Row(cells=["Board's pitch beside the told one", "not seen", pitch]),
+    ]
+    caption = (
+        f"By the robot's poses of {told.views} views of the fixed board. The camera stays that of the boards, and "
+        "its uncertainty holds the difference. ± at k = 2."
+    )
+    return [
+        Table(id="robot-lengths", title="By the robot's lengths", caption=caption, columns=columns, rows=rows),
+        Figure(label="Chance of such a difference", text=number_text(told.chance, 3)),
+    ]
 
 
 def _views(result: CameraResult) -> list[AnyBlock]:

@@ -38,10 +38,28 @@ class CameraCoverage(Record):
     largest_tilt_rad: float
 
 
+class CameraByRobot(Record):
+    """What the robot's poses say of the camera, where it was carried past a fixed board.
+
+    `pitch_factor` is the board's pitch by the robot's lengths over the told one; `focal_px` (fx, fy) is by boards
+    and robot together; `chance` is how often noise alone moves the camera so far from the one by the boards.
+    """
+
+    views: int
+    pitch_factor: float
+    pitch_sigma: float
+    focal_px: list[float]
+    focal_sigma_px: list[float]
+    chance: float
+    position_sigma_mm: float
+    orientation_sigma_deg: float
+
+
 class CameraResult(Result):
     """The camera, with its evidence; `covariance` is of `parameters`, in their order and units (px, rad, 1).
 
-    `tilt_rad` are the sensor's two angles, also in `distortion` as tauX and tauY.
+    `tilt_rad` are the sensor's two angles, also in `distortion` as tauX and tauY. `inflation` is by how much the
+    covariance has grown for errors that a view's corners share.
     """
 
     stage: Literal["camera"] = "camera"
@@ -55,8 +73,10 @@ class CameraResult(Result):
     corner_sigma_px: float
     parameters: list[str]
     covariance: Rows
+    inflation: float = 1.0
     tilt_correlation: float | None = None
     board_bend_mm: float | None = None
     candidates: list[CameraCandidate] = Field(default_factory=list)
     coverage: CameraCoverage
+    by_robot: CameraByRobot | None = None
     residuals: list[CameraResidual]

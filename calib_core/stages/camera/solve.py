@@ -7,16 +7,25 @@ import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, shows_stripe_alone
 from calib_core.captures.solved_optics import remembered
-from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
+from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_refusal import COLOUR_NOTE
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
 from calib_core.optics.camera_solution import CameraSolution
+from calib_core.optics.robot_lengths import RobotLengths, RobotPoses
 from calib_core.records import Board, CameraSegment, Capture, Verdict
-from calib_core.stages.camera.record import CameraCandidate, CameraCoverage, CameraResidual, CameraResult
+from calib_core.robots import parse_pose
+from calib_core.stages.camera.record import (
+    CameraByRobot,
+    CameraCandidate,
+    CameraCoverage,
+    CameraResidual,
+    CameraResult,
+)
 from calib_core.stages.laser_plane.record import RefinedCamera
 from calib_core.stages.stage import SOFTWARE
 
@@ -25,6 +34,8 @@ if TYPE_CHECKING:
 
 _FAIL_RMS_PX = 3.0
 _FINDING_SHARE = 0.7
+_PITCH_SIGMAS, _HARMLESS_PITCH = 3.0, 1e-3  # what an ordinary arm's lengths are off themselves, some times over
+_RARE = 0.001
 _STRIPE_ALONE = "the stripe alone"
 
 
@@ -110,13 +121,34 @@ def _calibrate(
     def tell(fraction: float, what: str) -> None:
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
+    options = CameraOptions(refine_board=not board.flat)
     try:
-        return calibrate_camera(list(views.values()), image_size, CameraOptions(refine_board=not board.flat), tell)
+        return calibrate_camera(list(views.values()), image_size, options, tell, _robot_of(given, views, board))
     except MotionError as error:
         if not failed:
             raise
         names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
         raise MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where) from None
+
+
+def _robot_of(given: "StageInput", views: dict[str, BoardView], board: Board) -> RobotPoses | None:
+    """Return the robot's poses of the views of a fixed board; None where none is told."""
+    cell, captures = given.session.cell, {c.id: c for c in given.captures}
+    if not board.fixed:
+        return None
+    poses: list[RigidTransform | None] = []
+    for name in views:
+        told = captures[name].pose
+        try:
+            poses.append(None if told is None else parse_pose(cell.pose_convention, told, name))
+        except CalibrationError:  # whoever needs the pose refuses it
+            poses.append(None)
+    if not any(poses):
+        return None
+    degrees = cell.robot.orientation_sigma_deg
+    one_way_up = not any(view.turn_is_ambiguous for view in views.values())
+    turning = None if degrees is None else float(np.deg2rad(degrees))
+    return RobotPoses(poses, cell.robot.position_sigma_mm, turning, one_way_up)
 
 
 def _result(
@@ -127,7 +159,8 @@ def _result(
     image_size: tuple[int, int],
 ) -> CameraResult:
     camera = solution.camera
-    problems = problems_of(solution)
+    board = board_of(given.session.cell)
+    problems = [*problems_of(solution), *_robot_problems(solution.robot, board)]
     rows = _rows(given, solution, views, failed)
     left_out = {
         row.capture: row.reason
@@ -142,7 +175,7 @@ def _result(
         inputs_sha256=given.inputs_sha256,
         verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), _expected_views(rows)),
         warnings=[*problems, *not_used(left_out, [row.capture for row in rows])],
-        notes=[*remarks_of(solution), *_unverifiable(given, views)],
+        notes=[*remarks_of(solution), *_unverifiable(given, views, solution.robot)],
         model=camera.model,
         image_size=image_size,
         camera_matrix=camera.camera_matrix.tolist(),
@@ -153,6 +186,7 @@ def _result(
         corner_sigma_px=solution.corner_sigma_px,
         parameters=list(solution.parameters),
         covariance=solution.covariance.tolist(),
+        inflation=solution.inflation,
         tilt_correlation=solution.tilt_correlation,
         board_bend_mm=solution.bend_mm,
         candidates=[
@@ -166,17 +200,54 @@ def _result(
             far_mm=seen.depth_mm[1],
             largest_tilt_rad=seen.largest_tilt_rad,
         ),
+        by_robot=None if solution.robot is None else _by_robot(camera, solution.robot),
         residuals=rows,
     )
 
 
-def _unverifiable(given: "StageInput", views: dict[str, BoardView]) -> list[str]:
+def _by_robot(camera: CameraModel, told: RobotLengths) -> CameraByRobot:
+    focal = camera.camera_matrix[[0, 1], [0, 1]] + told.change[:2]
+    return CameraByRobot(
+        views=told.views,
+        pitch_factor=told.pitch_factor,
+        pitch_sigma=told.pitch_sigma,
+        focal_px=focal.tolist(),
+        focal_sigma_px=told.sigmas[:2].tolist(),
+        chance=told.chance,
+        position_sigma_mm=told.position_sigma_mm,
+        orientation_sigma_deg=float(np.rad2deg(told.orientation_sigma_rad)),
+    )
+
+
+def _robot_problems(told: RobotLengths | None, board: Board) -> list[str]:
+    """Return where the robot's lengths contradict pitch or camera, in sentences."""
+    if told is None:
+        return []
+    off = told.pitch_factor - 1
+    if abs(off) > max(_PITCH_SIGMAS * told.pitch_sigma, _HARMLESS_PITCH):
+        pitch_mm, sigma_mm = board.pitch_mm * told.pitch_factor, board.pitch_mm * told.pitch_sigma
+        return [
+            f"The board's pitch is {pitch_mm:.3f} ± {2 * sigma_mm:.3f} mm by the robot's moves, and told as "
+            f"{board.pitch_mm:g} mm: all lengths scale with it. Measure it over several squares and correct "
+            "cell.board.pitch_mm."
+        ]
+    if told.chance < _RARE:
+        return [
+            "The robot's moves ask for another camera than the boards do, beyond both uncertainties: the stated "
+            "one holds the difference. Check that the board is flat and stands still, and the robot's accuracy."
+        ]
+    return []
+
+
+def _unverifiable(given: "StageInput", views: dict[str, BoardView], told: RobotLengths | None) -> list[str]:
     """Return what frames of this kind of board cannot tell, in sentences."""
     board = board_of(given.session.cell)
-    sentences = [
-        f"The board's pitch, {board.pitch_mm:g} mm, is not checked: frames of it look the same at any pitch, and "
-        "all lengths scale with it. Measure it over several squares."
-    ]
+    sentences: list[str] = []
+    if told is None:
+        sentences.append(
+            f"The board's pitch, {board.pitch_mm:g} mm, is not checked: frames of it look the same at any pitch, "
+            "and all lengths scale with it. Measure it over several squares."
+        )
     if any(view.turn_is_ambiguous for view in views.values()):
         sentences.append(
             "The board looks the same turned by 180°, so the camera is right but a board's pose may be turned: "

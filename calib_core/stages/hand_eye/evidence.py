@@ -22,12 +22,20 @@ def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
             Figure(label=f"Camera on the flange, {axis}", quantity=quantity(value, "mm", sigma))
             for axis, value, sigma in zip("xyz", place, sigmas, strict=True)
         ),
+        *_pitch(result),
         Figure(label="Robot's position, as the frames show it", quantity=quantity(result.position_sigma_mm, "mm")),
         captures_used(result),
         *left_out(result.residuals),
         *residual_table(result.residuals, _COLUMNS),
         *provenance(result),
     ]
+
+
+def _pitch(result: HandEyeResult) -> list[AnyBlock]:
+    if result.pitch_sigma is None:
+        return []
+    shown = quantity(100 * (result.pitch_factor - 1), "%", 100 * result.pitch_sigma)
+    return [Figure(label="Board's pitch by the robot's lengths, beside the told one", quantity=shown)]
 
 
 def _agreement(found: Agreement | None, with_plane: bool) -> list[AnyBlock]:

@@ -39,6 +39,7 @@ class HandEyeResult(Result):
 
     `covariance` is of tool0_from_camera, `board_covariance` of base_from_board. `tool0_from_laser_by_board` is the
     tool that follows with the plane of light, `laser_covariance` its own; null where there is none.
+    `pitch_factor` is the board's pitch by the robot's lengths over the told one.
     """
 
     stage: Literal["hand-eye"] = "hand-eye"
@@ -46,6 +47,8 @@ class HandEyeResult(Result):
     covariance: Rows
     base_from_board: Matrix4
     board_covariance: Rows
+    pitch_factor: float = 1.0
+    pitch_sigma: float | None = None
     position_sigma_mm: float
     orientation_sigma_deg: float
     tool0_from_laser_by_board: Matrix4 | None = None

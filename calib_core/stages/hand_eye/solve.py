@@ -40,10 +40,11 @@ def solve_hand_eye_stage(given: StageInput) -> HandEyeResult:
             "Fix it, set cell.board.fixed, and take its frames with the robot's poses.",
             "cell.board.fixed",
         )
-    camera, _ = camera_of(given.session, given.read)
+    camera, solved = camera_of(given.session, given.read)
     given.progress(0.3, "Finding the board in the frames")
     views = PlaneViews(given.session, camera, given.read)
-    found, frames = views.hand_eye, views.frames
+    found = views.hand_eye if solved is None else views.hand_eye_within(solved)
+    frames = views.frames
     given.progress(0.8, "Comparing with the sphere's answer")
     residuals = _residuals(found, frames)
     tool, covariance = _with_plane(given, found)
@@ -58,7 +59,9 @@ def solve_hand_eye_stage(given: StageInput) -> HandEyeResult:
         tool0_from_camera=found.tool0_from_camera.to_rows(),
         covariance=found.covariance[:6, :6].tolist(),
         base_from_board=found.base_from_board.to_rows(),
-        board_covariance=found.covariance[6:, 6:].tolist(),
+        board_covariance=found.covariance[6:12, 6:12].tolist(),
+        pitch_factor=found.pitch_factor,
+        pitch_sigma=found.pitch_sigma,
         position_sigma_mm=found.position_sigma_mm,
         orientation_sigma_deg=float(np.rad2deg(found.orientation_sigma_rad)),
         tool0_from_laser_by_board=None if tool is None else tool.to_rows(),

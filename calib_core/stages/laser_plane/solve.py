@@ -8,6 +8,7 @@ from calib_core.captures.dark_boards import PlaneViews
 from calib_core.captures.solved_optics import remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
+from calib_core.frames import FloatArray
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
@@ -114,7 +115,8 @@ def _uncertainty(given: StageInput, result: CameraResult | None, lent: set[str])
 def _result(
     given: StageInput, solution: PlaneSolution, failed: dict[str, MeasurementError], camera: CameraResult | None
 ) -> LaserPlaneResult:
-    normal, distance, covariance = solution.normal, solution.distance_mm, solution.covariance
+    normal, distance = solution.normal, solution.distance_mm
+    covariance = _with_pitch(solution.covariance, distance, camera)
     sigma_deg = rotation_sigma_deg(covariance)
     rows = _rows(given, solution, failed)
     warnings = plane_warnings(solution.fit, solution.lines, sigma_deg)
@@ -146,6 +148,17 @@ def _result(
         distance_sigma_mm=float(np.sqrt(covariance[3, 3])),
         residuals=rows,
     )
+
+
+def _with_pitch(covariance: FloatArray, distance_mm: float, camera: CameraResult | None) -> FloatArray:
+    """Return the plane's covariance (4, 4) with the error of the pitch that the robot's lengths show."""
+    told = None if camera is None else camera.by_robot
+    if told is None:
+        return covariance
+    excess = max(0.0, (told.pitch_factor - 1) ** 2 - told.pitch_sigma**2)
+    grown = covariance.copy()
+    grown[3, 3] += excess * distance_mm**2
+    return grown
 
 
 def plane_failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str]:
