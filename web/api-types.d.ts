@@ -188,6 +188,17 @@ export interface BudgetPart {
   shared: boolean;
 }
 
+export interface CameraByRobot {
+  views: number;
+  pitch_factor: number;
+  pitch_sigma: number;
+  focal_px: number[];
+  focal_sigma_px: number[];
+  chance: number;
+  position_sigma_mm: number;
+  orientation_sigma_deg: number;
+}
+
 export interface CameraCandidate {
   model: string;
   parameters: number;
@@ -235,10 +246,12 @@ export interface CameraResult {
   corner_sigma_px: number;
   parameters: string[];
   covariance: number[][];
+  inflation?: number;
   tilt_correlation?: number | null;
   board_bend_mm?: number | null;
   candidates?: CameraCandidate[];
   coverage: CameraCoverage;
+  by_robot?: CameraByRobot | null;
   residuals: CameraResidual[];
 }
 
@@ -776,6 +789,8 @@ export interface HandEyeResult {
   covariance: number[][];
   base_from_board: number[][];
   board_covariance: number[][];
+  pitch_factor?: number;
+  pitch_sigma?: number | null;
   position_sigma_mm: number;
   orientation_sigma_deg: number;
   tool0_from_laser_by_board?: number[][] | null;
@@ -1719,10 +1734,12 @@ export interface StoredCameraResult {
   corner_sigma_px: number;
   parameters: string[];
   covariance: number[][];
+  inflation?: number;
   tilt_correlation?: number | null;
   board_bend_mm?: number | null;
   candidates?: CameraCandidate[];
   coverage: CameraCoverage;
+  by_robot?: CameraByRobot | null;
   residuals: CameraResidual[];
 }
 
@@ -1831,6 +1848,8 @@ export interface StoredHandEyeResult {
   covariance: number[][];
   base_from_board: number[][];
   board_covariance: number[][];
+  pitch_factor?: number;
+  pitch_sigma?: number | null;
   position_sigma_mm: number;
   orientation_sigma_deg: number;
   tool0_from_laser_by_board?: number[][] | null;

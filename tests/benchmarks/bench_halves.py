@@ -18,7 +18,7 @@ from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpSolution, solve_tcp
 from calib_core.errors import CalibrationError
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Session, parse_session
 from calib_core.stages.stage import ReadFile
 
@@ -125,17 +125,28 @@ def factor_row(what: str, squares: list[float], freedom: int) -> Row:
 def camera_halves(name: str, count: int) -> Row:
     """By how much halves of a set's boards differ in focal lengths and principal point, as they state it."""
     from calib_core.captures.boards import board_in
+    from calib_core.optics.board import BoardView
     from calib_core.optics.camera import calibrate_camera
+    from calib_core.optics.camera_solution import CameraSolution
+    from calib_core.optics.robot_lengths import RobotPoses
+    from calib_core.robots import parse_pose
 
     session, read = opened(name)
-    assert session.cell.board is not None
-    views = []
+    board, convention = session.cell.board, session.cell.pose_convention
+    assert board is not None
+    views: list[tuple[BoardView, RigidTransform | None]] = []
     for capture in session.captures:
         with suppress(CalibrationError):  # dark frames, the stripe alone
-            views.append(board_in(capture, session.cell.board, read))
+            view, told = board_in(capture, board, read), capture.pose if board.fixed else None
+            views.append((view, None if told is None else parse_pose(convention, told, capture.id)))
+
+    def solve(half: list[tuple[BoardView, RigidTransform | None]]) -> CameraSolution:
+        robot = RobotPoses([p for _, p in half], one_way_up=not any(v.turn_is_ambiguous for v, _ in half))
+        return calibrate_camera([v for v, _ in half], views[0][0].image_size, robot=robot)
+
     squares: list[float] = []
     for pair in random_halves(views, count):
-        solved = [calibrate_camera(half, views[0].image_size) for half in pair]
+        solved = [solve(half) for half in pair]
         places = [[s.parameters.index(p) for p in _PINHOLE] for s in solved]
         off = np.subtract(*(s.camera.camera_matrix[[0, 1, 0, 1], [0, 1, 2, 2]] for s in solved))
         covariance = sum(s.covariance[np.ix_(p, p)] for s, p in zip(solved, places, strict=True))

@@ -22,7 +22,7 @@ BASE_FROM_BOARD = RigidTransform.of([0.1, 3.0, 0.2], [850.0, -120.0, 35.0], "bas
 
 
 def solved(seed: int, pitch_factor: float = 1.0, bow_mm: float = 0.0, **robot: float) -> CameraSolution:
-    """A camera from twelve views of a fixed board whose true pitch is a factor of the told one, and that is bowed."""
+    """A camera from twelve views of a fixed, bowed board whose true pitch is a factor of the told one."""
     rng = np.random.default_rng([seed, 12])
     bowed = pitch_factor * BOARD
     bowed[:, 2] = bow_mm * ((BOARD[:, 0] - 40) / 40) ** 2
