@@ -367,6 +367,10 @@ class Operations(Connection):
         """Make a token. It stands in this answer alone: only a hash of it is kept."""
         return self.request("POST", "/api/v1/tokens", json=body)
 
+    def access_get_token(self, token_id: str) -> Any:
+        """Return a token's record, also of one that is no longer good; never the token itself."""
+        return self.request("GET", f"/api/v1/tokens/{quote(token_id, safe='')}")
+
     def access_revoke(self, token_id: str) -> Any:
         """End a token and all logins that were made with it; its streams and scenes end within seconds."""
         return self.request("DELETE", f"/api/v1/tokens/{quote(token_id, safe='')}")

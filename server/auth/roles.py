@@ -183,6 +183,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"DELETE {_SESSION}/robot-port",
         f"POST {_API}/cells/{{cell_id}}/rollback",
         f"GET {_API}/tokens",
+        f"GET {_API}/tokens/{{token_id}}",
         f"POST {_API}/tokens",
         f"DELETE {_API}/tokens/{{token_id}}",
         f"GET {_API}/audit",

@@ -45,6 +45,8 @@ _TAGGED = (
     "cells_get_released",
     "archives_import_archive",
     "archives_get_kept",
+    "cells_release",
+    "cells_rollback",
 )
 _LOCATED = (
     "sessions_create",
@@ -52,6 +54,13 @@ _LOCATED = (
     "captures_take_simulated",
     "archives_import_archive",
     "solves_solve",
+    "history_recompute",
+    "cells_release",
+    "cells_rollback",
+    "live_take_shot",
+    "live_take_sweep",
+    "access_make",
+    "webhooks_make",
 )
 _EXAMPLES = Path(__file__).with_name("api_examples.json")
 _UPLOADS = {

@@ -1,6 +1,8 @@
 """Cells: their sessions, and the answer that was released for each, by whom, when and why."""
 
+import json
 from typing import Annotated, Literal
+from urllib.parse import quote
 
 from fastapi import Path, Request, Response
 from fastapi.responses import JSONResponse
@@ -11,6 +13,7 @@ from calib_core.records import Record, Verdict
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.drift import CellDrift
 from server.http.api_router import api_router
+from server.http.created import created
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.http.known_fields import require_known_fields
 from server.http.strict_json import plain_json
@@ -148,7 +151,7 @@ def release(
         record = plain_json(answer_record(answer).to_json())
         return release_data(add_release(db, session_id, record, _who(request), body.why))
 
-    return idempotency.run(store, body.to_json(), 201, act)[0]
+    return _in_force(idempotency.run(store, body.to_json(), 201, act)[0])
 
 
 @router.post("/cells/{cell_id}/rollback", status_code=201, response_model=Release)
@@ -161,7 +164,13 @@ def rollback(
     def act(db: Transaction) -> Data:
         return release_data(roll_back(db, cell_id, _who(request), body.why, body.number))
 
-    return idempotency.run(store, body.to_json(), 201, act)[0]
+    return _in_force(idempotency.run(store, body.to_json(), 201, act)[0])
+
+
+def _in_force(answer: Response) -> Response:
+    """Return the answer with the place and the tag of what it put in force."""
+    release = json.loads(bytes(answer.body))
+    return created(answer, f"/api/v1/cells/{quote(release['cell'], safe='')}/answer", f'"{release["number"]}"')
 
 
 def _who(request: Request) -> str:

@@ -18,7 +18,7 @@ from server.http.dependencies import HubDep, IdempotencyDep, SessionId, StoreDep
 from server.http.known_fields import require_known_fields
 from server.live.manager import LiveCells, require_live
 from server.live.preview import device_data, live_data
-from server.live.shots import CaptureSettings, Shot
+from server.live.shots import CaptureSettings, Shot, Taken
 from server.routes.sessions import existing_session
 from server.sources.device import host_now_s
 from server.store.audit import acting
@@ -160,7 +160,12 @@ def put_live(
 
 @router.post("/live/capture", status_code=201, response_model=TakenShot)
 async def take_shot(
-    session_id: SessionId, body: NewShot, _: IdempotencyDep, store: StoreDep, cells: LiveCellsDep
+    session_id: SessionId,
+    body: NewShot,
+    _: IdempotencyDep,
+    store: StoreDep,
+    cells: LiveCellsDep,
+    response: Response,
 ) -> TakenShot:
     """Take a capture now: it is stored once robot, table and stripe prove that they stand still, else refused."""
     require_known_fields(body, "request")
@@ -168,12 +173,17 @@ async def take_shot(
     shot = await run_in_threadpool(_shot, session_id, body, store)
     require_live(cells, session_id).ask(shot)
     taken = await asyncio.wrap_future(shot.answer)
-    return TakenShot(id=taken.capture, verdict=taken.verdict, zone=taken.zone, text=taken.text)
+    return _taken(session_id, response, taken)
 
 
 @router.post("/live/sweep", status_code=201, response_model=TakenShot)
 def take_sweep(
-    session_id: SessionId, body: NewSweep, _: IdempotencyDep, store: StoreDep, cells: LiveCellsDep
+    session_id: SessionId,
+    body: NewSweep,
+    _: IdempotencyDep,
+    store: StoreDep,
+    cells: LiveCellsDep,
+    response: Response,
 ) -> TakenShot:
     """Record every exposure and the robot's poses for some seconds, and store them as one capture: a sweep.
 
@@ -187,6 +197,11 @@ def take_sweep(
     shot = Shot(body.id, host_now_s(), extra=extra, act=acting.get())
     with cells.recording_folder() as folder:
         taken = live.sweep(shot, body.seconds, folder)
+    return _taken(session_id, response, taken)
+
+
+def _taken(session_id: str, response: Response, taken: Taken) -> TakenShot:
+    response.headers["Location"] = f"/api/v1/sessions/{session_id}/captures/{taken.capture}"
     return TakenShot(id=taken.capture, verdict=taken.verdict, zone=taken.zone, text=taken.text)
 
 

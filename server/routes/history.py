@@ -11,6 +11,7 @@ from calib_core.errors import CalibrationError, ConflictError, NotFoundError
 from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
 from server.http.api_router import api_router
+from server.http.created import created
 from server.http.dependencies import IdempotencyDep, JobId, JobsDep, SessionId, StageName, StoreDep
 from server.http.schemas import Job
 from server.http.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
@@ -89,7 +90,7 @@ def recompute(session_id: SessionId, idempotency: IdempotencyDep, store: StoreDe
     answer, first = idempotency.run(store, "replay", 202, act)
     if first:
         jobs.submit(json.loads(bytes(answer.body))["id"])
-    return answer
+    return created(answer, "/api/v1/jobs/{id}")
 
 
 @router.get("/jobs/{job_id}/answer", response_model=Recomputed)

@@ -11,13 +11,14 @@ from sqlalchemy.orm import Session as Transaction
 from server.auth.logins import Identity, Logins
 from server.auth.middleware import cookie_name
 from server.auth.refusals import Refusals
-from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecords
+from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecord, TokenRecords
 from server.http.api_router import api_router
+from server.http.created import created
 from server.http.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep
 from server.http.errors import LoginError
 from server.store.audit import acting, list_audit
 from server.store.models import Data
-from server.store.tokens import list_tokens, revoke_token, token_data
+from server.store.tokens import list_tokens, revoke_token, token_data, token_row
 
 router = api_router("access")
 
@@ -115,9 +116,16 @@ def make(body: NewToken, idempotency: IdempotencyDep, store: StoreDep, logins: L
         return {**record, "token": None}
 
     answer, first = idempotency.run(store, body.model_dump(), 201, act)
-    if not first:
-        return answer
-    return JSONResponse({**json.loads(bytes(answer.body)), "token": made[0]}, 201)
+    if first:
+        answer = JSONResponse({**json.loads(bytes(answer.body)), "token": made[0]}, 201)
+    return created(answer, "/api/v1/tokens/{id}")
+
+
+@router.get("/tokens/{token_id}", response_model=TokenRecord)
+def get_token(token_id: TokenId, store: StoreDep) -> Response:
+    """Return a token's record, also of one that is no longer good; never the token itself."""
+    with store.read() as db:
+        return JSONResponse(token_data(token_row(db, token_id)))
 
 
 @router.delete("/tokens/{token_id}", status_code=204)

@@ -52,6 +52,16 @@ def has_admin(db: Transaction) -> bool:
     return db.scalars(query.limit(1)).first() is not None
 
 
+def token_row(db: Transaction, token_id: str) -> TokenRow:
+    """Return a token; raises NotFoundError."""
+    row = db.get(TokenRow, token_id)
+    if row is None:
+        raise NotFoundError(
+            "a token's id", f"'{token_id}', which none has", "Take one of those that are listed.", "token"
+        )
+    return row
+
+
 def revoke_token(db: Transaction, token_id: str, but_not: str | None = None) -> None:
     """End a token and all logins that were made with it; revoking it again changes nothing.
 
@@ -66,11 +76,7 @@ def revoke_token(db: Transaction, token_id: str, but_not: str | None = None) -> 
     ------
     NotFoundError, ConflictError
     """
-    row = db.get(TokenRow, token_id)
-    if row is None:
-        raise NotFoundError(
-            "a token's id", f"'{token_id}', which none has", "Take one of those that are listed.", "token"
-        )
+    row = token_row(db, token_id)
     if token_id == but_not:
         raise ConflictError(
             "another token than the one in use",

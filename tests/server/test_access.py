@@ -134,6 +134,9 @@ def test_tokens_are_shown_once_and_kept_as_hashes(tmp_path: Path) -> None:
         again = client.post("/tokens", json=body, headers={**admin, "Idempotency-Key": "k"})
         assert again.json() == {**made.json(), "token": None}
         assert client.get("/me", headers=bearer(token)).json()["name"] == "robot"
+        assert (
+            client.get(made.headers["Location"].removeprefix("/api/v1"), headers=admin).json()["name"] == "robot"
+        )
         listed = client.get("/tokens", headers=admin)
         assert token not in listed.text
         assert [item["name"] for item in listed.json()["items"]].count("robot") == 1

@@ -64,6 +64,14 @@ def test_every_json_answer_has_an_example(document: dict[str, Any]) -> None:
     assert found >= 40
 
 
+def test_whatever_is_made_says_where_it_is(document: dict[str, Any]) -> None:
+    made = [
+        answer for one in operations(document) for status, answer in one["responses"].items() if status == "201"
+    ]
+    assert len(made) >= 10
+    assert all("Location" in answer["headers"] for answer in made)
+
+
 def test_every_body_has_an_example(document: dict[str, Any]) -> None:
     found = 0
     for operation in operations(document):

@@ -20,7 +20,9 @@ def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: h
     first = client.post(f"/sessions/{session}/release", json={"why": "set up"})
     assert first.status_code == 201, first.text
     assert (first.json()["cell"], first.json()["who"]) == (cell, "this machine")
-    in_force = client.get(f"/cells/{cell}/answer").json()
+    there = client.get(first.headers["Location"].removeprefix("/api/v1"))
+    assert there.headers["ETag"] == first.headers["ETag"]
+    in_force = there.json()
     assert in_force["tool0_from_laser"] == client.get(f"/sessions/{session}/answer").json()["tool0_from_laser"]
 
     client.patch(f"/sessions/{session}/captures/p03", json={"excluded": True})
