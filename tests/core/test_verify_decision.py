@@ -102,3 +102,16 @@ def test_the_spacing_of_a_ball_bars_spheres() -> None:
 def test_one_capture_of_a_ball_bars_sphere_is_too_few() -> None:
     with pytest.raises(MotionError, match="captures of each sphere"):
         on_a_ball_bar(0.0, alone=True)
+
+
+def test_a_limit_that_the_captures_cannot_be_held_to_is_no_pass() -> None:
+    cell = simulate("tcp-centers", 4)  # centres: no points of the surface, and one sphere
+    record = cell.session.to_json()
+    limits = {"tool_mm": 5.0, "form_mm": 0.2, "spacing_mm": 0.5}
+    record["cell"] |= {"known": {"tool0_from_laser": cell.truth["tool0_from_laser"]}, "verification": limits}
+    for capture in record["captures"]:
+        capture["step"] = "verify"
+    result = run(Session.model_validate(record), cell.files.__getitem__, "verify")["verify"]
+    assert result.verdict == "warn"
+    assert any("limit of the probing form, 0.2 mm, was not checked" in said for said in result.warnings)
+    assert any("limit of the sphere spacing, 0.5 mm, was not checked" in said for said in result.warnings)

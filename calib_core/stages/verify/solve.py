@@ -9,7 +9,7 @@ from calib_core.captures.content import sphere_of
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
-from calib_core.records import Verdict
+from calib_core.records import Verdict, Verification
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import StageInput
 from calib_core.stages.stage import SOFTWARE
@@ -66,6 +66,7 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
     if judged is not None:
         _, verdict, reasons = judged
         warnings = [*reasons, *(said for said in warnings if knows_uncertainty)]
+    doubts = [*doubts, *_unchecked(given.session.cell.verification, checks)]
     if doubts and verdict == "pass":
         verdict = "warn"
     surfaces = found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
@@ -111,6 +112,24 @@ def _checks(
             checked("size", "Probing size", figures["size"], limits.size_mm),
         ]
     return checks
+
+
+def _unchecked(limits: Verification, checks: Sequence[VerifyCheck]) -> list[str]:
+    """Return the limits that were set and that these captures cannot be held to, in sentences."""
+    found = {check.name for check in checks}
+    probing_to_do = f"It needs points on the sphere from {_LEAST_PROBED} captures or more."
+    spacing_to_do = "It needs verification.ball_bar_mm, and captures of both spheres, told apart by their `mount`."
+    every = {
+        "form": ("probing form", limits.form_mm, probing_to_do),
+        "form_95": ("probing form of 95 %", limits.form_95_mm, probing_to_do),
+        "size": ("probing size", limits.size_mm, probing_to_do),
+        "spacing": ("sphere spacing", limits.spacing_mm, spacing_to_do),
+    }
+    return [
+        f"The limit of the {what}, {limit_mm:g} mm, was not checked. {to_do}"
+        for name, (what, limit_mm, to_do) in every.items()
+        if limit_mm is not None and name not in found
+    ]
 
 
 def _spacing(
