@@ -253,8 +253,13 @@ class LiveScene:
     def _welcome(self, client: "ClientHandle") -> None:
         """Set a newcomer further away whose window is narrow; viser's first camera is the same for all."""
         self._details.follow(client)
-        with client.atomic():
-            take(client.camera, self._first_view_of(client))
+        name = self.viewers.name_of(client)
+        while True:
+            told = self._stories.get(name)
+            with client.atomic():
+                take(client.camera, self._first_view_of(client))
+            if self._stories.get(name) == told:  # else a story was told meanwhile, whose view this one undid
+                return
 
     def _show(self, view: View) -> None:
         """Let newcomers start at a view and take those who are there along."""

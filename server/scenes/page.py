@@ -48,7 +48,7 @@ html.dark, html.dark body, html.dark #root { background: #141414; }
 #scancell-legend p { margin: 0 0 2px; }
 #scancell-legend .bar { height: 10px; border-radius: 2px; }
 #scancell-legend .ticks { display: flex; justify-content: space-between; }
-#scancell-legend .key { margin-right: 10px; white-space: nowrap; display: inline-block; }
+#scancell-legend .key { margin-right: 10px; display: inline-block; }
 #scancell-legend .key i { font-style: normal; }
 .mantine-Notifications-root { display: none; }
 .embedded [data-floating-window] { display: none; }

@@ -80,12 +80,13 @@ const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h
 
 /** @param {GuideNow} now @param {string} name of the step @param {SessionState} state */
 function words(now, name, state) {
+  const mends = now.action === "review" && state.resultOf(state.step)?.verdict === "warn";
   return [
     h("p", { class: "guide-progress" }, name, rest(now)),
-    h("h1", {}, now.action === "review" && state.resultOf(state.step)?.verdict === "warn" ? t("guide.mend") : said(now.instruction)),
+    h("h1", {}, mends ? t("guide.mend") : said(now.instruction)),
     now.meter ? meterSection(now.meter, state) : null,
     now.why && h("p", { class: "soft" }, said(now.why)),
-    now.exit && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", said(now.exit)),
+    now.exit && !mends && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", said(now.exit)),
     suggestion(now),
   ].filter((part) => part instanceof Node);
 }
