@@ -116,6 +116,20 @@ def test_the_first_page_is_to_be_signed(solved):
         assert first.row(role) == [role, "", "", ""]
 
 
+def test_the_first_page_shows_the_cell_from_two_sides(solved, turntable_results):
+    session, results = solved
+    html = report_html(session, results)
+    seen = [capture for capture in session.captures if capture.step == "tcp"]
+    assert html.count('<svg class="scene"') == 1
+    picture = html[html.index('<svg class="scene"') :]
+    picture = picture[: picture.index("</svg>")]
+    assert picture.count("<circle") == 2 * (len(seen) + 1)  # each capture and the sphere
+    assert " mm</text>" in picture
+    assert html.index('<svg class="scene"') < html.index("</section>")
+    assert '<svg class="scene"' in report_html(*turntable_results)
+    assert '<svg class="scene"' not in report_html(session, {})
+
+
 @pytest.mark.parametrize("convention", sorted(set(CONVENTIONS) - {"matrix"}))
 def test_the_tool_frame_is_in_the_controllers_convention_with_twice_its_sigma(solved, convention):
     session, results = solved

@@ -20,6 +20,7 @@ from calib_core.review.truth import truth_blocks
 from calib_core.robots import CONVENTIONS
 from calib_core.stages.evidence import stored_evidence, title_of
 from calib_core.stages.registry import stages
+from server.render.report.scene_picture import scene_picture
 
 _SIGNED_BY: Final = ("Calibrated by", "Checked by", "Released by")
 _COVARIANCES: Final = ("covariance", "turntable_covariance")
@@ -66,6 +67,7 @@ def report_html(
         name=session.name or "Session",
         style=Markup(STYLE),
         answer=_answer(session, told, blocks),
+        picture=Markup(scene_picture(session, told)),
         cell=_cell_rows(session.cell),
         captures=_capture_counts(session),
         stages=[
