@@ -116,9 +116,14 @@ def answer_of_folder(
 
 
 def _budget(answer: Answer) -> Any:
-    """Return the error budget at the workpiece as JSON data; None of results that have no covariances for it."""
+    """Return the error budget at the workpiece as JSON data; None of results that have no covariances for it.
+
+    None of a stale answer, too: what it was solved from may be gone, and with other captures it is another one.
+    """
     from calib_core.guidance.at_part import budget_at
 
+    if answer.stale:
+        return None
     try:
         return budget_at(answer.session, answer.results).to_json()
     except (InputError, KeyError, TypeError, ValueError):

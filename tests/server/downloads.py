@@ -28,12 +28,17 @@ class Said:
     values: tuple[str, ...] = ()
 
 
+_TOLD = ("faults", "stale", "budget", "cell")
+"""Of an answer: what says that it is stale, what a stale one leaves out, and the name that the cell has now."""
+
+
 def downloads(client: httpx.Client, session: str) -> dict[str, Said]:
     """Return what each download of a session says, by name; asserts that header, body and refusals agree."""
     place = f"/sessions/{session}"
     answer = client.get(f"{place}/answer")
     stage = answer.json()["stage"]
-    found = {"answer": _of(answer, stage, answer.json()["stale"], answer.json(), "faults", "stale")}
+    assert answer.json()["budget"] is None or not answer.json()["stale"]
+    found = {"answer": _of(answer, stage, answer.json()["stale"], answer.json(), *_TOLD)}
     results: dict[str, Any] = client.get(f"{place}/results").json()
     for name, result in results.items():
         alone = client.get(f"{place}/results/{name}").json()
@@ -98,7 +103,7 @@ def _archive(given: httpx.Response, answer: httpx.Response, stage: str) -> Said:
     with zipfile.ZipFile(BytesIO(given.content)) as packed:
         names = {name.partition("/data/")[2]: name for name in packed.namelist()}
         assert json.loads(packed.read(names["answer.json"])) == answer.json()
-        said = _of(given, stage, answer.json()["stale"], answer.json(), "faults", "stale")
+        said = _of(given, stage, answer.json()["stale"], answer.json(), *_TOLD)
         assert _says_stale(packed.read(names["report.html"]).decode()) or not said.stale
     return said
 
