@@ -143,6 +143,7 @@ export interface Board {
   columns: number;
   rows: number;
   pitch_mm: number;
+  pitch_sigma_mm?: number | null;
   marker_mm?: number | null;
   dictionary?: string | null;
   flat?: boolean;

@@ -49,6 +49,11 @@ def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:
     return decode_image(read(name), name)
 
 
+def relative_pitch_sigma(board: Board) -> float | None:
+    """Return the relative standard deviation of a board's pitch; None where none is told."""
+    return None if board.pitch_sigma_mm is None else board.pitch_sigma_mm / board.pitch_mm
+
+
 def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
     """Return the board in a capture's first frame, searched for once.
 

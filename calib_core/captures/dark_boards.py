@@ -4,7 +4,13 @@ from functools import cached_property
 
 import numpy as np
 
-from calib_core.captures.boards import board_in, board_of, read_frame, shows_stripe_alone, stripe_of
+from calib_core.captures.boards import (
+    board_in,
+    board_of,
+    read_frame,
+    shows_stripe_alone,
+    stripe_of,
+)
 from calib_core.captures.content import shows_board
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform

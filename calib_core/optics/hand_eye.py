@@ -20,7 +20,8 @@ from calib_core.optics.hand_eye_closed import solve_ax_zb
 
 USUAL_POSITION_SIGMA_MM = 0.05
 USUAL_ORIENTATION_SIGMA_RAD = 2e-4
-PITCH_SIGMA = 0.01  # of a board's pitch that somebody printed and told
+USUAL_PITCH_SIGMA = 0.01  # relative: of a board's pitch that somebody printed and told
+_LEAST_PITCH_SIGMA = 1e-6
 _TRUSTED = np.log(1.5)  # by what factor told errors of a robot may be too small, one sigma
 _UNKNOWN = np.log(3.0)
 _MUCH_LARGER = np.log(10.0)
@@ -141,6 +142,7 @@ def solve_hand_eye(
     position_sigma_mm: float | None = None,
     orientation_sigma_rad: float | None = None,
     doubt: CameraDoubt | None = None,
+    pitch_sigma: float | None = None,
 ) -> HandEye:
     """Return the camera on the flange, the board in the base and its pitch, from K frames of the board.
 
@@ -152,6 +154,8 @@ def solve_hand_eye(
         The robot's errors, per axis; left out, those of an ordinary robot.  Both follow what the frames show.
     doubt : CameraDoubt, optional
         What the camera leaves open; without it the boards' poses err by the robot alone.
+    pitch_sigma : float, optional
+        Of the told pitch, relative; left out, that of a board from a printer.
 
     Raises
     ------
@@ -171,7 +175,7 @@ def solve_hand_eye(
 
     def fitted(chosen: list[int]) -> "_Fit":
         robots, boards = [base_from_tool0[k] for k in chosen], [camera_from_board[k] for k in chosen]
-        frames = _Frames.of(robots, boards, None if doubt is None else doubt.take(chosen))
+        frames = _Frames.of(robots, boards, None if doubt is None else doubt.take(chosen), pitch_sigma)
         return frames.fit(_start(robots, boards, frames.camera_size), usual)
 
     found = fitted(used)
@@ -243,6 +247,7 @@ class _Frames:
     own: FloatArray
     follows: FloatArray
     camera_information: FloatArray
+    pitch_information: float
 
     @classmethod
     def of(
@@ -250,6 +255,7 @@ class _Frames:
         robots: Sequence[RigidTransform],
         boards: Sequence[RigidTransform] | None,
         doubt: CameraDoubt | None,
+        pitch_sigma: float | None = None,
     ) -> "_Frames":
         count = len(robots)
         nothing = CameraDoubt(np.zeros((0, 0)), np.zeros((count, 6, 0)), np.zeros((count, 6, 6)))
@@ -259,9 +265,10 @@ class _Frames:
         information = (
             np.linalg.pinv(doubt.covariance, hermitian=True) if doubt.covariance.size else doubt.covariance
         )
+        relative = USUAL_PITCH_SIGMA if pitch_sigma is None else pitch_sigma
         return cls(
             a[:, :3, :3], a[:, :3, 3], b[:, :3, :3], b[:, :3, 3], doubt.own, doubt.follows,
-            np.asarray(information, dtype=float),
+            np.asarray(information, dtype=float), max(relative, _LEAST_PITCH_SIGMA) ** -2,
         )  # fmt: skip
 
     @property
@@ -317,9 +324,9 @@ class _Frames:
         """Return Hessian and gradient of what is known of pitch and camera beforehand."""
         size = _PAIR + 1 + self.camera_size
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
-        hessian[_PAIR, _PAIR] = PITCH_SIGMA**-2
+        hessian[_PAIR, _PAIR] = self.pitch_information
         hessian[_PAIR + 1 :, _PAIR + 1 :] = self.camera_information
-        gradient[_PAIR] = state.pitch * PITCH_SIGMA**-2
+        gradient[_PAIR] = state.pitch * self.pitch_information
         gradient[_PAIR + 1 :] = self.camera_information @ state.camera
         return hessian, gradient
 

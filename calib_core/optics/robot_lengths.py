@@ -74,12 +74,15 @@ class RobotPoses:
         As told.
     one_way_up : bool
         Whether the board looks different turned, so that no view can be read turned by accident.
+    pitch_sigma : float or None
+        Of the told pitch, relative.
     """
 
     base_from_tool0: Sequence[RigidTransform | None]
     position_sigma_mm: float | None = None
     orientation_sigma_rad: float | None = None
     one_way_up: bool = True
+    pitch_sigma: float | None = None
 
 
 def with_robot(solution: "CameraSolution", fit: "Fit", layout: "Layout", robot: RobotPoses) -> "CameraSolution":
@@ -111,9 +114,9 @@ def lengths_by_robot(
     own = np.asarray(np.linalg.inv(at.h_pp[places]), dtype=float) * scale
     doubt = CameraDoubt(solution.covariance, at.poses_by_shared[places], own)
     boards = fit.adjusted.state.poses()
-    sigmas = robot.position_sigma_mm, robot.orientation_sigma_rad
+    told = robot.position_sigma_mm, robot.orientation_sigma_rad, doubt, robot.pitch_sigma
     try:
-        found = solve_hand_eye([pose for _, pose in chosen], [boards[k] for k in places], *sigmas, doubt)
+        found = solve_hand_eye([pose for _, pose in chosen], [boards[k] for k in places], *told)
     except MotionError:  # turns about one axis: no hand-eye, no lengths
         return None
     if _is_no_standard(found) or not (found.frames_agree or robot.one_way_up):

@@ -98,13 +98,15 @@ class Board(Record):
     """The calibration board of the camera stages; one that is not `flat` has its shape refined with the camera.
 
     A `fixed` one stands still in the robot's base while the scanner moves: then the robot's pose tells where it is
-    in frames that show the stripe alone.
+    in frames that show the stripe alone. `pitch_sigma_mm` is how well the pitch is known, 1 % without it: it
+    counts where a robot's lengths are compared with the board's.
     """
 
     kind: Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
     columns: Annotated[int, Field(ge=2, le=200)]
     rows: Annotated[int, Field(ge=2, le=200)]
     pitch_mm: Positive
+    pitch_sigma_mm: NotNegative | None = None
     marker_mm: Positive | None = None
     dictionary: str | None = None
     flat: bool = True

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bench_hand_eye import views
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -10,6 +11,7 @@ from calib_core.optics.board import BoardView
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_solution import CameraSolution
+from calib_core.optics.hand_eye import solve_hand_eye
 from calib_core.optics.robot_lengths import RobotLengths, RobotPoses
 
 SIZE = (1280, 1024)
@@ -70,6 +72,14 @@ def test_pitch_and_camera_err_as_stated_and_agree() -> None:
     assert low < np.mean(focals) < high
     assert low < np.mean(alone) < high
     assert min(chances) > 1e-3
+
+
+def test_a_pitch_that_is_known_well_is_kept_and_helps() -> None:
+    robots, boards = views(3, 15)
+    unknown = solve_hand_eye(robots, boards, 0.05, 2e-4)
+    known = solve_hand_eye(robots, boards, 0.05, 2e-4, pitch_sigma=1e-5)
+    assert known.pitch_sigma < 1.01e-5 < unknown.pitch_sigma
+    assert known.covariance[5, 5] < 0.3 * unknown.covariance[5, 5]
 
 
 def test_where_robot_and_boards_disagree_the_covariance_holds_the_difference() -> None:

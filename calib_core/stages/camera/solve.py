@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.captures.boards import board_in, board_of, shows_stripe_alone
+from calib_core.captures.boards import board_in, board_of, relative_pitch_sigma, shows_stripe_alone
 from calib_core.captures.solved_optics import remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
@@ -148,7 +148,7 @@ def _robot_of(given: "StageInput", views: dict[str, BoardView], board: Board) ->
     degrees = cell.robot.orientation_sigma_deg
     one_way_up = not any(view.turn_is_ambiguous for view in views.values())
     turning = None if degrees is None else float(np.deg2rad(degrees))
-    return RobotPoses(poses, cell.robot.position_sigma_mm, turning, one_way_up)
+    return RobotPoses(poses, cell.robot.position_sigma_mm, turning, one_way_up, relative_pitch_sigma(board))
 
 
 def _result(
