@@ -84,7 +84,7 @@ def _view(
         return _SIZE / 2 + float(x), _SIZE / 2 - float(y)
 
     cx, cy = at(center)
-    parts = [f'<text x="8" y="16">{title}</text>']
+    parts = [f'<text x="8" y="20">{title}</text>']
     if rim is not None:
         path = "L".join("{:.1f} {:.1f}".format(*at(place)) for place in rim)
         parts.append(f'<path d="M{path}Z" fill="none" stroke="#8a94a0"/>')
