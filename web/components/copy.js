@@ -15,9 +15,9 @@ export function copyButton(text, label) {
 
 /** @param {string} text */
 export async function copy(text) {
-  if (navigator.clipboard) {
-    await navigator.clipboard.writeText(text);
-  } else {
+  // The browser may refuse, as where another window has the focus.
+  const written = navigator.clipboard ? await navigator.clipboard.writeText(text).then(() => true, () => false) : false;
+  if (!written) {
     // Without a secure context (another machine's plain address) only the old way works.
     const area = h("textarea", { ".value": text, class: "visually-hidden" });
     document.body.append(area);
