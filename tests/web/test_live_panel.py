@@ -12,19 +12,23 @@ from playwright.sync_api import Page, expect
 from scipy.stats import chi2
 
 from calib_core.arms.kinematics import arm_of, flange_of_joints
+from calib_core.formats.points import parse_cloud
 from calib_core.frames import RigidTransform
 from calib_core.robots import parse_pose
 from server.simulated_cell.devices import SimulatedDevices
 from tests.server.live_rig import until
 from tests.server.live_server import make_session, wait_for
+from tests.web.browsing import Watch
 
 pytestmark = pytest.mark.browser
 SEED = 3
+REFUSED = "status of 4(09|22).*/live/(sweep|clock-offset)"
+"""A sweep on a busy machine, on which poses come late: it is recorded again."""
 
 
 @pytest.fixture
 def cell() -> Iterator[SimulatedDevices]:
-    made = SimulatedDevices("turntable", SEED, rate_hz=40.0, travel_s=0.25)
+    made = SimulatedDevices("turntable", SEED, rate_hz=40.0, travel_s=0.25, scanner_clock_s=0.037)
     yield made
     made.stop()
 
@@ -60,14 +64,53 @@ def open_panel(page: Page) -> None:
 
 
 def unlikely(found: Any, truth: Any, covariance: Any, frames: tuple[str, str]) -> float:
-    """Return in which share of right answers the truth would be as far."""
+    """Return in which share of right answers the truth would be as far; the turn of a table's frame is chosen."""
     off = RigidTransform(np.array(found), *frames).difference(RigidTransform(np.array(truth), *frames))
-    return float(chi2.sf(off @ np.linalg.solve(np.array(covariance), off), 6))
+    inverse = np.linalg.pinv(np.array(covariance), rcond=1e-9, hermitian=True)
+    return float(chi2.sf(off @ inverse @ off, np.linalg.matrix_rank(inverse, hermitian=True)))
 
 
-def test_tool_and_table_are_calibrated_in_the_page(
-    open_page: Callable[..., Any], api: httpx.Client, cell: SimulatedDevices
+def scan(page: Page, api: httpx.Client, session: str, cell: SimulatedDevices, numbers: list[int]) -> None:
+    """Move across the sphere at some table angles, and record a sweep at each, as a person does in the page."""
+    page.locator("#live-step").select_option("scan")
+    until(lambda: api.get(f"/sessions/{session}/devices").json()["capture"]["step"] == "scan")
+    page.locator("#live-seconds").fill("1.4")
+    cell.shake(12.0, 2.4, across=True)
+    for count, number in enumerate(numbers, start=1):
+        cell.go(number)
+        until(lambda: not cell.cell.at(time.monotonic()).turning)
+        time.sleep(5.2 if count == 1 else 0.5)  # the clocks are found in a move of five seconds
+        until(lambda count=count: recorded(page, api, session, count), page.locator(".toasts").inner_text)
+
+
+def recorded(page: Page, api: httpx.Client, session: str, count: int) -> bool:
+    """Record a sweep; where it is refused, as for a late pose on a busy machine, measure the clocks again."""
+    sweep = page.get_by_role("button", name="Record a sweep")
+    before = len(captures(api, session))
+    if count == 1:
+        measure_clocks(page)
+    with page.expect_response("**/live/sweep") as told:
+        sweep.click()
+    expect(sweep).not_to_have_attribute("aria-disabled", "true")
+    if told.value.status != 201:
+        measure_clocks(page)
+    return len(captures(api, session)) > before
+
+
+def measure_clocks(page: Page) -> None:
+    with page.expect_response("**/live/clock-offset"):
+        page.get_by_role("button", name="Measure clocks").click()
+
+
+def merged_points(api: httpx.Client, session: str, result: Any) -> Any:
+    name = result["cloud"].rpartition("/")[2]
+    return parse_cloud(api.get(f"/sessions/{session}/clouds/{name}").content, name)
+
+
+def test_tool_table_and_merge_are_calibrated_in_the_page(
+    open_page: Callable[..., Any], api: httpx.Client, cell: SimulatedDevices, watch: Watch
 ) -> None:
+    watch.allow(REFUSED)
     session = connected(api, cell, "live calibration")
     page, watched = open_page(f"/sessions/{session}", width=1500, height=1000)
     open_panel(page)
@@ -91,7 +134,9 @@ def test_tool_and_table_are_calibrated_in_the_page(
         until(lambda: len(captures(api, session)) >= len(expected), page.locator("sc-live-sign").inner_text)
     expect(page.locator("sc-live-sign")).to_have_attribute("data-state", re.compile("good|wait"))
     page.get_by_label("Capture automatically at standstill").uncheck()
-    found = captures(api, session)
+    low = [k for k in table if cell.cell.shots[k].table.reported_mount == "low"]
+    scan(page, api, session, cell, low[:3])
+    found = [capture for capture in captures(api, session) if capture["step"] != "scan"]
     assert len(found) == len(expected)
     for capture, shot in zip(found, expected, strict=True):
         told = RigidTransform(shot.reported, "base", "tool0")
@@ -110,10 +155,19 @@ def test_tool_and_table_are_calibrated_in_the_page(
     tool = results["tcp"]
     frames = ("tool0", "laser")
     assert unlikely(tool["tool0_from_laser"], truth["tool0_from_laser"], tool["covariance"], frames) > 0.001
-    direction = np.array(results["turntable"]["axis_direction_in_base"])
-    assert np.arccos(min(direction @ np.array(truth["axis_direction_in_base"]), 1.0)) < 2e-3
+    table, frames = results["turntable"], ("base", "turntable")
+    assert (
+        unlikely(table["base_from_turntable"], truth["base_from_turntable"], table["covariance"], frames) > 0.001
+    )
+    merged = results["merge"]
+    assert [row["capture"] for row in merged["residuals"]] == ["s01", "s02", "s03"]
+    points, center = merged_points(api, session, merged), truth["mounts_in_turntable_mm"]["low"]
+    off = np.linalg.norm(points - center, axis=1) - truth["sphere_diameter_mm"] / 2
+    assert np.sqrt(np.mean(off**2)) < 2.5 * merged["surface_sigma_mm"]  # χ² of three, 99.9 %
+    assert merged["surface_sigma_mm"] < 0.5
+    assert merged["overlap_rms_mm"] < 2.0 * merged["expected_overlap_rms_mm"]
     expect(page.locator("sc-rail")).to_contain_text("done")
-    assert watched.complaints == []
+    assert [text for text in watched.complaints if not re.search("status of 4(09|22)", text)] == []
 
 
 def test_a_device_that_goes_is_told_and_comes_back(

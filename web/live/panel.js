@@ -36,6 +36,8 @@ class LivePanelElement extends StateElement {
   #mount = h("input", { id: "live-mount", autocomplete: "off", onchange: () => void this.#set() });
   #angle = h("input", { id: "live-angle", inputmode: "decimal", autocomplete: "off" });
   #now = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => void this.#capture() }, t("capture.now"));
+  #seconds = h("input", { id: "live-seconds", inputmode: "decimal", autocomplete: "off", value: "5" });
+  #sweep = h("button", { type: "button", needs: "capture", onclick: () => void this.#record() }, t("capture.sweep"));
   #mountField = h("div", { class: "field" }, h("label", { for: "live-mount" }, t("capture.mount")), this.#mount);
   #angleField = h("div", { class: "field" }, h("label", { for: "live-angle" }, t("capture.angle")), this.#angle);
   /** @type {number[]} */ #drawnMs = [];
@@ -63,7 +65,8 @@ class LivePanelElement extends StateElement {
         h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("capture.sound"))),
         h("button", { type: "button", needs: "capture", title: t("clocks.how"), onclick: () => void attempt(() => live.measureClocks(this.state.id)) }, t("clocks.measure"))),
       h("div", { class: "row live-capture" },
-        h("div", { class: "field" }, h("label", { for: "live-step" }, t("capture.step")), this.#step), this.#mountField, this.#angleField, this.#now),
+        h("div", { class: "field" }, h("label", { for: "live-step" }, t("capture.step")), this.#step), this.#mountField, this.#angleField, this.#now,
+        h("div", { class: "field" }, h("label", { for: "live-seconds" }, t("capture.seconds")), this.#seconds), this.#sweep),
       this.#table));
   }
 
@@ -107,12 +110,24 @@ class LivePanelElement extends StateElement {
   }
 
   async #capture() {
-    this.#now.setAttribute("aria-disabled", "true");
-    this.#now.textContent = t("capture.waiting");
+    await this.#take(this.#now, "capture.waiting", (angle) => live.capture(this.state.id, angle));
+  }
+
+  async #record() {
+    const seconds = Number(this.#seconds.value.trim().replace(",", "."));
+    this.#seconds.setCustomValidity(seconds > 0 ? "" : t("form.need_number"));
+    if (this.#seconds.reportValidity()) await this.#take(this.#sweep, "capture.recording", (angle) => live.sweep(this.state.id, { seconds, ...angle }));
+  }
+
+  /** @param {HTMLElement} button @param {"capture.waiting" | "capture.recording"} meanwhile @param {(angle: { table_deg?: number }) => Promise<unknown>} take */
+  async #take(button, meanwhile, take) {
+    const before = button.textContent;
+    button.setAttribute("aria-disabled", "true");
+    button.textContent = t(meanwhile);
     const angle = Number(this.#angle.value.replace(",", "."));
-    await attempt(() => live.capture(this.state.id, this.#angleField.hidden || !this.#angle.value.trim() ? {} : { table_deg: angle }));
-    this.#now.textContent = t("capture.now");
-    this.#now.removeAttribute("aria-disabled");
+    await attempt(() => take(this.#angleField.hidden || !this.#angle.value.trim() ? {} : { table_deg: angle }));
+    button.textContent = before;
+    button.removeAttribute("aria-disabled");
   }
 
   #close() {
