@@ -139,6 +139,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"POST {_SESSION}/read-back",
         "POST /scenes/{session}/trial",
         # Lights a capture up in the scene; nothing of it is stored.
+        "POST /scenes/{session}/compared",
         "POST /scenes/{session}/highlight",
     ),
     Role.CAPTURE: (
