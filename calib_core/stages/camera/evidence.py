@@ -117,8 +117,12 @@ def _lengths(result: CameraResult) -> list[AnyBlock]:
     )
     return [
         Table(id="robot-lengths", title="By the robot's lengths", caption=caption, columns=columns, rows=rows),
-        Figure(label="Chance of such a difference", text=number_text(told.chance, 3)),
+        Figure(label="Chance of such a difference", text=_chance(told.chance)),
     ]
+
+
+def _chance(chance: float) -> str:
+    return "below 0.001" if chance < 0.001 else number_text(chance, 3)
 
 
 def _views(result: CameraResult) -> list[AnyBlock]:

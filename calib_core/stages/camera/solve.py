@@ -246,7 +246,8 @@ def _unverifiable(given: "StageInput", views: dict[str, BoardView], told: RobotL
     if told is None:
         sentences.append(
             f"The board's pitch, {board.pitch_mm:g} mm, is not checked: frames of it look the same at any pitch, "
-            "and all lengths scale with it. Measure it over several squares."
+            "and all lengths scale with it. Measure it over several squares; of a board that stands still "
+            "(cell.board.fixed) six robot poses check it."
         )
     if any(view.turn_is_ambiguous for view in views.values()):
         sentences.append(
