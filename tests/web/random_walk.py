@@ -127,6 +127,7 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
     page.locator("h1").first.wait_for()
     while done.actions < actions and len(done.problems) < stop_at:
         done.actions += 1
+        place = page.url.partition("?")[0]
         try:
             if did := _act(page, lot, done):
                 recent.append(did)
@@ -136,7 +137,8 @@ def walk(page: Page, home: str, actions: int, seed: int, stop_at: int = 5) -> Wa
                 page.wait_for_load_state()
                 continue
             raise
-        if refused and not _told(page):
+        left = page.url.partition("?")[0] != place  # an answer to a page that was left has nobody to tell it to
+        if refused and not left and not _told(page):
             complain(f"refused without a word: {_SHORT.sub('', refused[0])}")
         refused.clear()
         if alive["bad"]:
