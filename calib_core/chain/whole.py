@@ -117,7 +117,7 @@ def solve_chain(
     size = slice(TABLE_COLUMN, judged.data.unknowns)
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
-    estimated = None in options.sigmas
+    estimated = None in options.sigmas or options.priors is not None  # what alike poses share is always estimated
     some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
     return ChainSolution(
         tcp=still,
