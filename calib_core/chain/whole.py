@@ -48,7 +48,6 @@ from calib_core.chain.undetermined import open_directions
 from calib_core.frames import FloatArray
 
 _WITHOUT_RZ = [0, 1, 3, 4, 5]  # T's rotation about its own z follows from the others
-_LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,16 +116,15 @@ def solve_chain(
     size = slice(TABLE_COLUMN, judged.data.unknowns)
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
-    estimated = None in options.sigmas or options.priors is not None  # what alike poses share is always estimated
     some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
     return ChainSolution(
         tcp=still,
         turntable=turning,
         cross_covariance=covariance[:6, size] @ turning.covariance.pose_by_unknowns.T,
         scanner_with_table=turning.covariance.pose_by_unknowns @ covariance[size, held.tool_and_scanner[6:]],
-        tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], still.covariance[:6, :6], estimated),
+        tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], still.covariance[:6, :6]),
         turntable_distance=_distance(
-            table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], turning.covariance.pose[some], estimated
+            table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], turning.covariance.pose[some]
         ),
         tcp_difference=tool_shift,
         turntable_difference=table_shift,
@@ -243,16 +241,10 @@ def _table_part(
     )
 
 
-def _distance(shift: FloatArray, alone: FloatArray, together: FloatArray, estimated: bool) -> float:
+def _distance(shift: FloatArray, alone: FloatArray, together: FloatArray) -> float:
     """Return the squared Mahalanobis distance of an answer of some captures from that of all.
 
-    The difference of the two has the covariance by which the first is worse: C_some − C_all.  Where more captures
-    added little, the difference of two nearly equal matrices is not to be believed: at least 5 % of C_some remain.
-    Where each estimated the sigmas for itself, their matrices do not compare: then the sum of both counts.
+    What alike poses share is estimated by each for itself, even where sigmas are told: so the difference is not as
+    uncertain as the first is worse, C_some − C_all, and the sum of both counts.
     """
-    if estimated:
-        return float(shift @ np.linalg.solve(alone + together, shift))
-    scale = np.sqrt(np.diag(alone))
-    values, vectors = np.linalg.eigh((alone - together) / np.outer(scale, scale))
-    along = vectors.T @ (shift / scale)
-    return float(np.sum(along**2 / np.maximum(values, _LEAST_SHARE)))
+    return float(shift @ np.linalg.solve(alone + together, shift))
