@@ -82,7 +82,11 @@ def _doubts_about_tool(solved: SolvedTcp) -> list[str]:
     from calib_core.stages.tcp.verdict import tcp_verdict
 
     verdict, _ = tcp_verdict(solved.solution)
-    return ["The tcp stage's own verdict is fail: fix that first."] if verdict == "fail" else []
+    if verdict == "fail":
+        return ["The tcp stage's own verdict is fail: fix that first."]
+    if verdict == "warn":
+        return ["The TCP that this rests on is to be used with care: see its warnings first."]
+    return []
 
 
 def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
