@@ -1,8 +1,8 @@
 """A sphere's digital calibration certificate (DCC): its diameter with its standard uncertainty.
 
 The XML of PTB's Digital Calibration Certificate with quantities in D-SI: `si:value`, `si:unit`, the expanded
-uncertainty with its coverage factor, in the words
-of D-SI 1 (`expandedUnc`) and of D-SI 2 (`measurementUncertaintyUnivariate`).
+uncertainty with its coverage factor, in the words of D-SI 1 (`expandedUnc`) and of D-SI 2
+(`measurementUncertaintyUnivariate`).
 """
 
 import math

@@ -8,6 +8,7 @@ from calib_core.captures.boards import (
     board_in,
     board_of,
     read_frame,
+    relative_pitch_sigma,
     shows_stripe_alone,
     stripe_of,
 )
@@ -16,7 +17,8 @@ from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView, points_in_board_mm
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.hand_eye import CameraDoubt, HandEye, solve_hand_eye
+from calib_core.optics.hand_eye import HandEye, solve_hand_eye
+from calib_core.optics.hand_eye_frames import CameraDoubt
 from calib_core.optics.laser_plane_solve import PlaneView, board_poses, view_of_known_board
 from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
@@ -80,9 +82,8 @@ class PlaneViews:
         degrees = robot.orientation_sigma_deg
         turning = None if degrees is None else float(np.deg2rad(degrees))
         poses = list(self.frames.values())
-        found = solve_hand_eye(
-            [a for a, _ in poses], [b for _, b in poses], robot.position_sigma_mm, turning, doubt
-        )
+        told = robot.position_sigma_mm, turning, doubt, relative_pitch_sigma(self._board)
+        found = solve_hand_eye([a for a, _ in poses], [b for _, b in poses], *told)
         if not found.frames_agree and any(view.turn_is_ambiguous for _, view in self._lit.values()):
             raise MotionError(
                 "a fixed board with one right way up (a chessboard whose columns + rows is odd, or ChArUco)",

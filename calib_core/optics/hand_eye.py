@@ -15,13 +15,12 @@ import numpy as np
 
 from calib_core.errors import MotionError
 from calib_core.estimation import maximum
-from calib_core.frames import FloatArray, RigidTransform, skew, stack_matrices, vector_from_rotation
+from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.optics.hand_eye_closed import solve_ax_zb
+from calib_core.optics.hand_eye_frames import PAIR, CameraDoubt, Fit, Frames, State
 
 USUAL_POSITION_SIGMA_MM = 0.05
 USUAL_ORIENTATION_SIGMA_RAD = 2e-4
-USUAL_PITCH_SIGMA = 0.01  # relative: of a board's pitch that somebody printed and told
-_LEAST_PITCH_SIGMA = 1e-6
 _TRUSTED = np.log(1.5)  # by what factor told errors of a robot may be too small, one sigma
 _UNKNOWN = np.log(3.0)
 _MUCH_LARGER = np.log(10.0)
@@ -30,7 +29,6 @@ _LEAST_TURN_RAD = np.deg2rad(3.0)
 _LEAST_SECOND_AXIS = 0.1  # of the turns' vectors: their spread across the main axis over that along it
 _REJECT_RATIO = 8.0  # what one frame adds to the squares, over what each of the others does
 _READ_TURNED_RAD = 0.015  # no arm is so far off
-_PAIR = 12  # unknowns of both transforms; the pitch is the next, the camera's come last
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,29 +49,6 @@ class PredictedPose:
     camera_from_board: RigidTransform
     covariance: FloatArray
     common: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class CameraDoubt:
-    """What a camera leaves open in the poses of K boards.
-
-    Attributes
-    ----------
-    covariance : (C, C)
-        Of its parameters.
-    follows : (K, 6, C)
-        How camera_from_board moves with them.
-    own : (K, 6, 6)
-        Covariance of camera_from_board by the noise of its own corners.
-    """
-
-    covariance: FloatArray
-    follows: FloatArray
-    own: FloatArray
-
-    def take(self, frames: Sequence[int]) -> "CameraDoubt":
-        """Return that of some boards only."""
-        return CameraDoubt(self.covariance, self.follows[list(frames)], self.own[list(frames)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,23 +87,23 @@ class HandEye:
     @property
     def pitch_sigma(self) -> float:
         """Standard deviation of the pitch factor."""
-        return float(np.sqrt(self.covariance[_PAIR, _PAIR]))
+        return float(np.sqrt(self.covariance[PAIR, PAIR]))
 
     def predict(self, base_from_tool0: RigidTransform) -> PredictedPose:
         """Return where the board stands before the camera at a robot pose."""
-        state = _State(
+        state = State(
             self.tool0_from_camera,
             self.base_from_board,
             self.pitch_factor - 1.0,
             np.zeros(len(self.camera_change)),
         )
-        frames = _Frames.of([base_from_tool0], None, None)
+        frames = Frames.of([base_from_tool0], None, None)
         rotations, translations = frames.expected(state)
         told = np.repeat([1.0, 1.0 / self.pitch_factor], 3)
-        slopes = np.zeros((6, _PAIR + 1))
-        slopes[:, :_PAIR] = frames.by_pair(state)[0]
-        slopes[3:, _PAIR] = -translations[0] / self.pitch_factor
-        values, vectors = np.linalg.eigh(self.covariance[: _PAIR + 1, : _PAIR + 1])
+        slopes = np.zeros((6, PAIR + 1))
+        slopes[:, :PAIR] = frames.by_pair(state)[0]
+        slopes[3:, PAIR] = -translations[0] / self.pitch_factor
+        values, vectors = np.linalg.eigh(self.covariance[: PAIR + 1, : PAIR + 1])
         common = told[:, None] * slopes @ (vectors * np.sqrt(np.clip(values, 0.0, None)))
         by_position, by_turn = frames.by_robot(state)
         robot = self.position_sigma_mm**2 * by_position[0] + self.orientation_sigma_rad**2 * by_turn[0]
@@ -173,16 +148,16 @@ def solve_hand_eye(
     usual = np.array([position, turning])
     used = list(range(len(base_from_tool0)))
 
-    def fitted(chosen: list[int]) -> "_Fit":
+    def fitted(chosen: list[int]) -> Fit:
         robots, boards = [base_from_tool0[k] for k in chosen], [camera_from_board[k] for k in chosen]
-        frames = _Frames.of(robots, boards, None if doubt is None else doubt.take(chosen), pitch_sigma)
+        frames = Frames.of(robots, boards, None if doubt is None else doubt.take(chosen), pitch_sigma)
         return frames.fit(_start(robots, boards, frames.camera_size), usual)
 
     found = fitted(used)
     while len(used) > _LEAST_FRAMES + 1:
         without = [k for k in used if k != used[int(np.argmax(found.squares))]]
         again = fitted(without)
-        typical = again.squares.sum() / (6 * len(without) - _PAIR - 1)
+        typical = again.squares.sum() / (6 * len(without) - PAIR - 1)
         if (found.squares.sum() - again.squares.sum()) / 6 < _REJECT_RATIO * max(typical, 1.0):
             break
         used, found = without, again
@@ -208,154 +183,12 @@ def require_two_axes(robots: Sequence[RigidTransform]) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Where the adjustment stands: both transforms, the pitch factor less one, the camera's change (C,)."""
-
-    tool0_from_camera: RigidTransform
-    base_from_board: RigidTransform
-    pitch: float
-    camera: FloatArray
-
-    def moved(self, step: FloatArray) -> "_State":
-        return _State(
-            self.tool0_from_camera.perturbed(step[:6]),
-            self.base_from_board.perturbed(step[6:_PAIR]),
-            self.pitch + float(step[_PAIR]),
-            self.camera + step[_PAIR + 1 :],
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """An adjustment for given errors of the robot, and each frame's squared normalised residual (K,)."""
-
-    frames: "_Frames"
-    state: _State
-    hessian: FloatArray
-    squares: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Frames:
-    """The frames as arrays, and what the camera leaves open in them."""
-
-    robot_rotations: FloatArray
-    robot_translations: FloatArray
-    board_rotations: FloatArray
-    board_translations: FloatArray
-    own: FloatArray
-    follows: FloatArray
-    camera_information: FloatArray
-    pitch_information: float
-
-    @classmethod
-    def of(
-        cls,
-        robots: Sequence[RigidTransform],
-        boards: Sequence[RigidTransform] | None,
-        doubt: CameraDoubt | None,
-        pitch_sigma: float | None = None,
-    ) -> "_Frames":
-        count = len(robots)
-        nothing = CameraDoubt(np.zeros((0, 0)), np.zeros((count, 6, 0)), np.zeros((count, 6, 6)))
-        doubt = nothing if doubt is None else doubt
-        a = stack_matrices(robots)
-        b = np.tile(np.eye(4), (count, 1, 1)) if boards is None else stack_matrices(boards)
-        information = (
-            np.linalg.pinv(doubt.covariance, hermitian=True) if doubt.covariance.size else doubt.covariance
-        )
-        relative = USUAL_PITCH_SIGMA if pitch_sigma is None else pitch_sigma
-        return cls(
-            a[:, :3, :3], a[:, :3, 3], b[:, :3, :3], b[:, :3, 3], doubt.own, doubt.follows,
-            np.asarray(information, dtype=float), max(relative, _LEAST_PITCH_SIGMA) ** -2,
-        )  # fmt: skip
-
-    @property
-    def camera_size(self) -> int:
-        return len(self.camera_information)
-
-    def expected(self, state: _State) -> tuple[FloatArray, FloatArray]:
-        """Return rotations (K, 3, 3) and translations (K, 3), true mm, of camera_from_board at exact poses."""
-        camera_from_base = np.swapaxes(self.robot_rotations @ state.tool0_from_camera.rotation, 1, 2)
-        places = self.robot_rotations @ state.tool0_from_camera.translation_mm + self.robot_translations
-        off = state.base_from_board.translation_mm - places
-        return camera_from_base @ state.base_from_board.rotation, np.einsum("kij,kj->ki", camera_from_base, off)
-
-    def by_pair(self, state: _State) -> FloatArray:
-        """Return the derivative (K, 6, 12) of the expected pose by both transforms."""
-        rotations, translations = self.expected(state)
-        camera_from_tool0 = state.tool0_from_camera.rotation.T
-        slopes = np.zeros((len(rotations), 6, _PAIR))
-        slopes[:, :3, :3], slopes[:, :3, 6:9] = -np.swapaxes(rotations, 1, 2), np.eye(3)
-        slopes[:, 3:, :3], slopes[:, 3:, 3:6] = skew(translations), -camera_from_tool0
-        slopes[:, 3:, 9:] = camera_from_tool0 @ np.swapaxes(self.robot_rotations, 1, 2)
-        return slopes
-
-    def by_robot(self, state: _State) -> tuple[FloatArray, FloatArray]:
-        """Return the covariances (K, 6, 6) of the expected pose by an error of the robot of 1 mm, and of 1 rad."""
-        camera_from_tool0 = state.tool0_from_camera.rotation.T
-        tool0_from_base = np.swapaxes(self.robot_rotations, 1, 2)
-        off = state.base_from_board.translation_mm - self.robot_translations
-        turn = np.zeros((len(off), 6, 3))
-        turn[:, :3] = -np.swapaxes(tool0_from_base @ state.base_from_board.rotation, 1, 2)
-        turn[:, 3:] = camera_from_tool0 @ skew(np.einsum("kij,kj->ki", tool0_from_base, off))
-        position = np.zeros((len(off), 6, 6))
-        position[:, 3:, 3:] = np.eye(3)
-        return position, turn @ np.swapaxes(turn, 1, 2)
-
-    def residuals(self, state: _State) -> tuple[FloatArray, FloatArray]:
-        """Return seen minus expected, (K, 6), and its derivative (K, 6, 13 + C) by all unknowns."""
-        rotations, translations = self.expected(state)
-        moved = self.follows @ state.camera
-        bent = np.swapaxes(rotations, 1, 2) @ self.board_rotations
-        seen = self.board_translations + moved[:, 3:]
-        residuals = np.empty((len(seen), 6))
-        residuals[:, :3] = vector_from_rotation(bent) + moved[:, :3]
-        residuals[:, 3:] = seen * (1 + state.pitch) - translations
-        slopes = np.zeros((len(seen), 6, _PAIR + 1 + self.camera_size))
-        slopes[:, :, :_PAIR] = -self.by_pair(state)
-        slopes[:, 3:, _PAIR] = seen
-        slopes[:, :, _PAIR + 1 :] = self.follows
-        slopes[:, 3:, _PAIR + 1 :] *= 1 + state.pitch
-        return residuals, slopes
-
-    def known(self, state: _State) -> tuple[FloatArray, FloatArray]:
-        """Return Hessian and gradient of what is known of pitch and camera beforehand."""
-        size = _PAIR + 1 + self.camera_size
-        hessian, gradient = np.zeros((size, size)), np.zeros(size)
-        hessian[_PAIR, _PAIR] = self.pitch_information
-        hessian[_PAIR + 1 :, _PAIR + 1 :] = self.camera_information
-        gradient[_PAIR] = state.pitch * self.pitch_information
-        gradient[_PAIR + 1 :] = self.camera_information @ state.camera
-        return hessian, gradient
-
-    def fit(self, start: _State, sigmas: FloatArray) -> _Fit:
-        """Return the most likely unknowns for given errors of the robot, position (mm) and turn (rad)."""
-        state, squares = start, np.zeros(len(self.own))
-        hessian, _ = self.known(state)
-        for _ in range(20):
-            residuals, slopes = self.residuals(state)
-            position, turn = self.by_robot(state)
-            weights = np.linalg.inv(sigmas[0] ** 2 * position + sigmas[1] ** 2 * turn + self.own)
-            pulled = np.einsum("kij,kj->ki", weights, residuals)
-            squares = np.einsum("ki,ki->k", residuals, pulled)
-            hessian, gradient = self.known(state)
-            hessian = hessian + np.einsum("kia,kib->ab", slopes, weights @ slopes)
-            gradient = gradient + np.einsum("kia,ki->a", slopes, pulled)
-            step = -np.asarray(np.linalg.solve(hessian, gradient), dtype=float)
-            state = state.moved(step)
-            if float(step @ hessian @ step) < 1e-10:
-                break
-        return _Fit(self, state, hessian, squares)
-
-
-def _start(robots: Sequence[RigidTransform], boards: Sequence[RigidTransform], camera_size: int) -> _State:
+def _start(robots: Sequence[RigidTransform], boards: Sequence[RigidTransform], camera_size: int) -> State:
     require_two_axes(robots)
     tool0_from_camera, base_from_board = solve_ax_zb(
         stack_matrices(robots), stack_matrices([board.inverse() for board in boards])
     )
-    return _State(
+    return State(
         RigidTransform(tool0_from_camera, "tool0", "camera"),
         RigidTransform(base_from_board, "base", "board"),
         0.0,
@@ -363,7 +196,7 @@ def _start(robots: Sequence[RigidTransform], boards: Sequence[RigidTransform], c
     )
 
 
-def _with_sigmas(found: _Fit, usual: FloatArray, told: np.ndarray) -> tuple[FloatArray, _Fit]:
+def _with_sigmas(found: Fit, usual: FloatArray, told: np.ndarray) -> tuple[FloatArray, Fit]:
     """Return the robot's errors by restricted likelihood, with a prior by what is usual or told, and the fit.
 
     A robot that turns wrongly looks much like one that goes wrong, and each makes the fit that asks for it: both
@@ -373,7 +206,7 @@ def _with_sigmas(found: _Fit, usual: FloatArray, told: np.ndarray) -> tuple[Floa
     widths = np.where(told, _TRUSTED, _UNKNOWN)
     low = np.where(told, center, np.log([2e-3, 2e-6]))
     high = np.maximum(np.log([50.0, 2e-2]), low + 1e-6)
-    ends: list[tuple[float, FloatArray, _Fit]] = []
+    ends: list[tuple[float, FloatArray, Fit]] = []
     for larger in ([0.0, 0.0], [0.0, _MUCH_LARGER], [_MUCH_LARGER, 0.0]):
         logs = np.clip(center + larger, low, high)
         end = found.frames.fit(found.state, np.exp(logs)) if any(larger) else found
@@ -388,7 +221,7 @@ def _with_sigmas(found: _Fit, usual: FloatArray, told: np.ndarray) -> tuple[Floa
     return np.exp(logs), end
 
 
-def _density(found: _Fit, center: FloatArray, widths: FloatArray) -> Callable[[FloatArray], float]:
+def _density(found: Fit, center: FloatArray, widths: FloatArray) -> Callable[[FloatArray], float]:
     """Return the log-density of the errors' logarithms, everything else linearised at a fit and integrated out."""
     frames = found.frames
     residuals, slopes = frames.residuals(found.state)

@@ -18,7 +18,8 @@ from calib_core.optics.adjust import Adjustment, Corners, State, shared_vector
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.hand_eye import CameraDoubt, HandEye, solve_hand_eye
+from calib_core.optics.hand_eye import HandEye, solve_hand_eye
+from calib_core.optics.hand_eye_frames import CameraDoubt
 from calib_core.optics.laser_plane_solve import board_poses
 
 if TYPE_CHECKING:

@@ -47,6 +47,18 @@ def test_camera_and_board_against_the_truth_and_the_tool_beside_the_spheres(made
     assert "units of both uncertainties" in str(told)
 
 
+def test_how_well_the_pitch_is_known_counts(made: SimulatedSession) -> None:
+    board = made.session.cell.board
+    assert board is not None
+    known = board.model_copy(update={"pitch_sigma_mm": 1e-5 * board.pitch_mm})
+    cell = made.session.cell.model_copy(update={"board": known})
+    told = solve_stage(
+        made.session.model_copy(update={"cell": cell}), "hand-eye", made.files.__getitem__
+    ).to_json()
+    assert told["pitch_sigma"] < 1.01e-5
+    assert told["pitch_factor"] == pytest.approx(1.0, abs=4e-5)
+
+
 def test_a_board_that_is_moved_by_hand_is_refused(made: SimulatedSession) -> None:
     board = made.session.cell.board
     assert board is not None
