@@ -227,7 +227,7 @@ def _words(value: Any) -> str:
     return text if len(text) <= 200 else f"{text[:199]}…"
 
 
-def _frames_of(stage: str) -> Iterator[tuple[str, Frame, Frame, str]]:
+def frames_of(stage: str) -> Iterator[tuple[str, Frame, Frame, str]]:
     """Give the frames in a stage's result, and the field of each one's covariance."""
     gives_tool = stage in tool_stages()
     if gives_tool:
@@ -240,49 +240,12 @@ def _frames_of(stage: str) -> Iterator[tuple[str, Frame, Frame, str]]:
 
 def _frame_differences(left: Compared, right: Compared) -> Iterator[FrameDifference]:
     both = (left, right)
-    for name, into, outof, covariance in _frames_of(left.record["stage"]):
+    for name, into, outof, covariance in frames_of(left.record["stage"]):
         poses = [RigidTransform.from_rounded(one.record[name], into, outof) for one in both]
         total = np.sum([covariance_in(one.record, covariance) for one in both], axis=0)
-        points = [point for one in both if (point := _workpiece(name, one)) is not None]
+        points = [point for one in both if (point := workpiece_point(name, one)) is not None]
         point = np.mean(points, axis=0) if points else np.zeros(3)
         yield frame_difference(name, (poses[0], poses[1]), np.asarray(total), np.asarray(point))
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedPoint:
-    """One point of the workpiece as two results place it, in the frame that both are given in.
-
-    Attributes
-    ----------
-    frame : str
-        The field of the results, `tool0_from_laser` or another.
-    poses : tuple of RigidTransform
-        The frame by the first result, and by the second.
-    point_mm : (3,)
-        The point in the inner frame.
-    covariances : tuple of (3, 3)
-        How well either knows the point's place, mm².
-    """
-
-    frame: str
-    poses: tuple[RigidTransform, RigidTransform]
-    point_mm: FloatArray
-    covariances: tuple[FloatArray, FloatArray]
-
-
-def placed_points(left: Compared, right: Compared) -> list[PlacedPoint]:
-    """Return where two results of a stage put one point of the workpiece: one entry for each frame they give."""
-    placed: list[PlacedPoint] = []
-    for name, into, outof, covariance in _frames_of(left.record["stage"]):
-        both = (left, right)
-        poses = [RigidTransform.from_rounded(one.record[name], into, outof) for one in both]
-        points = [point for one in both if (point := _workpiece(name, one)) is not None]
-        point = np.mean(points, axis=0) if points else np.zeros(3)
-        known = [np.asarray(covariance_in(one.record, covariance)) for one in both]
-        jacobians = [point_jacobian(pose, point) for pose in poses]
-        first, second = (j @ k @ j.T for j, k in zip(jacobians, known, strict=True))
-        placed.append(PlacedPoint(name, (poses[0], poses[1]), np.asarray(point), (first, second)))
-    return placed
 
 
 def differences_from_truth(found: Compared, truth: Mapping[str, Any]) -> list[FrameDifference]:
@@ -295,12 +258,12 @@ def differences_from_truth(found: Compared, truth: Mapping[str, Any]) -> list[Fr
         The true frames by name, as `truth.json` has them.
     """
     differences: list[FrameDifference] = []
-    for name, into, outof, covariance in _frames_of(found.record["stage"]):
+    for name, into, outof, covariance in frames_of(found.record["stage"]):
         if name not in truth:
             continue
         poses = tuple(RigidTransform.from_rounded(rows[name], into, outof) for rows in (found.record, truth))
         stated = np.asarray(covariance_in(found.record, covariance))
-        point = _workpiece(name, found)
+        point = workpiece_point(name, found)
         differences.append(
             frame_difference(name, (poses[0], poses[1]), stated, np.zeros(3) if point is None else point)
         )
@@ -376,7 +339,8 @@ def _mahalanobis(difference: FloatArray, covariance: FloatArray) -> tuple[float,
     return float(np.sum(along**2 / values[kept])), int(kept.sum())
 
 
-def _workpiece(frame: str, one: Compared) -> FloatArray | None:
+def workpiece_point(frame: str, one: Compared) -> FloatArray | None:
+    """Return the point of the workpiece (3,), mm, in a frame of a result; None where it has none there."""
     if frame == "tool0_from_laser":
         return seen_in_laser_mm(one.session, one.record)
     if frame == "base_from_turntable":

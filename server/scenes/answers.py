@@ -14,7 +14,7 @@ from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
 
 if TYPE_CHECKING:
-    from calib_core.review.compare import PlacedPoint
+    from calib_core.review.placed_points import PlacedPoint
 
 _K = 2.0
 _MAGNIFIED = (1000, 300, 100, 30, 10, 3, 1)

@@ -20,7 +20,7 @@ from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
 
 if TYPE_CHECKING:
     from calib_core.guidance.so_far import KnownSoFar
-    from calib_core.review.compare import PlacedPoint
+    from calib_core.review.placed_points import PlacedPoint
 
 LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]

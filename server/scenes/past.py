@@ -80,7 +80,7 @@ class PastScenes:
 
     def _both(self, session_id: str, stage: str, left: str, right: str) -> SceneInput | None:
         """Return the first session's scene with both answers in it; as it is now where one of them is gone."""
-        from calib_core.review.compare import placed_points
+        from calib_core.review.placed_points import placed_points
 
         try:
             with self._store.read() as db:

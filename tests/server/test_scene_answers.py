@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib_core.frames import RigidTransform
-from calib_core.review.compare import PlacedPoint
+from calib_core.review.placed_points import PlacedPoint
 from server.scenes.answers import answers, magnified, places_mm
 from server.scenes.facts import scene_facts
 from server.scenes.look import look_at
