@@ -219,6 +219,11 @@ class Operations(Connection):
         `stale`. It is given as it is; `faults` says what speaks against acting on it."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/answer")
 
+    def answers_get_frames(self, session_id: str, *, into: str | None = None, outof: str | None = None, capture: str | None = None) -> Any:
+        """Return the cell's transforms: measured, known, solved or sought; and `into_from_outof`, where
+        asked for."""
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/frames", params=_given({"into": into, "outof": outof, "capture": capture}))
+
     def answers_export_results(self, session_id: str, name: str, *, allow: str | None = None, settings: str | None = None) -> Any:
         """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused
         with 409."""

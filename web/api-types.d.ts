@@ -63,6 +63,15 @@ export interface Arming {
   minutes?: number;
 }
 
+export interface AskedFrame {
+  name: string;
+  matrix: number[][];
+  covariance: number[][];
+  through: string[];
+  stale: boolean;
+  without_covariance: string[];
+}
+
 export interface AtPoint {
   point_in_laser_mm: number[];
   covariance: number[][];
@@ -923,6 +932,16 @@ export interface Limits {
   clearance_mm?: number | null;
 }
 
+export interface ListedFrame {
+  name: string;
+  state: "measured" | "known" | "solved" | "sought";
+  source: string;
+  scanner?: string | null;
+  stale?: boolean;
+  matrix?: number[][] | null;
+  covariance?: number[][] | null;
+}
+
 export interface LoginRequest {
   token: string;
 }
@@ -1615,6 +1634,14 @@ export interface SessionChanges {
   name?: string | null;
   archived?: boolean | null;
   cell?: Record<string, unknown> | null;
+}
+
+export interface SessionFrames {
+  session: string;
+  capture?: string | null;
+  scanner?: string | null;
+  edges: ListedFrame[];
+  asked?: AskedFrame | null;
 }
 
 export interface SessionPage {

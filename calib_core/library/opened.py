@@ -15,6 +15,7 @@ from calib_core.stages.stage import Progress, ReadFile
 
 if TYPE_CHECKING:
     from calib_core.exports.answer import Answer
+    from calib_core.frame_graph import FoundTransform
     from calib_core.robots.read_back import ReadBack
 
 
@@ -135,6 +136,31 @@ class OpenSession:
         else:
             known, values = convention or answer.session.cell.pose_convention, list(numbers)
         return read_back(values, known, answer.tool0_from_laser).of_answer(answer.faults)
+
+    def frame(self, into: str, outof: str, capture: str | None = None) -> "FoundTransform":
+        """Return the transform ``into_from_outof`` between two frames of the cell, with its covariance.
+
+        Parameters
+        ----------
+        into, outof : str
+            Among base, tool0, laser, camera, board, turntable.
+        capture : str, optional
+            The capture whose robot pose counts, where the way leads over the robot.
+
+        Raises
+        ------
+        InputError, NotFoundError
+            If a frame is unknown, or there is no such capture.
+        ConflictError
+            If the transform does not follow from what is measured, known and solved.
+        """
+        from calib_core.archive.folder import result_data
+        from calib_core.review.cell_frames import frame_graph
+        from calib_core.stages.graph import Graph
+
+        results = {stage: result_data(result) for stage, result in self.results.items()}
+        stale = Graph.stale_of(self.record, self.read, results)
+        return frame_graph(self.record, results, stale, capture).find(into, outof)
 
     def _answer(self) -> "Answer":
         from calib_core.exports.answer import answer_of

@@ -103,6 +103,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_API}/jobs/{{job_id}}/answer",
         f"GET {_SESSION}/exports/{{name}}",
         f"GET {_SESSION}/answer",
+        f"GET {_SESSION}/frames",
         f"GET {_SESSION}/truth/{{stage}}",
         f"GET {_API}/cells",
         f"GET {_API}/cells/{{cell_id}}/history",

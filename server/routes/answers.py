@@ -7,6 +7,7 @@ from fastapi.responses import JSONResponse
 
 from calib_core.errors import InputError
 from calib_core.review.answer import SessionAnswer
+from calib_core.review.cell_frames import SessionFrames
 from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
 from server.http.strict_json import parse_object, plain_json
@@ -50,6 +51,29 @@ def get_answer(session_id: SessionId, store: StoreDep) -> Response:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
     headers = answer_headers(answer.verdict, answer.stale)
     return JSONResponse(plain_json(answer_record(answer).to_json()), headers=dict(headers))
+
+
+FrameName = Annotated[str | None, Query(max_length=20, examples=["base"])]
+
+
+@router.get("/frames", response_model=SessionFrames)
+def get_frames(
+    session_id: SessionId,
+    store: StoreDep,
+    into: FrameName = None,
+    outof: FrameName = None,
+    capture: Annotated[str | None, Query(max_length=64, description="Whose robot pose counts.")] = None,
+) -> SessionFrames:
+    """Return the cell's transforms: measured, known, solved or sought; and `into_from_outof`, where asked for."""
+    from calib_core.review.cell_frames import session_frames
+
+    if (into is None) != (outof is None):
+        raise InputError("into and outof together, or none", "one of them", "Name both frames.", "into")
+    with store.read() as db:
+        stored = load_session(db, store.blobs, session_id)
+    stale = [stage for stage, result in stored.results_with_stale().items() if result["stale"]]
+    asked = None if into is None or outof is None else (into, outof)
+    return session_frames(stored.session, stored.results, stale, asked, capture)
 
 
 @router.get(

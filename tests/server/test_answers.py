@@ -156,3 +156,28 @@ def test_the_command_prints_the_same_answer_as_the_server(
     assert {**printed, "solved": None} == {**served, "solved": None}
     assert main(["answer", str(tmp_path / "cell.zip")]) == 0
     assert "tool0_from_laser" in capsys.readouterr().out
+
+
+def test_any_transform_between_two_frames_is_answered_and_printed(
+    client: httpx.Client, stale: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = {"into": "base", "outof": "laser", "capture": "p04"}
+    found = client.get(f"/sessions/{stale}/frames", params=asked).json()
+    tool = np.array(client.get(f"/sessions/{stale}/answer").json()["tool0_from_laser"]["matrix"])
+    robot = np.array(next(edge["matrix"] for edge in found["edges"] if edge["name"] == "base_from_tool0"))
+    assert np.allclose(found["asked"]["matrix"], robot @ tool, atol=1e-9)
+    assert found["asked"]["through"] == ["base_from_tool0", "tool0_from_laser"]
+    assert found["asked"]["stale"]
+    assert_problem(client.get(f"/sessions/{stale}/frames", params={"into": "base"}), 422, "outof")
+    assert_problem(client.get(f"/sessions/{stale}/frames", params={**asked, "capture": "none"}), 404, "captures")
+    assert_problem(
+        client.get(f"/sessions/{stale}/frames", params={**asked, "outof": "board"}), 409, "Solve the stages"
+    )
+    (tmp_path / "cell.zip").write_bytes(client.get(f"/sessions/{stale}/archive", params={"scene": False}).content)
+    assert main(["frames", str(tmp_path / "cell.zip"), "base", "laser", "--capture", "p04"]) == 0
+    printed = capsys.readouterr().out
+    assert "base_from_laser, through base_from_tool0 · tool0_from_laser" in printed
+    assert "stale" in printed
+    assert main(["frames", str(tmp_path / "cell.zip")]) == 0
+    assert "tool0_from_laser: solved, tcp, stale" in capsys.readouterr().out
+    assert main(["frames", str(tmp_path / "cell.zip"), "base"]) == 2

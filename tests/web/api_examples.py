@@ -114,6 +114,7 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
     send("GET", f"{session}/results/{{stage}}/history/{{number}}", names=names)
     send("GET", f"{session}/merged/section", names=names, params={"axis": "z", "at_mm": 30.0})
     send("GET", f"{session}/merged/deviation", names=names, params={"against": "sphere"})
+    send("GET", f"{session}/frames", names=names, params={"into": "turntable", "outof": "laser", "capture": "p01"})
     send("GET", f"{session}/budget", names=names)
     send("GET", f"{session}/planned", names=names, params={"captures": 3})
     send("GET", f"{session}/recheck", names=names)

@@ -1,0 +1,257 @@
+"""The frames of a session: which transforms its captures measure, which are known, solved or still sought."""
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, cast
+
+import numpy as np
+
+from calib_core.captures.content import pose_of
+from calib_core.errors import NotFoundError
+from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
+from calib_core.frames import FloatArray, Frame, RigidTransform
+from calib_core.records import Capture, Matrix4, Record, Session
+from calib_core.records.base import Rows
+from calib_core.stages.registry import optics_stages, steps_that_show, table_stages, tool_stages
+
+_OF_OPTICS: Final = (
+    ("hand_eye", "tool0_from_camera", "covariance"),
+    ("hand_eye", "base_from_board", "board_covariance"),
+    ("laser_plane", "camera_from_laser", "covariance"),
+)
+
+
+class ListedFrame(Record):
+    """An edge of the graph: 4×4 rows in mm, covariance 6×6 of rx ry rz tx ty tz in rad and mm, where it has them.
+
+    `state` is `measured` (with a capture), `known` (brought by the user), `solved` or `sought`; `source` the
+    capture, field or stage that it is of.
+    """
+
+    name: str
+    state: EdgeState
+    source: str
+    scanner: str | None = None
+    stale: bool = False
+    matrix: Matrix4 | None = None
+    covariance: Rows | None = None
+
+
+class AskedFrame(Record):
+    """A transform between two frames, along the edges `through`; its covariance holds theirs, where stated."""
+
+    name: str
+    matrix: Matrix4
+    covariance: Rows
+    through: list[str]
+    stale: bool
+    without_covariance: list[str]
+
+
+class SessionFrames(Record):
+    """The frames of a session, for one of its captures where that was named, and the transform asked for."""
+
+    session: str
+    capture: str | None = None
+    scanner: str | None = None
+    edges: list[ListedFrame]
+    asked: AskedFrame | None = None
+
+
+def session_frames(
+    session: Session,
+    results: Mapping[str, Mapping[str, Any]],
+    stale: Collection[str] = (),
+    asked: tuple[str, str] | None = None,
+    capture: str | None = None,
+) -> SessionFrames:
+    """Return a session's frames, and the transform ``into_from_outof`` that is `asked` for.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such capture.
+    InputError
+        If a frame is unknown.
+    ConflictError
+        If what is asked for does not follow from what is known.
+    """
+    graph = frame_graph(session, results, stale, capture)
+    found = None if asked is None else graph.find(*asked)
+    name = "" if asked is None else f"{asked[0]}_from_{asked[1]}"
+    return SessionFrames(
+        session=session.name,
+        capture=capture,
+        scanner=_scanner(session, _named(session, capture)),
+        edges=[_listed(edge) for edge in graph.edges],
+        asked=None if found is None else _asked(name, found),
+    )
+
+
+def frame_graph(
+    session: Session,
+    results: Mapping[str, Mapping[str, Any]],
+    stale: Collection[str] = (),
+    capture: str | None = None,
+) -> FrameGraph:
+    """Return the frames of a session, with the robot's pose of one capture where that is named.
+
+    A cell with several scanners has an edge for each; the one that `capture` (or most captures) saw comes first.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such capture.
+    """
+    chosen = _named(session, capture)
+    solved = _Solved(results, stale)
+    edges = [_robot(session, chosen, solved), *_tools(session, solved, _scanner(session, chosen))]
+    if _has_table(session):
+        edges.append(_table(session, solved))
+    edges += [edge for names in _OF_OPTICS for edge in _optics(session, solved, *names)]
+    return FrameGraph(edges, _shared(solved))
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """The results of a session's stages, as JSON data, and which of them are stale."""
+
+    results: Mapping[str, Mapping[str, Any]]
+    stale: Collection[str]
+
+    def first(self, stages: Sequence[str]) -> str | None:
+        """Return the first of some stages that is solved."""
+        return next((stage for stage in stages if stage in self.results), None)
+
+    def edge(self, stage: str, name: str, covariance: str, scanner: str | None = None) -> FrameEdge:
+        """Return the transform that a stage's result has under a name."""
+        into, _, outof = name.partition("_from_")
+        frames = (cast(Frame, into), cast(Frame, outof))
+        result = self.results[stage]
+        transform = RigidTransform.from_rounded(result[name], *frames)
+        known = np.array(result[covariance], dtype=float)[:6, :6]
+        return FrameEdge(*frames, "solved", stage, transform, known, scanner, stage in self.stale)
+
+
+def _named(session: Session, capture: str | None) -> Capture | None:
+    if capture is None:
+        return None
+    found = next((one for one in session.captures if one.id == capture), None)
+    if found is None:
+        raise NotFoundError("a capture of the session", repr(capture)[:80], "Name one of its captures.")
+    return found
+
+
+def _scanner(session: Session, capture: Capture | None) -> str | None:
+    """Return the name of the scanner that saw the capture, or most captures; None where they name none."""
+    if capture is not None:
+        return capture.scanner
+    seen = Counter(one.scanner for one in session.captures if one.scanner is not None)
+    return seen.most_common(1)[0][0] if seen else None
+
+
+def _robot(session: Session, capture: Capture | None, solved: _Solved) -> FrameEdge:
+    if capture is None or capture.pose is None:
+        return FrameEdge("base", "tool0", "measured", "captures" if capture is None else capture.id)
+    pose = pose_of(session.cell, capture)
+    return FrameEdge("base", "tool0", "measured", capture.id, pose, _pose_covariance(solved))
+
+
+def _pose_covariance(solved: _Solved) -> FloatArray | None:
+    """Return the covariance of one pose by the robot's sigmas that the tool's stage found or was told."""
+    stage = solved.first(tool_stages())
+    found = {} if stage is None else solved.results[stage].get("variance_components") or {}
+    if "position_sigma_mm" not in found:
+        return None
+    turned = found["orientation_sigma_rad"] ** 2 + found.get("alike_orientation_sigma_rad", 0.0) ** 2
+    moved = found["position_sigma_mm"] ** 2 + found.get("alike_position_sigma_mm", 0.0) ** 2
+    return np.diag([turned] * 3 + [moved] * 3)
+
+
+def _tools(session: Session, solved: _Solved, seen: str | None) -> list[FrameEdge]:
+    """Return the scanner's edge on the flange; of several scanners one edge each, the one that saw first."""
+    named: list[str | None] = sorted(session.cell.scanners or {}, key=lambda name: name != seen)
+    if seen not in named:
+        named.insert(0, seen)
+    solved_of = _scanner(session, None)
+    return [_tool(session, solved, name, name == solved_of) for name in named]
+
+
+def _tool(session: Session, solved: _Solved, scanner: str | None, is_it: bool) -> FrameEdge:
+    """Return one scanner's edge; known and solved is that of the scanner that most captures saw."""
+    known = session.cell.known.tool0_from_laser
+    if known is not None and is_it:
+        transform = RigidTransform.from_rounded(known, "tool0", "laser")
+        return FrameEdge("tool0", "laser", "known", "cell.known.tool0_from_laser", transform, scanner=scanner)
+    stage = solved.first(tool_stages()) if is_it else None
+    if stage is None:
+        return FrameEdge("tool0", "laser", "sought", tool_stages()[-1], scanner=scanner)
+    return solved.edge(stage, "tool0_from_laser", "covariance", scanner)
+
+
+def _has_table(session: Session) -> bool:
+    """Return whether the cell has a turntable: captures of it, or a frame of it that the user brought."""
+    on_table = steps_that_show("sphere-on-table")
+    return session.cell.known.base_from_turntable is not None or any(
+        one.step in on_table or one.table_deg is not None for one in session.captures
+    )
+
+
+def _table(session: Session, solved: _Solved) -> FrameEdge:
+    known = session.cell.known.base_from_turntable
+    if known is not None:
+        transform = RigidTransform.from_rounded(known, "base", "turntable")
+        return FrameEdge("base", "turntable", "known", "cell.known.base_from_turntable", transform)
+    stage = solved.first(table_stages())
+    if stage is None:
+        return FrameEdge("base", "turntable", "sought", table_stages()[-1])
+    with_tool = stage in tool_stages()
+    return solved.edge(stage, "base_from_turntable", "turntable_covariance" if with_tool else "covariance")
+
+
+def _optics(
+    session: Session,
+    solved: _Solved,
+    stage: str,
+    name: str,
+    covariance: str,
+) -> list[FrameEdge]:
+    """Return the edge that a stage of the camera gives; one that is sought only where boards were captured."""
+    if solved.results.get(stage, {}).get(name) is not None:
+        return [solved.edge(stage, name, covariance)]
+    into, _, outof = name.partition("_from_")
+    boards = any(one.step in optics_stages() for one in session.captures)
+    return [FrameEdge(cast(Frame, into), cast(Frame, outof), "sought", stage)] if boards else []
+
+
+def _shared(solved: _Solved) -> dict[tuple[str, str], FloatArray]:
+    """Return what tool and table share where one stage gives both."""
+    stage = solved.first(tool_stages())
+    shared = None if stage is None else solved.results[stage].get("cross_covariance")
+    if shared is None:
+        return {}
+    return {("tool0_from_laser", "base_from_turntable"): np.array(shared, dtype=float)}
+
+
+def _listed(edge: FrameEdge) -> ListedFrame:
+    return ListedFrame(
+        name=edge.name,
+        state=edge.state,
+        source=edge.source,
+        scanner=edge.scanner,
+        stale=edge.stale,
+        matrix=None if edge.transform is None else edge.transform.to_rows(),
+        covariance=None if edge.covariance is None else edge.covariance.tolist(),
+    )
+
+
+def _asked(name: str, found: FoundTransform) -> AskedFrame:
+    return AskedFrame(
+        name=name,
+        matrix=found.transform.to_rows(),
+        covariance=found.covariance.tolist(),
+        through=[edge.name for edge in found.through],
+        stale=any(edge.stale for edge in found.through),
+        without_covariance=list(found.without_covariance),
+    )

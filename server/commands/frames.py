@@ -1,0 +1,73 @@
+"""`scancell frames`: the transforms of a cell, and any that follows from them."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from server.console.command import OK, Command, session_argument
+from server.console.output import print_result
+
+if TYPE_CHECKING:
+    from calib_core.review.cell_frames import SessionFrames
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    session_argument(parser)
+    parser.add_argument("into", nargs="?", help="a frame: base, tool0, laser, camera, board, turntable")
+    parser.add_argument("outof", nargs="?", help="the frame whose points are mapped into the first one")
+    parser.add_argument("--capture", metavar="ID", help="the capture whose robot pose counts")
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Print the cell's transforms, and the one asked for."""
+    from calib_core.archive.archive import opened
+    from calib_core.archive.folder import load_session
+    from calib_core.archive.stored_results import stored_results
+    from calib_core.errors import InputError
+    from calib_core.review.cell_frames import session_frames
+    from calib_core.stages.graph import Graph
+
+    if options.into is not None and options.outof is None:
+        raise InputError(
+            "two frames, INTO and OUTOF", f"'{options.into}' alone", "Name both, or neither.", "OUTOF"
+        )
+    asked = None if options.into is None else (options.into, options.outof)
+    with opened(options.session) as folder:
+        session, read = load_session(folder)
+        results = stored_results(folder)
+        stale = Graph.stale_of(session, read, results)
+        frames = session_frames(session, results, stale, asked, options.capture)
+    print_result(options, _text(frames), frames.to_json())
+    return OK
+
+
+def _text(frames: "SessionFrames") -> str:
+    lines: list[str] = []
+    for edge in frames.edges:
+        of_scanner = f" of {edge.scanner}" if edge.scanner else ""
+        stale = ", stale: its inputs have changed since" if edge.stale else ""
+        lines.append(f"{edge.name}{of_scanner}: {edge.state}, {edge.source}{stale}")
+    if frames.asked is None:
+        return "\n".join(lines)
+    lines = [f"{frames.asked.name}, through {' · '.join(frames.asked.through) or 'nothing'}"]
+    lines += ["  " + " ".join(f"{number:12.6f}" for number in row) for row in frames.asked.matrix]
+    sigmas = [frames.asked.covariance[k][k] ** 0.5 for k in range(6)]
+    lines.append(
+        "  ± (1 σ) " + ", ".join(f"{name} {sigma:.3g} rad" for name, sigma in zip(_R, sigmas, strict=False))
+    )
+    lines.append(
+        "          " + ", ".join(f"{name} {sigma:.3g} mm" for name, sigma in zip(_T, sigmas[3:], strict=True))
+    )
+    if frames.asked.without_covariance:
+        lines.append(
+            f"  without the uncertainty of {', '.join(frames.asked.without_covariance)}, which nobody stated"
+        )
+    if frames.asked.stale:
+        lines.append("  stale: inputs have changed since it was solved")
+    return "\n".join(lines)
+
+
+_R, _T = ("rx", "ry", "rz"), ("tx", "ty", "tz")
+
+COMMAND = Command(
+    "frames", "print the cell's transforms, or any that follows from them", "session", _arguments, _run
+)
