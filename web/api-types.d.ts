@@ -1521,7 +1521,7 @@ export interface Rollback {
 
 export interface RootCause {
   id: string;
-  kind: "pose-reading" | "swapped-poses" | "shifted-poses" | "moved-sphere" | "changed-tool" | "sphere-diameter" | "point-unit" | "table-direction" | "table-angles" | "not-the-flange";
+  kind: "pose-reading" | "swapped-poses" | "shifted-poses" | "moved-sphere" | "changed-tool" | "sphere-diameter" | "point-unit" | "scaled-profile" | "table-direction" | "table-angles" | "not-the-flange";
   title: string;
   sentence: string;
   evidence?: BeforeAfter[];
@@ -1529,6 +1529,8 @@ export interface RootCause {
   changes?: Changes | null;
   pose_reading?: PoseReading | null;
   poses_from?: Record<string, string>;
+  table_reading?: TableReading | null;
+  point_settings?: Record<string, unknown>;
 }
 
 export interface RootCauses {
@@ -2144,6 +2146,12 @@ export interface TablePlan {
   layout: TableLayout;
   layouts: TableLayout[];
   sentence: string;
+}
+
+export interface TableReading {
+  factor?: number;
+  offset_deg?: number;
+  since?: string | null;
 }
 
 export interface TableToPlan {

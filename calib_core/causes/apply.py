@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from calib_core.causes.readings import Reading, changes_of, moved_poses
+from calib_core.causes.table import angles_of
 from calib_core.errors import InputError
-from calib_core.records import Changes, RootCause, Session, parse_session
+from calib_core.records import Capture, Changes, RootCause, Session, parse_session
 
 _AGAIN = "Solve it again: the session has changed since."
 
@@ -82,7 +83,17 @@ def changes_for(session: Session, cause: RootCause) -> Changes:
     if cause.poses_from:
         lost = [name for name in cause.changes.captures if name not in cause.poses_from]
         return moved_poses(cause.poses_from, lost, session.captures)
+    if cause.table_reading is not None:
+        return angles_of(cause.table_reading, session.captures)
+    if cause.point_settings:
+        return settings_of(cause.point_settings, session.captures)
     return cause.changes
+
+
+def settings_of(settings: Mapping[str, Any], captures: Sequence[Capture]) -> Changes:
+    """Return what makes every file of points be read with these settings, beside those that it has."""
+    files = [capture for capture in captures if capture.kind in ("profile", "cloud", "sweep")]
+    return Changes(captures={capture.id: {"format_settings": dict(settings)} for capture in files})
 
 
 def cause_named(causes: Sequence[RootCause], name: str) -> RootCause:

@@ -55,7 +55,7 @@ def best_starts(
     """
     coarse = _coarse(centers, hypotheses, random_rotations(_STARTS) if near is None else near)
     order = sorted(range(len(hypotheses)), key=lambda h: coarse[h][0])[:most]
-    return {h: _start(hypotheses[h], centers, coarse[h][1]) for h in dict.fromkeys([0, *order])}
+    return {h: started(hypotheses[h], centers, coarse[h][1]) for h in dict.fromkeys([0, *order])}
 
 
 def cost_of(misfit_mm: FloatArray, scale_mm: float) -> FloatArray:
@@ -128,7 +128,7 @@ def _apart(rotations: FloatArray) -> list[FloatArray]:
     return kept
 
 
-def _start(hypothesis: Posed, centers: Centers, rotations: Sequence[FloatArray]) -> Start:
+def started(hypothesis: Posed, centers: Centers, rotations: Sequence[FloatArray]) -> Start:
     """Return the best guess from these rotations, settled on all components of the captures that have a pose."""
     posed = hypothesis.centers(centers)
     own = posed.chosen(hypothesis.known)
@@ -147,7 +147,7 @@ def _start(hypothesis: Posed, centers: Centers, rotations: Sequence[FloatArray])
 
 def resettled(hypothesis: Posed, centers: Centers, start: Start) -> Start:
     """Return the best guess near one that was settled with other poses."""
-    return _start(hypothesis, centers, [start.rotation])
+    return started(hypothesis, centers, [start.rotation])
 
 
 def misfits_mm(centers: Centers, start: Start) -> FloatArray:

@@ -9,9 +9,12 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture
 from calib_core.causes.apply import applied, changes_for
-from calib_core.causes.poses import pose_causes
-from calib_core.chain.observations import SphereObservation
+from calib_core.causes.poses import LEAST_CAPTURES, pose_causes
+from calib_core.causes.table import table_causes
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, InputError, MeasurementError
+from calib_core.frames import RigidTransform
 from calib_core.records import BeforeAfter, Capture, Changes, RootCause, Session
 from calib_core.stages.stage import ReadFile
 
@@ -38,11 +41,13 @@ def session_causes(
         Stages whose results are stale: they count for nothing.
     """
     found: list[RootCause] = []
-    for stage, result in results.items():
-        if stage not in stale:
-            found += [RootCause.model_validate(cause) for cause in result.get("causes") or []]
-    if not found and ("tcp" not in results or "tcp" in stale):
+    fresh = {stage: result for stage, result in results.items() if stage not in stale}
+    for result in fresh.values():
+        found += [RootCause.model_validate(cause) for cause in result.get("causes") or []]
+    if not found and "tcp" not in fresh:
         found = unsolved_causes(session, read)
+    if not found and "turntable" not in fresh:
+        found = unsolved_table_causes(session, read)
     whole: list[RootCause] = []
     for cause in found:
         if any(cause.id == other.id for other in whole):
@@ -63,7 +68,10 @@ def unsolved_causes(session: Session, read: ReadFile) -> list[RootCause]:
     neutral = _without_poses(session)
     observations, failed = _observed(neutral, captures, read)
     if len(failed) > len(observations):
-        return _file_causes(neutral, captures, read)
+        found = _file_causes(neutral, captures, read)
+        if any(cause.kind == "point-unit" for cause in found):
+            return found
+        return _scale_causes(session, captures, read) or found
     try:
         base_from_tool0_by_capture(session.cell, captures)
     except CalibrationError:
@@ -71,6 +79,52 @@ def unsolved_causes(session: Session, read: ReadFile) -> list[RootCause]:
             return []
         return pose_causes(session.cell, session.captures, observations, sphere_of(session.cell, captures))
     return []
+
+
+def unsolved_table_causes(session: Session, read: ReadFile) -> list[RootCause]:
+    """Return why the captures of the sphere on the table cannot be solved: their angles."""
+    captures = [c for c in session.captures if c.step == "turntable" and not c.excluded]
+    if session.cell.turntable.angles == "unknown" or any(c.table_deg is None for c in captures):
+        return []
+    try:
+        turned, _ = _observed(session, captures, read)
+        if not turned:
+            return []
+        sphere = sphere_of(session.cell, captures)
+        tool = _tool(session, read, sphere)
+    except CalibrationError:
+        return []
+    if tool is None:
+        return []
+    by_id = {capture.id: capture for capture in captures}
+    observations = [
+        TableObservation(o, float(np.deg2rad(by_id[o.capture].table_deg or 0.0)), by_id[o.capture].mount or "")
+        for o in turned
+    ]
+    return table_causes(session.captures, observations, sphere, tool)
+
+
+def _tool(session: Session, read: ReadFile, sphere: SphereSize) -> RigidTransform | None:
+    """Return the tool that is known, or about the one that the tcp captures give."""
+    known = session.cell.known.tool0_from_laser
+    if known is not None:
+        return RigidTransform.from_rounded(known, "tool0", "laser")
+    still = [c for c in session.captures if c.step == "tcp" and not c.excluded]
+    observations, _ = _observed(session, still, read)
+    if len(observations) < LEAST_CAPTURES:
+        return None
+    start = find_start(centers_of(observations, sphere))
+    return RigidTransform.of(start.rotation, start.translation, "tool0", "laser")
+
+
+def _scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile) -> list[RootCause]:
+    """Return wrong lengths of files that cannot be solved, by the poses as they are; none without these."""
+    from calib_core.causes.scales import scale_causes
+
+    try:
+        return scale_causes(session, captures, read, sphere_of(session.cell, captures))
+    except InputError:
+        return []
 
 
 def _without_poses(session: Session) -> Session:

@@ -93,6 +93,15 @@ def find_table_start(
     return TableStart(start.state, sides * start.sides, start.misfit_mm)
 
 
+def table_guess(
+    observations: Sequence[TableObservation], sphere: SphereSize, tool0_from_laser: RigidTransform
+) -> TableStart:
+    """Return the guess on which most captures agree, however badly; raises MotionError without three angles."""
+    readings, _ = readings_of(observations)
+    _require_angles(readings)
+    return _best(readings, both_centers_in_base(observations, sphere, tool0_from_laser))
+
+
 def _require_angles(readings: TableReadings) -> None:
     for mount in range(readings.mount_count):
         if _different(readings.angles_rad[readings.mounts == mount]) >= 3:

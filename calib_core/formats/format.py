@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field
 from calib_core.errors import InputError
 from calib_core.formats.shared.mesh import MeshData
 from calib_core.frames import FloatArray
-from calib_core.records.base import Finite, Record
+from calib_core.records.base import Finite, Positive, Record
 
 Kind = Literal["profile", "cloud", "frame", "mesh"]
 PointKind = Literal["profile", "cloud"]
@@ -30,13 +30,16 @@ class Settings(Record):
     """What a user may say about a file that does not say it itself; all may be left out.
 
     `unit` is that of the file's coordinates.  `missing` lists values that stand where nothing came back, beside
-    blanks and NaN.
+    blanks and NaN.  `x_scale`, `y_scale` and `z_scale` multiply the coordinates of a scanner whose own are off.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     unit: Unit | None = None
     missing: list[Finite] = Field(default_factory=list)
+    x_scale: Positive = 1.0
+    y_scale: Positive = 1.0
+    z_scale: Positive = 1.0
 
 
 class Match(NamedTuple):
@@ -104,6 +107,15 @@ class Reading:
             return "doubtful"
         named = all(not name.startswith("column ") for name in self.columns.values())
         return "stated" if named and self.unit_from != "assumed" else "usual"
+
+    def scaled(self, settings: Settings) -> "Reading":
+        """Return the same reading with its points multiplied as the settings say."""
+        scales = {axis: getattr(settings, f"{axis}_scale") for axis in self.axes}
+        if all(scale == 1 for scale in scales.values()):
+            return self
+        said = ", ".join(f"{axis} by {scale:g}" for axis, scale in scales.items() if scale != 1)
+        points = self.points * list(scales.values())
+        return replace(self, points=points).adding([f"Multiplied as told: {said}."])
 
     def adding(self, notes: Iterable[str] = (), doubts: Iterable[str] = ()) -> "Reading":
         """Return the same reading with further notes and doubts."""

@@ -107,6 +107,7 @@ def read_file(
             raise InputError(f"a file as '{entry.name}'", got, "Tell the makers of that format.", name) from error
         raise
     require_kind(reading.kind, kind, name, f"the axes {', '.join(reading.axes)}")
+    reading = reading.scaled(told)
     return replace(reading, format=entry.name, doubts=(*reading.doubts, *_doubts_of_size(reading)))
 
 

@@ -21,7 +21,7 @@ from calib_core.records.base import (
     Vector3,
     Verdict,
 )
-from calib_core.records.causes import BeforeAfter, CauseKind, Changes, PoseReading, RootCause
+from calib_core.records.causes import BeforeAfter, CauseKind, Changes, PoseReading, RootCause, TableReading
 from calib_core.records.guidance import (
     Finding,
     Guide,
@@ -105,6 +105,7 @@ __all__ = [
     "StageName",
     "StepName",
     "Still",
+    "TableReading",
     "TimedPose",
     "Turntable",
     "Undetermined",

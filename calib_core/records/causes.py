@@ -8,7 +8,7 @@ from calib_core.records.base import Finite, Identifier, Record
 
 CauseKind = Literal[
     "pose-reading", "swapped-poses", "shifted-poses", "moved-sphere", "changed-tool", "sphere-diameter",
-    "point-unit", "table-direction", "table-angles", "not-the-flange",
+    "point-unit", "scaled-profile", "table-direction", "table-angles", "not-the-flange",
 ]  # fmt: skip
 """What is at fault: how poses are read, which capture has which, what moved, and what was told wrongly."""
 
@@ -43,12 +43,21 @@ class PoseReading(Record):
     way: Literal["as-written", "inverted", "transposed", "columns"]
 
 
+class TableReading(Record):
+    """How the table's angles are to be read instead: times `factor`, plus `offset_deg` from capture `since` on."""
+
+    factor: Finite = 1.0
+    offset_deg: Finite = 0.0
+    since: Identifier | None = None
+
+
 class RootCause(Record):
     """One root cause: what it is, as title and sentence, what speaks for it, and exactly what Apply changes.
 
     `id` names it among the causes of its result.  `changes` is null where nothing but other captures mends it;
     in a stage's result they name the stage's own captures.  Applied they change all of the session: by
-    `pose_reading` where every pose is rewritten, by `poses_from`, the capture whose pose each one gets.
+    `pose_reading` where every pose is rewritten, by `poses_from`, the capture whose pose each one gets, by
+    `table_reading` where every angle of the table is, by `point_settings` where every file of points is read anew.
     """
 
     id: Identifier
@@ -60,3 +69,5 @@ class RootCause(Record):
     changes: Changes | None = None
     pose_reading: PoseReading | None = None
     poses_from: dict[str, str] = Field(default_factory=dict[str, str])
+    table_reading: TableReading | None = None
+    point_settings: dict[str, Any] = Field(default_factory=dict[str, Any])

@@ -117,11 +117,11 @@ def _causes(options: argparse.Namespace, folder: Path, session: "Session", read:
 
 def _with_cause(error: "CalibrationError", session: "Session", read: "ReadFile") -> "CalibrationError":
     """Return why a session cannot be solved at all, with the likeliest cause where one is found."""
-    from calib_core.causes.session import unsolved_causes
+    from calib_core.causes.session import unsolved_causes, unsolved_table_causes
     from calib_core.errors import CalibrationError
 
     try:
-        found = unsolved_causes(session, read)
+        found = unsolved_causes(session, read) or unsolved_table_causes(session, read)
     except (CalibrationError, ValueError):  # what cannot be solved may not be explained either
         return error
     return error.adding(f"{found[0].sentence} Do so by --apply {found[0].id}.") if found else error

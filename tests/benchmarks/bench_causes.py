@@ -6,16 +6,23 @@ import numpy as np
 from bench_halves import DATA, SETS
 from cells import Cell
 from harness import Row
+from wrong_lengths import ANGLES, SCALES, scaled_files, told_angles
 from wrong_poses import Measured, Wrong, reordered, repaired, rewritten, shifted, swapped, wrong_readings
 
 from calib_core.captures.content import sphere_of
+from calib_core.captures.observe import observe_capture
 from calib_core.causes.apply import applied, changes_for
 from calib_core.causes.poses import pose_causes
+from calib_core.causes.scales import scale_causes
 from calib_core.causes.search import Posed, best_starts, cost_of, misfits_mm
+from calib_core.causes.table import table_causes
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.start import centers_of
 from calib_core.errors import InputError
-from calib_core.records import Session
+from calib_core.frames import RigidTransform
+from calib_core.records import RootCause, Session
 from calib_core.robots import parse_pose
+from calib_core.simulation import SimulatedSession, simulate
 
 _TOLD_APART = 6.0  # of the summed costs: what one capture that fits nowhere adds
 
@@ -28,8 +35,99 @@ def run(full: bool) -> list[Row]:
         picked = cases if full else cases[:: 11 if name == "simulated" else 23]
         rows += readings(name, cells, picked)
         rows += orders(name, cells, (30 if full else 4) if name == "simulated" else (10 if full else 2))
-    rows.append(right(range(200 if full else 12)))
+    rows += [scales(full), angles(range(20 if full else 2)), right(range(200 if full else 12))]
+    rows.append(right_lengths(range(200 if full else 4)))
     return rows
+
+
+def scales(full: bool) -> Row:
+    """Scaled profiles and other diameters: the right cause first; simulated cells and both real sets."""
+    missed: list[str] = []
+    count = 0
+    sessions = [(f"simulated {n}", *_simulated_files(n)) for n in range(8 if full else 1)]
+    if DATA.is_dir():
+        sessions += [(name, *_real_files(name)) for name in SETS]
+    for name, session, files in sessions:
+        sphere = sphere_of(session.cell, session.captures)
+        diameter = sphere.diameter_mm
+        for x, z in SCALES if full else SCALES[::3]:
+            found = scale_causes(session, session.captures, scaled_files(files, x, z).__getitem__, sphere)
+            settings = found[0].point_settings if found else {}
+            right = [abs(settings.get(f"{axis}_scale", 1.0) * s - 1) < 0.02 for axis, s in (("x", x), ("z", z))]
+            count += 1
+            missed += [] if all(right) and settings else [f"{name} x {x:g} z {z:g}: {settings or found[:1]}"]
+        for wrong in (0.9, 1.2, 0.5):
+            told = SphereSize(wrong * diameter, sphere.sigma_mm)
+            found = scale_causes(session, session.captures, files.__getitem__, told)
+            cell = found[0].changes.cell if found and found[0].changes else {}
+            count += 1
+            good = abs(cell.get("sphere_diameter_mm", 0.0) / diameter - 1) < 0.02
+            missed += [] if good else [f"{name} diameter {told.diameter_mm:g}: {found[:1] and found[0].id}"]
+    text = f"{count - len(missed)} of {count}" + (f"; missed {'; '.join(missed)}" if missed else "")
+    return Row("scaled profiles, other diameters: right cause first", "≥ 98 %", text, len(missed) <= 0.02 * count)
+
+
+def angles(seeds: range) -> Row:
+    """Wrong table angles: the right cause, and the angles fit once it is applied."""
+    right = 0
+    missed: list[str] = []
+    for seed in seeds:
+        table = simulate("turntable", seed)
+        turned = [c for c in table.session.captures if c.step == "turntable"]
+        spheres = [observe_capture(table.session, c, table.files.__getitem__) for c in turned]
+        for name, wrong in ANGLES.items():
+            session = told_angles(table.session, wrong)
+            found = _of_table(table, session, spheres)
+            good = False
+            if found:
+                mended, _ = applied(session, changes_for(session, found[0]))
+                sense = -1 if "other way" in name else 1
+                pairs = zip(mended.captures, table.session.captures, strict=True)
+                off = [sense * (a.table_deg or 0) - b.table_deg for a, b in pairs if b.table_deg is not None]
+                good = bool(np.ptp(off) < 0.3 or abs(np.ptp(off) - 360) < 0.3)
+            right += good
+            missed += [] if good else [f"{seed} {name}: {found[0].id if found else 'nothing'}"]
+    count = len(seeds) * len(ANGLES)
+    text = f"{right} of {count}" + (f"; missed {'; '.join(missed)}" if missed else "")
+    return Row("wrong table angles: right cause first and Apply repairs", "≥ 98 %", text, right >= 0.98 * count)
+
+
+def right_lengths(seeds: range) -> Row:
+    """Lengths and table angles of right sessions, looked at although nothing makes them doubtful."""
+    said: list[str] = []
+    for seed in seeds:
+        session, files = _simulated_files(seed)
+        sphere = sphere_of(session.cell, session.captures)
+        said += [c.id for c in scale_causes(session, session.captures, files.__getitem__, sphere)]
+        if seed % 4 == 0:
+            table = simulate("turntable", seed)
+            turned = [c for c in table.session.captures if c.step == "turntable"]
+            spheres = [observe_capture(table.session, c, table.files.__getitem__) for c in turned]
+            said += [c.id for c in _of_table(table, table.session, spheres)]
+    return Row(
+        f"{len(seeds)} right sessions: lengths or table angles said", "0", f"{len(said)} {said[:3]}", not said
+    )
+
+
+def _of_table(table: SimulatedSession, session: Session, spheres: list[SphereObservation]) -> list[RootCause]:
+    tool = RigidTransform(np.array(table.truth["tool0_from_laser"]), "tool0", "laser")
+    turned = [c for c in session.captures if c.step == "turntable"]
+    told = [
+        TableObservation(o, float(np.deg2rad(c.table_deg or 0.0)), c.mount or "")
+        for c, o in zip(turned, spheres, strict=True)
+    ]
+    return table_causes(session.captures, told, sphere_of(session.cell, turned), tool)
+
+
+def _simulated_files(seed: int) -> tuple[Session, dict[str, bytes]]:
+    simulated = Cell.of("tcp", seed).simulated
+    return simulated.session, dict(simulated.files)
+
+
+def _real_files(name: str) -> tuple[Session, dict[str, bytes]]:
+    folder = DATA / name
+    session = real(name).session
+    return session, {file: (folder / file).read_bytes() for c in session.captures for file in c.files}
 
 
 def sets(full: bool) -> list[tuple[str, list[Measured]]]:

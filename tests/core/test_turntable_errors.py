@@ -58,7 +58,12 @@ def test_a_wrong_direction_in_the_cell_is_named_and_found():
     assert any("turns the other way round" in warning for warning in result.warnings)
     axis = np.cross(result.axis_direction_in_base, table.truth["axis_direction_in_base"])
     assert np.rad2deg(np.linalg.norm(axis)) < 0.06
+    (cause,) = result.causes
+    assert cause.changes is not None
+    assert cause.changes.cell == {"turntable": {"direction": -1}}
+    assert cause.evidence[0].before == pytest.approx(180 - (cause.evidence[0].after or 0))
     right = solve(table, lambda data: data["cell"]["turntable"].update(direction=-1))
+    assert right.causes == []
     assert not any("turns the other way" in warning for warning in right.warnings)
 
 

@@ -7,7 +7,7 @@ from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import StageInput
 from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.solve import with_unused
-from calib_core.stages.turntable.solve import part_of, table_of, table_options, tcp_of, tool_of
+from calib_core.stages.turntable.solve import part_of, table_of, table_options, tcp_of, tool_of, with_table_causes
 
 _TABLE_SHARE = 0.7
 
@@ -43,4 +43,5 @@ def solve_chain_stage(given: StageInput) -> ChainResult:
     )
     result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
     result = with_repeats(result, solved.observations, solution.tcp.sigmas)
+    result = with_table_causes(result, given, table, solved.sphere, tool.tool0_from_laser)
     return with_unused(result, given.captures, solved.unused | table.unused)

@@ -22,6 +22,8 @@ from calib_core.stages.turntable.record import TurntableResidual, TurntableResul
 
 _MEASURING_SHARE = 0.3
 _SUSPICIOUS_SCATTER_MM = 1.0  # arms that are read rightly stay below
+_SUSPICIOUS_SCALE = 0.015  # scanners that are read rightly stay below
+_EXPLAINS_ALL = ("pose-reading", "scaled-profile", "sphere-diameter")
 
 
 def solve_tcp_stage(given: StageInput) -> TcpResult:
@@ -63,11 +65,16 @@ def _with_causes(result: TcpResult, given: StageInput, solved: SolvedTcp) -> Tcp
 
     given.progress(0.97, "Trying other readings of the poses")
     found = pose_causes(given.session.cell, given.captures, solved.observations, solved.sphere)
+    if not found and not happened:
+        from calib_core.causes.scales import scale_causes
+
+        given.progress(0.98, "Trying other lengths")
+        found = scale_causes(given.session, given.captures, given.read, solved.sphere)
     if not found:
         return result.model_copy(update={"causes": happened})
     about = {name for cause in found for name in cause.captures}
     others = [cause for cause in happened if not about & set(cause.captures)]
-    if any(cause.kind == "pose-reading" for cause in found):
+    if any(cause.kind in _EXPLAINS_ALL for cause in found):
         return result.model_copy(update={"verdict": "fail", "warnings": [found[0].sentence], "causes": found})
     explained = {cause.sentence for cause in happened if cause not in others}
     warnings = [found[0].sentence, *(said for said in result.warnings if said not in explained)]
@@ -78,7 +85,13 @@ def _with_causes(result: TcpResult, given: StageInput, solved: SolvedTcp) -> Tcp
 def _is_doubtful(result: TcpResult, solved: SolvedTcp) -> bool:
     """Return whether the poses are to be doubted: nothing fits, or several captures contradict the others."""
     rejected = int((~solved.solution.used).sum())
-    return result.verdict == "fail" or solved.solution.start_scatter_mm > _SUSPICIOUS_SCATTER_MM or rejected > 1
+    scaled = any(
+        abs(error.error) > _SUSPICIOUS_SCALE
+        for error in solved.solution.held.errors
+        if error.name in ("scale_x", "scale_z")
+    )
+    scattered = solved.solution.start_scatter_mm > _SUSPICIOUS_SCATTER_MM
+    return result.verdict == "fail" or scattered or scaled or rejected > 1
 
 
 def _doubt_of_pitch(given: StageInput) -> str | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell
+from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import SolvedTable, SolvedTcp, StageInput
 from calib_core.stages.stage import SOFTWARE, Progress
 from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_failures, with_unused
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from calib_core.chain.turntable import KnownTool, TurntableOptions
 
 _TCP_SHARE = 0.4
+_R = TypeVar("_R", TurntableResult, ChainResult)
 
 
 def solve_turntable_stage(given: StageInput) -> TurntableResult:
@@ -53,7 +55,24 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256)
     verdict = "warn" if doubts and result.verdict == "pass" else result.verdict
     result = result.model_copy(update={"warnings": [*doubts, *result.warnings], "verdict": verdict})
+    result = with_table_causes(result, given, table, sphere, tool.tool0_from_laser)
     return with_unused(result, given.captures, table.unused)
+
+
+def with_table_causes(
+    result: _R, given: StageInput, table: SolvedTable, sphere: SphereSize, tool0_from_laser: RigidTransform
+) -> _R:
+    """Return a result with the root causes of a table that is told wrongly, where it is doubtful."""
+    from calib_core.causes.table import direction_causes, table_causes
+
+    if result.verdict == "pass" or given.session.cell.turntable.angles == "unknown":
+        return result
+    given.progress(0.99, "Trying other angles of the table")
+    captures = [capture for capture in given.captures if capture.step == "turntable"]
+    found = table_causes(captures, table.observations, sphere, tool0_from_laser)
+    warnings = [*(cause.sentence for cause in found), *result.warnings]
+    found += direction_causes(given.session.cell, table.solution.frame)
+    return result.model_copy(update={"causes": [*result.causes, *found], "warnings": warnings})
 
 
 def tcp_of(given: StageInput) -> SolvedTcp:

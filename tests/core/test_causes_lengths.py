@@ -1,0 +1,105 @@
+"""Root causes: lengths, the sphere's diameter and the table's angles told wrongly are named, and Apply repairs."""
+
+import numpy as np
+import pytest
+from wrong_lengths import ANGLES, scaled_files, told_angles
+
+from calib_core.captures.content import sphere_of
+from calib_core.captures.observe import observe_capture
+from calib_core.causes.apply import applied, changes_for
+from calib_core.causes.scales import scale_causes
+from calib_core.causes.session import session_causes
+from calib_core.causes.table import table_causes
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.frames import RigidTransform
+from calib_core.records import RootCause, Session
+from calib_core.simulation import SimulatedSession, simulate
+from calib_core.stages.pipeline import run
+
+
+@pytest.fixture(scope="module")
+def still() -> SimulatedSession:
+    return simulate("tcp", 11)
+
+
+@pytest.fixture(scope="module")
+def table() -> SimulatedSession:
+    return simulate("turntable", 5)
+
+
+@pytest.fixture(scope="module")
+def spheres(table: SimulatedSession) -> dict[str, SphereObservation]:
+    turned = [c for c in table.session.captures if c.step == "turntable"]
+    return {c.id: observe_capture(table.session, c, table.files.__getitem__) for c in turned}
+
+
+def causes_of_table(
+    session: Session, table: SimulatedSession, spheres: dict[str, SphereObservation]
+) -> list[RootCause]:
+    tool = RigidTransform(np.array(table.truth["tool0_from_laser"]), "tool0", "laser")
+    turned = [c for c in session.captures if c.step == "turntable"]
+    told = [TableObservation(spheres[c.id], float(np.deg2rad(c.table_deg or 0.0)), c.mount or "") for c in turned]
+    return table_causes(session.captures, told, SphereSize(40.0), tool)
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_wrong_angles_of_the_table_are_named_and_applying_repairs_them(
+    table: SimulatedSession, spheres: dict[str, SphereObservation], name: str
+) -> None:
+    session = told_angles(table.session, ANGLES[name])
+    (cause,) = causes_of_table(session, table, spheres)
+    assert cause.kind == "table-angles"
+    figure = cause.evidence[0]
+    assert figure.after is not None
+    assert figure.before is None or figure.after < figure.before / 10
+    mended, undo = applied(session, changes_for(session, cause))
+    right = [c.table_deg for c in table.session.captures if c.step == "turntable"]
+    given = np.array([c.table_deg for c in mended.captures if c.step == "turntable"], dtype=float)
+    sense = -1 if "other way" in name else 1
+    # The table's zero is its own: a lost step leaves every mounting its own as well.
+    assert np.ptp(given - sense * np.array(right, dtype=float)) % 360 == pytest.approx(0, abs=1e-6)
+    assert applied(mended, undo)[0] == session
+    assert causes_of_table(mended, table, spheres) == []
+
+
+def test_right_angles_are_not_doubted(table: SimulatedSession, spheres: dict[str, SphereObservation]) -> None:
+    assert causes_of_table(table.session, table, spheres) == []
+    assert causes_of_table(told_angles(table.session, lambda a: [-one for one in a]), table, spheres) == []
+
+
+def test_angles_in_radians_have_their_card_though_nothing_was_solved(table: SimulatedSession) -> None:
+    session = told_angles(table.session, ANGLES["in radians"])
+    assert session_causes(session, table.files.__getitem__, {})[0].title == "Table angles are in radians"
+
+
+@pytest.mark.parametrize(("x", "z"), [(1.05, 1.0), (1.0, 0.5), (1.1, 1.1)])
+def test_scaled_profiles_are_named_and_read_rightly_once_it_is_applied(
+    still: SimulatedSession, x: float, z: float
+) -> None:
+    files = scaled_files(still.files, x, z)
+    told = sphere_of(still.session.cell, [])
+    cause = scale_causes(still.session, still.session.captures, files.__getitem__, told)[0]
+    assert cause.kind == "scaled-profile"
+    assert cause.point_settings.get("x_scale", 1.0) * x == pytest.approx(1, abs=0.006)
+    assert cause.point_settings.get("z_scale", 1.0) * z == pytest.approx(1, abs=0.006)
+    mended, undo = applied(still.session, changes_for(still.session, cause))
+    assert applied(mended, undo)[0] == still.session
+
+
+def test_another_diameter_is_named(still: SimulatedSession) -> None:
+    read, captures = still.files.__getitem__, still.session.captures
+    cause = scale_causes(still.session, captures, read, SphereSize(44.0))[0]
+    assert cause.changes is not None
+    assert cause.changes.cell == {"sphere_diameter_mm": 40.0}
+    assert scale_causes(still.session, captures, read, SphereSize(40.0)) == []
+
+
+def test_the_stage_says_first_that_its_profiles_are_scaled(still: SimulatedSession) -> None:
+    files = scaled_files(still.files, 0.8, 1.0)
+    result = run(still.session, files.__getitem__, "tcp")["tcp"]
+    assert result.verdict == "fail"
+    assert "x is 1.25" in result.warnings[0]
+    mended, _ = applied(still.session, changes_for(still.session, result.causes[0]))
+    again = run(mended, files.__getitem__, "tcp")["tcp"]
+    assert again.verdict != "fail"
+    assert again.causes == []
