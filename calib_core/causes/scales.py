@@ -8,6 +8,7 @@ the tcp stage finds these itself (`chain.scanner`).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -254,7 +255,7 @@ def _diameters(seen: _Seen, told: SphereSize) -> list[_Lengths]:
     tried = np.linspace(np.log(least), np.log(max(_LARGEST, 1.5 * least)), 16)
     k = int(np.argmin([at(float(one)) for one in tried]))
     ends = tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)]
-    found = minimize_scalar(at, bounds=ends, method="bounded", options={"xatol": 1e-3})
+    found: Any = minimize_scalar(at, bounds=ends, method="bounded", options={"xatol": 1e-3})
     if abs(found.x) < _LEAST_DIAMETER:
         return []
     diameter = float(np.exp(found.x)) * told.diameter_mm
