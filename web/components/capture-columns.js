@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 import { fixed, integer, small } from "../format.js";
 import { mark } from "../icons.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 import { thumbnail } from "./thumbnail.js";
 
 /** @import {CaptureOut, Residual} from "../state/model.js" */
@@ -65,7 +65,7 @@ function place({ table_deg, mount }) {
 function poseCell({ pose }, residual) {
   const numbers = pose?.map((value) => fixed(value, Math.abs(value) < 4 ? 3 : 1)).join("  ");
   return h("span", {}, numbers ? h("span", { class: "number", title: pose?.join(" ") ?? "" }, numbers) : h("span", { class: "soft" }, t("captures.no_pose")),
-    residual?.used === false && residual.reason && h("span", { class: "why", title: residual.reason }, residual.reason));
+    residual?.used === false && residual.reason && h("span", { class: "why", title: said(residual.reason) }, said(residual.reason)));
 }
 
 /**

@@ -3,7 +3,7 @@
 import { did, next, whenDeedsChange } from "../state/undo.js";
 import { h, keyed } from "../dom.js";
 import { icon } from "../icons.js";
-import { plural, t } from "../texts.js";
+import { plural, said, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { columnsFor, statusOf } from "./capture-columns.js";
 import { copy } from "./copy.js";
@@ -119,7 +119,7 @@ export class CapturesElement extends StateElement {
     const words = this.#filter.value.toLowerCase().split(/\s+/).filter(Boolean);
     const found = words.length ? captures.filter((capture) => {
       const residual = residuals.get(capture.id);
-      const text = [capture.id, capture.mount, residual?.reason, capture.measured.reason, statusOf(capture, residual)[1]].join(" ").toLowerCase();
+      const text = [capture.id, capture.mount, said(residual?.reason ?? ""), said(capture.measured.reason ?? ""), statusOf(capture, residual)[1]].join(" ").toLowerCase();
       return words.every((word) => text.includes(word));
     }) : captures;
     const column = this.#columns.find(({ name }) => name === this.#order.name);

@@ -4,7 +4,7 @@
 import { h } from "../dom.js";
 import { fixed, integer, plusMinus, significant, small } from "../format.js";
 import { mark } from "../icons.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 import { bothAnswers } from "./both-answers.js";
 import { intervalPlot } from "./interval-plot.js";
 import { plot } from "./plot.js";
@@ -171,7 +171,7 @@ function residualsSection({ residuals }, names) {
     const value = row[side]?.[figure];
     const words = typeof value === "number" ? valueWords(figure, value) : "–";
     const reason = side === "left" ? row.left_reason : row.right_reason;
-    return used ? words : h("span", { title: reason ?? "" }, `${words} `, mark("fail", t("captures.rejected")));
+    return used ? words : h("span", { title: said(reason ?? "") }, `${words} `, mark("fail", t("captures.rejected")));
   };
   return panel(
     t("comparison.residuals"),

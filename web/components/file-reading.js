@@ -7,7 +7,7 @@ import { mark } from "../icons.js";
 import { kindOf } from "../state/files.js";
 import { profilePlot } from "./profile-plot.js";
 import { registry } from "../state/registries.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
 /** @import {Capture, FileReading, Measured, SessionOut} from "../state/model.js" */
@@ -80,8 +80,8 @@ export class FileReadingElement extends HTMLElement {
     const doubtful = sure === "doubtful";
     const seen = /** @type {Measured} */ (/** @type {unknown} */ ({ capture: this.#file?.path ?? "", kind: this.#kind, points, preview }));
     this.#said.replaceChildren(
-      h("p", {}, mark(doubtful ? "warn" : "pass", `${this.#file?.path}: ${sentence}`)),
-      doubts.length + notes.length > 0 ? h("ul", { class: "messages" }, ...[...doubts, ...notes].map((one) => h("li", {}, one))) : "",
+      h("p", {}, mark(doubtful ? "warn" : "pass", `${this.#file?.path}: ${said(sentence)}`)),
+      doubts.length + notes.length > 0 ? h("ul", { class: "messages" }, ...[...doubts, ...notes].map((one) => h("li", {}, said(one)))) : "",
       preview.length > 0 ? h("figure", { class: "reading-preview" }, profilePlot(seen, { width: 232, height: 120 })) : "",
       h("p", { class: "row" }, ...this.#offers(reading)));
     if (doubtful) this.#form.open = true;

@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
-import { plural, t } from "../texts.js";
+import { plural, said, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { stepName } from "./rail.js";
 import { attempt } from "./toasts.js";
@@ -112,7 +112,7 @@ function status(watch, end) {
       h("button", { type: "button", needs: "capture", onclick: end }, t("watch.end"))),
     watch.problem ? h("p", {}, mark("fail", watch.problem)) : null,
     watch.waiting.length ? h("p", { class: "soft" }, t("watch.waiting", { files: watch.waiting.slice(0, 5).join(", ") })) : null,
-    watch.refused.length ? h("ul", {}, ...watch.refused.slice(0, 5).map(({ reason }) => h("li", { class: "reason reason-fail" }, reason))) : null,
+    watch.refused.length ? h("ul", {}, ...watch.refused.slice(0, 5).map(({ reason }) => h("li", { class: "reason reason-fail" }, said(reason)))) : null,
   ].filter((part) => part !== null);
 }
 

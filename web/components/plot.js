@@ -144,7 +144,7 @@ export class PlotElement extends HTMLElement {
     const capture = this.state?.captures.find((one) => one.id === dot.capture);
     this.#tip.replaceChildren(
       ...(capture && (capture.measured.preview ?? []).length ? [thumbnail(capture)] : []),
-      h("p", {}, h("strong", {}, dot.at), h("br"), wordsOf(dot, this.#view), dot.reason && h("span", { class: "why" }, dot.reason), this.#without(dot)));
+      h("p", {}, h("strong", {}, dot.at), h("br"), wordsOf(dot, this.#view), dot.reason && h("span", { class: "why" }, said(dot.reason)), this.#without(dot)));
     this.#tip.hidden = false;
     const box = this.getBoundingClientRect();
     const at = mark.getBoundingClientRect();
@@ -310,7 +310,7 @@ function dotsOf({ series }, x, y) {
 
 /** @param {Dot} dot @param {boolean} first @param {PlotElement} element @param {PlotBlock} block */
 function mark(dot, first, element, block) {
-  const words = [dot.at, wordsOf(dot, block), dot.reason && t("plot.rejected", { reason: dot.reason })].filter(Boolean).join(", ");
+  const words = [dot.at, wordsOf(dot, block), dot.reason && t("plot.rejected", { reason: said(dot.reason) })].filter(Boolean).join(", ");
   const shape = dot.reason ? "cross" : MARKS[dot.series % MARKS.length] ?? "circle";
   const group = s(
     "g", { class: `dot series-${dot.series % MARKS.length} ${dot.reason ? "out" : ""}`, role: "button", tabindex: first ? 0 : -1, "aria-label": words, "aria-pressed": "false", "data-capture": dot.capture, "data-at": `${dot.xValue} ${dot.value}`, transform: `translate(${dot.x} ${dot.y})` },

@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 import { fixed, integer, small } from "../format.js";
 import { mark } from "../icons.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { statusOf } from "./capture-columns.js";
 import { frameCoverage, sharpness } from "./frame-coverage.js";
@@ -88,7 +88,7 @@ function body(capture, left, state) {
     "div", { class: "quality-body" },
     (measured.image_size || (measured.preview ?? []).length > 0) && h("figure", {}, measured.image_size ? framePlot(capture, state.id) : profilePlot(measured, { width: 232, height: 152 }),
       h("button", { type: "button", class: "plain wide small", onclick: async () => (await import("./full-size.js")).fullSize(capture, state) }, t("full.open"))),
-    h("div", { class: "quality-words" }, left?.reason ? said(statusOf(capture, left)[0], left.reason) : reason(capture), figures(capture)),
+    h("div", { class: "quality-words" }, left?.reason ? told(statusOf(capture, left)[0], said(left.reason)) : reason(capture), figures(capture)),
   );
 }
 
@@ -99,19 +99,19 @@ const preview = (words) => h("p", { class: "without small soft", hidden: words =
 function reason({ measured }) {
   if (!measured.reason) return null;
   // The reason ends with what to do already where it comes from an error; never say it twice.
-  const toDo = measured.to_do && !measured.reason.includes(measured.to_do) ? ` ${measured.to_do}` : "";
-  return said(measured.verdict, sentence(measured.reason) + toDo);
+  const toDo = measured.to_do && !measured.reason.includes(measured.to_do) ? ` ${said(measured.to_do)}` : "";
+  return told(measured.verdict, sentence(said(measured.reason)) + toDo);
 }
 
 /** @param {string} verdict @param {string} text */
-function said(verdict, text) {
+function told(verdict, text) {
   return h("p", { class: `reason reason-${verdict}` }, sentence(text));
 }
 
 /** @param {string} text */
 function sentence(text) {
   const start = text.charAt(0).toUpperCase() + text.slice(1);
-  return /[.!?…]$/.test(start) ? start : `${start}.`;
+  return /[.!?…。]$/.test(start) ? start : `${start}.`;
 }
 
 /** @param {CaptureOut} capture */
@@ -131,11 +131,11 @@ function figures({ measured }) {
 
 /** How far the sphere moved between exposures at one pose, and what to think of it. @param {CaptureOut["measured"]} measured @returns {[string, Node]} */
 function standstill({ still }) {
-  const said = (/** @type {string} */ text) => h("span", { class: "small soft" }, text);
-  if (!still) return ["", said(t("quality.still_unknown"))];
+  const soft = (/** @type {string} */ text) => h("span", { class: "small soft" }, text);
+  if (!still) return ["", soft(t("quality.still_unknown"))];
   const words = t(still.stands_still ? "quality.still_yes" : "quality.still_no");
   const moved = t("quality.still_moved", { movement: small(still.movement_mm), noise: small(still.noise_mm), exposures: still.exposures });
-  return ["", h("span", {}, mark(still.stands_still ? "pass" : "warn", words), h("br"), said(moved))];
+  return ["", h("span", {}, mark(still.stands_still ? "pass" : "warn", words), h("br"), soft(moved))];
 }
 
 /**

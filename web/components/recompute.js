@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { significant } from "../format.js";
 import { mark } from "../icons.js";
-import { learnTexts, maybe, t } from "../texts.js";
+import { learnTexts, maybe, said, t } from "../texts.js";
 import { comparisonSections } from "./comparison.js";
 import { attempt, say } from "./toasts.js";
 
@@ -34,7 +34,7 @@ export class RecomputeElement extends HTMLElement {
     this.#go.setAttribute("aria-disabled", "true");
     await attempt(async () => {
       const ended = await this.#ended(await api.recompute(this.sessionId));
-      if (ended.status !== "done") this.#answer.replaceChildren(h("p", { class: "reason reason-fail" }, ended.error?.detail ?? t("recompute.cancelled")));
+      if (ended.status !== "done") this.#answer.replaceChildren(h("p", { class: "reason reason-fail" }, said(ended.error?.detail ?? "") || t("recompute.cancelled")));
       else this.#show(await api.jobAnswer(ended.id));
     });
     this.#progress.hidden = true;
@@ -80,7 +80,7 @@ function stageSection({ stage, equal, numbers = 0, largest_relative: largest = 0
   return h(
     "section", { class: "panel" },
     h("h3", {}, `${maybe(`step.${stage}`, stage)} `, mark(equal ? "pass" : "warn", t(equal ? "recompute.stage_equal" : "recompute.stage_differs", { numbers, count, largest: largest.toExponential(1) }))),
-    ...why.map((reason) => h("p", {}, reason)),
+    ...why.map((reason) => h("p", {}, said(reason))),
     differences.length ? h("table", { class: "number compare" },
       h("thead", {}, h("tr", {}, ...["recompute.where", "recompute.stored", "recompute.fresh"].map((key, index) => h("th", { scope: "col", class: index > 0 && "right" }, t(/** @type {"recompute.where"} */ (key)))))),
       h("tbody", {}, ...differences.slice(0, 20).map((row) => h("tr", {}, h("th", { scope: "row" }, row.path), h("td", { class: "right" }, show(row.stored)), h("td", { class: "right" }, show(row.fresh)))))) : null);

@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { did } from "../state/undo.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
 /** @import {RootCause, StageResult} from "../state/model.js" */
@@ -18,15 +18,15 @@ export const mendable = (result) => causesOf(result).filter(({ changes }) => cha
 
 /** @param {SessionState} state @param {string} stage @param {readonly RootCause[]} causes @returns {Remedy[]} */
 export const remedies = (state, stage, causes) => causes.filter(({ changes }) => changes).map((cause) => ({
-  name: t("remedy.apply", { title: cause.title }),
-  words: cause.sentence,
+  name: t("remedy.apply", { title: said(cause.title) }),
+  words: said(cause.sentence),
   mend: () => apply(state, stage, cause),
 }));
 
 /** @param {SessionState} state @param {string} stage @param {RootCause} cause */
 const apply = (state, stage, cause) => attempt(async () => {
   const { undo, changes } = await api.applyCause(state.id, cause.id);
-  did(t("remedy.applied", { title: cause.title }), () => api.changeTogether(state.id, undo), { redo: () => api.changeTogether(state.id, changes) });
+  did(t("remedy.applied", { title: said(cause.title) }), () => api.changeTogether(state.id, undo), { redo: () => api.changeTogether(state.id, changes) });
   state.follows(await api.solve(state.id, stage));
 });
 
@@ -37,8 +37,8 @@ export function causeCards(state, stage, result) {
   return h("ul", { class: "causes" }, ...causes.map((cause) => {
     const [remedy] = "timeline" in state ? [] : remedies(state, stage, [cause]);
     return h("li", { class: "cause" },
-      h("h3", {}, cause.title),
-      h("p", { class: "small" }, cause.sentence),
+      h("h3", {}, said(cause.title)),
+      h("p", { class: "small" }, said(cause.sentence)),
       ...(cause.evidence ?? []).map(evidence),
       remedy && h("button", { type: "button", needs: "capture", onclick: () => void remedy.mend() }, t("remedy.do")));
   }));
@@ -47,5 +47,5 @@ export function causeCards(state, stage, result) {
 /** @param {NonNullable<RootCause["evidence"]>[number]} figure */
 function evidence({ label, unit, before, after }) {
   const words = (/** @type {number | null} */ value) => (value === null ? "–" : `${Number(value.toPrecision(3))}\u00a0${unit}`);
-  return h("p", { class: "small soft number" }, after === null ? `${label}: ${words(before)}` : t("remedy.evidence", { label, before: words(before), after: words(after) }));
+  return h("p", { class: "small soft number" }, after === null ? `${said(label)}: ${words(before)}` : t("remedy.evidence", { label: said(label), before: words(before), after: words(after) }));
 }

@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
-import { said, t } from "../texts.js";
+import { language, said, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -18,7 +18,7 @@ const PICKED_KEY = "scancell-picked";
 const ASK_AGAIN_MS = 700;
 const MOST_ASKED = 60;
 
-/** @typedef {{ scancellScene?: { show(layers: Record<string, boolean>): void } }} SceneWindow */
+/** @typedef {{ scancellScene?: { show(layers: Record<string, boolean>): void, speak(say: (text: string) => string): void } }} SceneWindow */
 
 export class SceneElement extends StateElement {
   #frame = h("iframe", { title: t("scene.title"), onload: () => void this.#tellStory() });
@@ -116,6 +116,7 @@ export class SceneElement extends StateElement {
     if (!this.#drawn) return false;
     this.#shownLayers = layers;
     this.#drawn.show(layers);
+    if (language !== "en") this.#drawn.speak(said);
     for (const box of this.#layers.querySelectorAll("input")) box.checked = layers[box.name] ?? true;
     return true;
   }

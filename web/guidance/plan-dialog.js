@@ -3,7 +3,7 @@
 import { json, request } from "../state/http.js";
 import { h } from "../dom.js";
 import { fixed, plusMinus } from "../format.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { alarm, choice, numberField, opened, tableOf } from "./parts.js";
 
 /** @import {CellPlan} from "../api-types.js" */
@@ -57,11 +57,11 @@ function found(plan) {
   });
   const layouts = plan.table?.layouts.map((one) => [`${fixed(one.radius_mm, 0)} mm`, String(one.heights_mm.length), String(one.angles), String(one.captures), plusMinus(one.uncertainty_mm, "mm")]);
   return [
-    h("p", { class: `plan-sentence ${state}` }, h("strong", {}, plan.sentence)),
+    h("p", { class: `plan-sentence ${state}` }, h("strong", {}, said(plan.sentence))),
     h("p", {}, t("plan.seen", { distance: fixed(plan.distance_mm, 0), offset: fixed(plan.offset_mm, 0) })),
     h("p", {}, plan.where), h("p", { class: "soft" }, t("plan.limited", { by: plan.limited_by })),
     tableOf([t("plan.sphere"), t("plan.captures"), t("plan.then")], rows, t("plan.sphere")),
-    ...(plan.table && layouts ? [h("p", {}, h("strong", {}, plan.table.sentence)),
+    ...(plan.table && layouts ? [h("p", {}, h("strong", {}, said(plan.table.sentence))),
       tableOf([t("plan.off_axis"), t("plan.heights"), t("plan.angles"), t("plan.captures"), t("plan.then")], layouts, t("plan.table"))] : []),
   ];
 }

@@ -225,7 +225,6 @@ export const texts = {
   "{} orientations that differ by 5° or more, about axes that are not parallel; {} are the least, {} are good.": "{} Orientierungen, die sich um 5° oder mehr unterscheiden, um nicht parallele Achsen; mindestens {}, gut sind {}.",
   "{} of {} turns": "{} von {} Drehungen",
   "Solve the TCP.": "Lösen Sie den TCP.",
-  "The shifts and turns determine all of it.": "Die Verschiebungen und Drehungen bestimmen alles.",
   "Every capture fits the sphere within its noise, and no direction is left open.": "Jede Aufnahme passt innerhalb ihres Rauschens zur Kugel, und keine Richtung ist offen.",
   "You trust it: then export it, or verify it with captures that were not used.": "Sie vertrauen dem Ergebnis: Dann exportieren Sie es, oder prüfen Sie es mit Aufnahmen, die nicht verwendet wurden.",
   "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer.": "Sehen Sie das Ergebnis an: Unsicherheit, Residuen, die zwei Schritte neben der gemeinsamen Lösung.",

@@ -225,7 +225,6 @@ export const texts = {
   "{} orientations that differ by 5° or more, about axes that are not parallel; {} are the least, {} are good.": "{} 个相差 5° 以上、绕不平行轴的姿态；至少 {} 个，{} 个为佳。",
   "{} of {} turns": "{}/{} 次旋转",
   "Solve the TCP.": "求解 TCP。",
-  "The shifts and turns determine all of it.": "平移和旋转已确定全部参数。",
   "Every capture fits the sphere within its noise, and no direction is left open.": "每个采集在噪声内与球吻合，且没有未定方向。",
   "You trust it: then export it, or verify it with captures that were not used.": "若信任结果：请导出，或用未使用的采集验证。",
   "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer.": "查看结果：不确定度、残差、两步法与联合解。",

@@ -1,0 +1,139 @@
+"""What the core and the scene can say to a page, read from their code: templates, with {} for what changes."""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+_CORE = ("captures", "causes", "chain", "evidence", "fusion", "guidance", "optics", "review", "sphere", "stages")
+_SCENE = ("answers", "deviation", "facts", "ghost", "layers", "legend", "optics", "turntable_layers", "views")
+_OTHER_MEDIA = {"html.py", "style.py", "svg.py", "text.py"}
+"""Reports of their own, in English."""
+_LEAST_WORDS = 3
+
+NOT_SHOWN = {
+    "results/{}.json: workpiece",
+    "captures are to be named in ascending order, each once",
+    "nothing is free; use fit_poses",
+    "a stage that rests on '{}' was started without it",
+    "cell.{} is no record",
+    # Arrays and cameras of a notebook: no page gives them.
+    "Give fx 0 cx / 0 fy cy / 0 0 1 in pixels.",
+    "Give one for each.",
+    "Give one point a row.",
+    "Give the arrays of one scan together.",
+    "Give the segments that the calibration found.",
+    "Give them in OpenCV's order: {}.",
+    "Leave camera_from_laser out; it follows from the plane.",
+    "Make both grids alike.",
+    "NaN or infinity",
+    "Reshape the scan.",
+    "Check the points' sigmas.",
+    "Use OpenCV's names; the tilts are tauX and tauY in rad.",
+    "a camera matrix of 3×3 numbers with positive focal lengths",
+    "a camera_from_laser whose y axis is the plane's normal and whose origin lies in the plane",
+    "a cloud of N×3 numbers",
+    "a grid of the same voxels",
+    "a plane's normal of three finite numbers and its distance",
+    "a scan of profiles × columns × 3 numbers",
+    "a {} as an array of N rows and {} columns",
+    "at least two bands of depth for a segmental camera, and none for another",
+    "distortion coefficients among {}",
+    "model '{}' with {} bands",
+    "one that is off the plane",
+    "poses, weights and normals for {}×{} points",
+    "rows of points (P, C, 3)",
+    "shapes {}, {} and {}: a scan of another size",
+    "the errors of {} scans",
+    "the plane of light, or a depth, for a camera whose distortion changes with depth",
+    "up to 14 finite distortion coefficients",
+}
+"""Sentences that no page can show."""
+
+
+def said_to_pages() -> set[str]:
+    """Return the sentences that a page can show."""
+    files = [file for file in _core() if file.name not in _OTHER_MEDIA]
+    scene = [ROOT / "server" / "scenes" / f"{name}.py" for name in _SCENE]
+    return {one for file in [*files, *scene] for one in templates(file) if _is_sentence(one)} - NOT_SHOWN
+
+
+def told() -> set[str]:
+    """Return every text of the core's parts that speak, and of the scene."""
+    files = [*_core(), *(ROOT / "server" / "scenes").glob("*.py"), ROOT / "calib_core" / "errors.py"]
+    return {one for file in files for one in templates(file)}
+
+
+def _core() -> list[Path]:
+    files = [file for name in _CORE for file in (ROOT / "calib_core" / name).rglob("*.py")]
+    return [
+        file for file in files if file != ROOT / "calib_core" / "review" / "compare.py"
+    ]  # the page has its words
+
+
+def _is_sentence(text: str) -> bool:
+    words = re.findall(r"[A-Za-z]{2,}", text.replace("{}", " "))
+    return len(words) >= _LEAST_WORDS and " " in text.strip() and not re.search(r"\w\[|\|", text)
+
+
+@cache
+def templates(file: Path) -> frozenset[str]:
+    """Return every text in a file's code, without docstrings; of HTML what stands between its tags."""
+    found: set[str] = set()
+    for text in _texts(ast.parse(file.read_text(encoding="utf-8"))):
+        plain = re.sub(r"\{[a-z_]+\}", "{}", text)
+        found |= set(re.split(r"<[^>]*>", plain)) if "<" in plain else {plain}
+    return frozenset(found)
+
+
+def _texts(node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return  # a docstring
+    variants = _variants(node)
+    if variants is not None:
+        yield from variants
+        for hole in _holes(node):
+            yield from _texts(hole)
+        return
+    for child in ast.iter_child_nodes(node):
+        yield from _texts(child)
+
+
+def _variants(node: ast.AST) -> list[str] | None:
+    """Return what a text can be: a choice between two constants makes two of it, everything else is {}."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return [text]
+        case ast.JoinedStr(values=parts):
+            pieces = [[str(p.value)] if isinstance(p, ast.Constant) else _choices(p) for p in parts]
+            return ["".join(one) for one in product(*pieces)]
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            first, second = _variants(left), _variants(right)
+            if first is None and second is None:
+                return None
+            return [a + b for a, b in product(first or _choices(left), second or _choices(right))]
+        case _:
+            return None
+
+
+def _choices(part: ast.AST) -> list[str]:
+    value = part.value if isinstance(part, ast.FormattedValue) else part
+    if isinstance(value, ast.IfExp):
+        first, second = _variants(value.body), _variants(value.orelse)
+        if first is not None and second is not None:
+            return [*first, *second]
+    return ["{}"]
+
+
+def _holes(node: ast.AST) -> Iterator[ast.AST]:
+    if isinstance(node, ast.JoinedStr):
+        yield from (part.value for part in node.values if isinstance(part, ast.FormattedValue))
+    elif isinstance(node, ast.BinOp):
+        for side in (node.left, node.right):
+            if _variants(side) is None:
+                yield side
+            else:
+                yield from _holes(side)
