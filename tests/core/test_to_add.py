@@ -115,6 +115,31 @@ def _run(options):
 COMMAND = Command("acme", "say hello", "session", lambda parser: None, _run)
 '''
 
+MOVER = '''
+"""Turns the Acme table."""
+
+from server.movers.mover import MoverEntry
+
+
+class AcmeTable:
+    """Stands where it was last told to go."""
+
+    def __init__(self):
+        self.at_deg = 0.0
+
+    def go_to(self, table_deg):
+        self.at_deg = table_deg
+
+    def stop(self):
+        """It stands already."""
+
+    def close(self):
+        """It has no connection."""
+
+
+MOVER = MoverEntry("acme-table", "Acme table", "Turns the Acme table.", lambda settings: AcmeTable())
+'''
+
 ASKED = """
 import json
 from calib_core.archive.folder import result_data
@@ -127,6 +152,7 @@ from calib_core.simulation import simulate
 from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import run
 from calib_core.stages.registry import capture_steps, guided_steps, stage_names
+from server.movers.registry import MOVERS
 from server.sources.registry import SOURCES
 
 center = {"id": "a1", "step": "acme", "kind": "center", "center_mm": [1, 2, 3], "pose": [1, 2, 3, 0, 0, 0]}
@@ -136,6 +162,9 @@ counted = run(session, dict, "acme")["acme"]
 tcp = simulate("tcp", 1)
 solved = run(tcp.session, tcp.files.__getitem__, "tcp")["tcp"]
 stored = {"acme": result_data(counted)}
+mover = MOVERS.get("acme-table")
+table = mover.connect(mover.settings())
+table.go_to(30.0)
 moved = session.model_copy(update={"captures": [session.captures[0].model_copy(update={"excluded": True})]})
 print(json.dumps({
     "names": [FORMATS.names(), EXPORTS.names(), SOURCES.names(), PROGRAMS.names(), list(stage_names())],
@@ -144,6 +173,7 @@ print(json.dumps({
     "count": counted.count, "text": str(counted),
     "stale": [sorted(Graph.stale_of(s, dict, stored)) for s in (session, moved)],
     "figure": str(solved),
+    "movers": [MOVERS.names(), table.at_deg],
 }))
 """
 
@@ -169,6 +199,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(tree, "calib_core/stages/acme/record.py", RECORD)
     write(tree, "calib_core/robots/programs/acme.py", PROGRAM)
     write(tree, "server/commands/acme.py", COMMAND)
+    write(tree, "server/movers/acme.py", MOVER)
     evidence = tree / "calib_core" / "stages" / "tcp" / "evidence.py"
     text = evidence.read_text()
     line = "        *workpiece_headline(places),\n"
@@ -201,6 +232,8 @@ def test_one_file_or_folder_adds_one_of_each(tree: Path) -> None:
     assert "Counted" in found["text"]
     assert found["stale"] == [[], ["acme"]]
     assert "Answer to all" in found["figure"]
+    assert "acme-table" in found["movers"][0]
+    assert found["movers"][1] == 30.0
 
 
 def test_one_file_adds_a_command(tree: Path) -> None:
