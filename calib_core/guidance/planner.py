@@ -10,9 +10,9 @@ from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Candidates, Room, allowed, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 
-_CANDIDATES, _NEAR = 300, 80
+_CANDIDATES, _NEAR = 600, 120
 _NEAR_MM, _NEAR_RAD = 8.0, 0.08
-_STEPS = (1.0, 0.5)
+_STEPS = (1.0, 0.5, 0.25)
 _SEED = 20_270
 _SWEEPS = 4
 _WORTH = 0.999  # of the criterion: an exchange that gains less is none
@@ -219,7 +219,7 @@ def _score(workpiece: FloatArray, taken: int) -> FloatArray:
     uncertainty is stated: from the start, that leads to sets that are worse in the end.
     """
     values = np.maximum(np.linalg.eigvalsh(workpiece), 1e-18)
-    power = min(1 + taken / 3, 6.0)
+    power = min(1 + taken / 4, 6.0)
     return np.sum((values / values.max()) ** power, axis=1)
 
 

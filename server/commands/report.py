@@ -1,4 +1,4 @@
-"""`scancell report`: a session as one HTML page that needs nothing else."""
+"""`scancell report`: a session as one HTML page that needs nothing else, or as PDF."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,11 @@ from server.console.output import write_out
 def _arguments(parser: argparse.ArgumentParser) -> None:
     session_argument(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="the HTML file to write; - is standard output"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="the file to write, .html or .pdf (printed by an installed browser); - is standard output",
     )
 
 
@@ -19,23 +23,28 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.archive import opened
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results, truth_of
-    from calib_core.errors import InputError
     from calib_core.stages.graph import Graph
     from server.console.solving import solved_if_possible
     from server.render.report.report import report_html
 
-    if options.out.suffix.lower() == ".pdf":
-        to_do = "Write HTML; a browser prints it as PDF."
-        raise InputError("a name for an HTML page", "one for a PDF", to_do, str(options.out))
     with opened(options.session) as folder:
         session, read = load_session(folder)
         results = stored_results(folder) or solved_if_possible(options, session, read)
         stale = Graph.stale_of(session, read, results)
         page = report_html(session, results, stale, truth_of(folder))
-    write_out(options, options.out, [page.encode()])
+    if options.out.suffix.lower() == ".pdf":
+        from server.render.pdf import pdf_of
+
+        write_out(options, options.out, [pdf_of(page, str(options.out))])
+    else:
+        write_out(options, options.out, [page.encode()])
     return OK
 
 
 COMMAND = Command(
-    "report", "write a session's report: one HTML page that needs nothing else", "session", _arguments, _run
+    "report",
+    "write a session's report: one HTML page that needs nothing else, or PDF",
+    "session",
+    _arguments,
+    _run,
 )

@@ -256,7 +256,14 @@ def test_the_command_writes_the_page(solved_folder, tmp_path, capsys):
     assert main(["report", str(tmp_path / "none"), "--out", str(file)]) == 2
 
 
-def test_a_pdf_is_refused_and_nothing_is_written_under_its_name(solved_folder, tmp_path, capsys):
-    assert main(["report", str(solved_folder), "--out", str(tmp_path / "r.PDF")]) == 2
-    assert "a browser prints it as PDF" in capsys.readouterr().err
-    assert list(tmp_path.glob("*.PDF")) == []
+def test_the_report_is_printed_as_pdf_by_a_browser_that_is_there(solved_folder, tmp_path, monkeypatch, capsys):
+    target = tmp_path / "r.PDF"
+    assert main(["report", str(solved_folder), "--out", str(target)]) == 0
+    printed = target.read_bytes()
+    assert printed.startswith(b"%PDF-")
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) >= 2
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("server.render.pdf._PLACES", ())
+    assert main(["report", str(solved_folder), "--out", str(tmp_path / "none.pdf")]) == 2
+    assert "Chromium, Chrome or Edge" in capsys.readouterr().err
+    assert not (tmp_path / "none.pdf").exists()

@@ -1,5 +1,6 @@
 """The report: a page to sign, then the evidence of every result, from the session's records alone."""
 
+import re
 from collections.abc import Collection, Mapping
 from typing import Any, Final
 
@@ -22,6 +23,7 @@ from calib_core.stages.evidence import stored_evidence, title_of
 from calib_core.stages.registry import stages
 from server.render.report.scene_picture import scene_picture
 
+_NOT_PLAIN = re.compile(r"[^\w .,:()#+-]")  # what would have to be escaped in a style sheet
 _SIGNED_BY: Final = ("Calibrated by", "Checked by", "Released by")
 _COVARIANCES: Final = ("covariance", "turntable_covariance")
 
@@ -65,6 +67,7 @@ def report_html(
     )
     return environment.get_template("report.html.jinja").render(
         name=session.name or "Session",
+        footer=Markup(_NOT_PLAIN.sub(" ", session.name or "Session")),
         style=Markup(STYLE),
         answer=_answer(session, told, blocks),
         picture=Markup(scene_picture(session, told)),
