@@ -267,36 +267,39 @@ def _cause(one: _Lengths, now: float | None, told: SphereSize, captures: Sequenc
     instead = "" if before is None else f" instead of {before:.1f} mm"
     label = "Scatter of the sphere's centre"
     evidence = [BeforeAfter(label=label, unit="mm", before=before, after=one.scatter_mm)]
-    fit = f"The captures fit together, to {one.scatter_mm:.2f} mm{instead},"
     if not one.told:
         diameter = _plain(one.diameter_mm)
         return RootCause(
             id=f"sphere-diameter-{diameter:g}",
             kind="sphere-diameter",
             title=f"Sphere's diameter is about {diameter:g} mm",
-            sentence=f"{fit} if the sphere is {diameter:g} mm wide; told was {told.diameter_mm:g}: measure it.",
+            sentence=f"The captures fit together, to {one.scatter_mm:.2f} mm{instead}, if the sphere is "
+            f"{diameter:g} mm wide; told was {told.diameter_mm:g}: measure it.",
             evidence=evidence,
             changes=Changes(cell={"sphere_diameter_mm": diameter}),
         )
     settings = {f"{axis}_scale": round(scale, 4) for axis, scale in (("x", one.x), ("z", one.z)) if scale != 1}
-    what = " and ".join(f"{name[0]} is {_off(scale)}" for name, scale in settings.items())
+    what = ", ".join(_off(name[0], scale) for name, scale in settings.items())
     if len({round(scale, 2) for scale in settings.values()}) == 1 and len(settings) == 2:
-        what = f"all lengths are {_off(one.z)}"
+        what = _off("every length", one.z)
     return RootCause(
         id=f"scaled-profile-{'-'.join(f'{name[0]}-{scale:g}' for name, scale in settings.items())}"[:64],
         kind="scaled-profile",
         title=f"Profiles are scaled: {what}",
-        sentence=f"{fit} if in the scanner's files {what}: check its calibration table and millimetres per count. "
-        "Applied, points are multiplied as they are read; the answer then belongs to files that are.",
+        sentence=f"The captures fit together, to {one.scatter_mm:.2f} mm{instead}, if in the scanner's "
+        f"files {what}: check its calibration table and millimetres per count. Applied, "
+        "points are multiplied as they are read; the answer then belongs to files that are.",
         evidence=evidence,
         changes=settings_of(settings, captures),
         point_settings=settings,
     )
 
 
-def _off(scale: float) -> str:
-    """Return how far off lengths are that have to be multiplied."""
-    return f"{1 / scale:.3f} times too large" if scale < 1 else f"{scale:.3f} times too small"
+def _off(length: str, scale: float) -> str:
+    """Return how far off a length is that has to be multiplied."""
+    if scale < 1:
+        return f"{length} is {1 / scale:.3f} times too large"
+    return f"{length} is {scale:.3f} times too small"
 
 
 def _plain(diameter_mm: float) -> float:
