@@ -15,7 +15,8 @@ import numpy as np
 from calib_core.causes.readings import moved_poses
 from calib_core.chain.likelihood import ChainLinearisation, without_pose_errors
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.rejection import Judged, without_each
+from calib_core.chain.rejection import Judged, judge_these, without_each
+from calib_core.chain.variance import GivenSigmas
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
 from calib_core.records import BeforeAfter, Capture, Changes, RootCause
@@ -72,7 +73,10 @@ class Happened:
 
 
 def named_causes(
-    observations: Sequence[SphereObservation], judged: Judged, offset_in_base_mm: FloatArray
+    observations: Sequence[SphereObservation],
+    judged: Judged,
+    offset_in_base_mm: FloatArray,
+    given: GivenSigmas = (None, None, 0.0),
 ) -> list[Happened]:
     """Return the causes that are beyond doubt.
 
@@ -82,6 +86,8 @@ def named_causes(
     judged : Judged
     offset_in_base_mm : (K, 3)
         Each capture's own sphere centre minus the solved one.
+    given : GivenSigmas
+        What is told of the robot.
     """
     swapped = _swapped(observations, judged)
     if swapped:
@@ -91,6 +97,12 @@ def named_causes(
     if moved:
         return [moved]
     change = _change(observations, judged)
+    if change and any(given):
+        # Told sigmas that are too small make chance look like a change: it must stand when they are estimated too.
+        doubted = judge_these(
+            observations, judged.data, judged.fit.state, judged.used, (None, None, 0.0), judged.fit
+        )
+        change = _change(observations, doubted)
     return [change] if change else []
 
 

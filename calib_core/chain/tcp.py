@@ -209,7 +209,7 @@ def solve_tcp(
         weights=data.pose_scale / judged.data.pose_scale,
         influence=influence_of(held, without, judged.used, point),
         points_per_independent=float(np.median([o.points_per_independent for o in observations])),
-        causes=named_causes(observations, judged, joint.offset_in_base_mm),
+        causes=named_causes(observations, judged, joint.offset_in_base_mm, given),
         sphere=sphere,
         seen_in_laser_mm=point,
         at_point=held.at_point(point, data.half_width_mm),

@@ -29,6 +29,7 @@ from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_tab
 from calib_core.chain.table_patterns import Pattern, pattern_of
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import TableStart, both_centers_in_base, find_table_start, readings_of
+from calib_core.chain.table_tool import ToolMove, tool_move
 from calib_core.chain.tcp import pooled_point_sigma, say_nothing
 from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import MotionError
@@ -98,6 +99,8 @@ class TurntableSolution:
     options : TurntableOptions
     pattern : Pattern or None
         What repeats with the table's angle, beyond chance.
+    tool_move : ToolMove or None
+        How far the captures of the table see the tool elsewhere than those of the stage before.
     """
 
     frame: TableFrame
@@ -115,6 +118,7 @@ class TurntableSolution:
     encoder: EncoderScale
     options: TurntableOptions
     pattern: Pattern | None = None
+    tool_move: ToolMove | None = None
 
 
 def solve_turntable(
@@ -183,6 +187,7 @@ def solve_turntable(
         encoder=encoder,
         options=options,
         pattern=pattern_of(judged, TABLE_COLUMN),
+        tool_move=tool_move(judged, options.sigmas),
     )
 
 

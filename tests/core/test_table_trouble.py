@@ -26,3 +26,15 @@ def test_what_repeats_with_the_angle_is_said(name: str, word: str) -> None:
     for stage, found in outcome(TROUBLES[name], 0).items():
         assert found.verdict == "warn", stage
         assert any(word in sentence for sentence in found.warnings), stage
+
+
+def test_a_tool_that_moved_before_the_table_is_said_once() -> None:
+    for stage, found in outcome(TROUBLES["tool moves by 1 mm, 0.3° before the table"], 5).items():
+        assert found.verdict == "warn", stage  # it passed 5.2 times off while captures only seemed to scatter
+        assert found.warnings[0].startswith("The captures on the table see the scanner"), found.warnings
+        assert not any("two steps" in sentence for sentence in found.warnings), stage
+
+
+def test_an_arm_that_errs_by_joints_gears_and_sag_is_covered() -> None:
+    found = outcome(TROUBLES["joints, gears and sag"], 4)
+    assert max(one.worst for one in found.values()) < 2  # 2.7 while shared position and orientation stood apart

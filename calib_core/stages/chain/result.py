@@ -11,6 +11,7 @@ from calib_core.frames import FloatArray
 from calib_core.records import Verdict
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.result import tcp_result
+from calib_core.stages.tcp.verdict import doubts_about_two_steps
 from calib_core.stages.turntable.result import table_fields, table_rows, variance_components
 from calib_core.stages.turntable.verdict import TableJudgement, turntable_verdict
 
@@ -40,9 +41,13 @@ def chain_result(
             table.options,
             remounted(observations, table.used, table.residuals, table.frame),
             table.pattern,
+            table.tool_move,
         )
     )
-    doubts = _disagreements(solution)
+    doubts, of_tcp = _disagreements(solution), tcp.warnings
+    if table.tool_move and table.tool_move.sentence:  # the rest follows from it
+        doubts = [table.tool_move.sentence]
+        of_tcp = [one for one in of_tcp if one not in doubts_about_two_steps(solution.tcp)]
     verdicts: list[Verdict] = [tcp.verdict, table_verdict, "warn" if doubts else "pass"]
     rows = table_rows(observations, table.mounts, table.used, table.squared_distance, table.residuals, table.frame)
     return ChainResult(
@@ -51,7 +56,7 @@ def chain_result(
         software=software,
         inputs_sha256=inputs_sha256,
         verdict=max(verdicts, key=_ORDER.index),
-        warnings=list(dict.fromkeys([*doubts, *tcp.warnings, *table_warnings])),
+        warnings=list(dict.fromkeys([*doubts, *of_tcp, *table_warnings])),
         notes=tcp.notes,
         tool0_from_laser=tcp.tool0_from_laser,
         covariance=tcp.covariance,

@@ -17,6 +17,7 @@ def solve_chain_stage(given: StageInput) -> ChainResult:
     from calib_core.chain.whole import solve_chain
     from calib_core.stages.chain.result import chain_result
     from calib_core.stages.tcp.verdict import with_repeats
+    from calib_core.stages.turntable.play import with_play
 
     turning = [capture for capture in given.captures if capture.step == "turntable"]
     for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
@@ -43,5 +44,7 @@ def solve_chain_stage(given: StageInput) -> ChainResult:
     )
     result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
     result = with_repeats(result, solved.observations, solution.tcp.sigmas)
+    if given.session.cell.turntable.angles != "unknown":
+        result = with_play(result)
     result = with_table_causes(result, given, table, solved.sphere, tool.tool0_from_laser)
     return with_unused(result, given.captures, solved.unused | table.unused)

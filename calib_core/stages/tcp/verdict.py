@@ -103,16 +103,22 @@ def _doubts_about_motion(solution: TcpSolution) -> list[str]:
             f"Only {int(solution.used.sum())} captures are used, {spare} measured values more than unknowns: "
             "errors can hide. Add a few orientations."
         )
-    if solution.two_step is not None and solution.two_step_covariance is not None:
-        difference = solution.joint.tool0_from_laser.difference(solution.two_step.tool0_from_laser)
-        distance = float(difference @ np.linalg.solve(solution.two_step_covariance, difference))
-        if distance > _CHI2_6_RARE:
-            found.append(
-                "The joint answer and the paper's two steps differ by more than their uncertainty "
-                f"({np.linalg.norm(difference[3:]):.2f} mm, {np.rad2deg(np.linalg.norm(difference[:3])):.2f}°): "
-                "the pure translations may not have kept their orientation."
-            )
-    return found
+    return found + doubts_about_two_steps(solution)
+
+
+def doubts_about_two_steps(solution: TcpSolution) -> list[str]:
+    """Return a sentence where the joint answer and the paper's two steps contradict each other."""
+    if solution.two_step is None or solution.two_step_covariance is None:
+        return []
+    difference = solution.joint.tool0_from_laser.difference(solution.two_step.tool0_from_laser)
+    distance = float(difference @ np.linalg.solve(solution.two_step_covariance, difference))
+    if distance <= _CHI2_6_RARE:
+        return []
+    return [
+        "The joint answer and the paper's two steps differ by more than their uncertainty "
+        f"({np.linalg.norm(difference[3:]):.2f} mm, {np.rad2deg(np.linalg.norm(difference[:3])):.2f}°): "
+        "the pure translations may not have kept their orientation."
+    ]
 
 
 def _doubts_about_noise(solution: TcpSolution) -> list[str]:

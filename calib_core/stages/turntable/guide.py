@@ -12,6 +12,7 @@ from calib_core.records import Capture, Cell, GuideNow, Meter, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review, suggested
+from calib_core.stages.turntable.play import ASK_FOR_PLAY, NOT_CHECKED
 
 WANTED_ANGLES, LEAST_ANGLES = 8, 3
 WANTED_MOUNTS = 2
@@ -282,8 +283,12 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
         else "Look at the result: the axis, the wobble against the angle, the circles beside the joint answer.",
     )
     more = result.get("undetermined")
+    why = now.why
+    if now.action == "review" and any(note.startswith(NOT_CHECKED) for note in result.get("notes", [])):
+        why += " " + ASK_FOR_PLAY
     return now.model_copy(
         update={
+            "why": why,
             "step": "turntable",
             "stage": "chain" if chain else "turntable",
             "exit": _TRUST,

@@ -48,6 +48,7 @@ def turntable_result(
             solution.options,
             remounted(observations, solution.used, solution.residuals, solution.frame),
             solution.pattern,
+            solution.tool_move,
         )
     )
     state = solution.state

@@ -37,6 +37,7 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
         If the motions or the angles do not determine the answer.
     """
     from calib_core.chain.turntable import KnownTool
+    from calib_core.stages.turntable.play import with_play
     from calib_core.stages.turntable.result import turntable_result
 
     cell = given.session.cell
@@ -55,6 +56,8 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256)
     verdict = "warn" if doubts and result.verdict == "pass" else result.verdict
     result = result.model_copy(update={"warnings": [*doubts, *result.warnings], "verdict": verdict})
+    if cell.turntable.angles != "unknown":
+        result = with_play(result)
     result = with_table_causes(result, given, table, sphere, tool.tool0_from_laser)
     return with_unused(result, given.captures, table.unused)
 

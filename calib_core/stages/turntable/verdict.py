@@ -10,6 +10,7 @@ from calib_core.chain.table_frame import TableCovariance, TableFrame
 from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_residuals import TableResiduals
+from calib_core.chain.table_tool import ToolMove
 from calib_core.chain.turntable import TurntableOptions
 from calib_core.evidence.words import by_to_do
 from calib_core.frames import FloatArray
@@ -41,6 +42,7 @@ class TableJudgement:
     options: TurntableOptions
     remounted: str | None
     pattern: Pattern | None
+    tool_move: ToolMove | None = None
 
 
 def turntable_verdict(judgement: TableJudgement) -> tuple[Verdict, list[str]]:
@@ -93,7 +95,8 @@ def _failures(j: TableJudgement) -> list[str]:
 
 
 def _doubts_about_captures(j: TableJudgement) -> list[str]:
-    found = [j.remounted] if j.remounted else []
+    moved = j.tool_move.sentence if j.tool_move else None
+    found = [sentence for sentence in (moved, j.remounted) if sentence]
     rejected = [name for name, used in zip(j.captures, j.used, strict=True) if not used]
     if 0 < len(rejected) <= _MOST_REJECTED * len(j.captures):
         found.append(

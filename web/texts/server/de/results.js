@@ -464,4 +464,5 @@ export const texts = {
   "robot now": "Roboter jetzt",
   "{} capture": "{} Aufnahme",
   "{} captures": "{} Aufnahmen",
+  "The captures on the table see the scanner {} mm and {}° from where those of the still sphere do, beyond chance. Check that the scanner sits firmly on the flange and that the sphere is the same, then take both kinds of captures again.": "Die Aufnahmen auf dem Tisch sehen den Scanner {} mm und {}° neben der Stelle, an der ihn die der ruhenden Kugel sehen; durch Zufall ist das nicht zu erklären. Prüfen Sie, ob der Scanner fest am Flansch sitzt und die Kugel dieselbe ist, und wiederholen Sie beide Arten von Aufnahmen.",
 };

@@ -464,4 +464,5 @@ export const texts = {
   "robot now": "机器人当前",
   "{} capture": "{} 个采集",
   "{} captures": "{} 个采集",
+  "The captures on the table see the scanner {} mm and {}° from where those of the still sphere do, beyond chance. Check that the scanner sits firmly on the flange and that the sphere is the same, then take both kinds of captures again.": "转台上的采集所看到的扫描仪，与静止球采集所看到的位置相差 {} mm 和 {}°，无法用偶然误差解释。请检查扫描仪在法兰上是否牢固、球是否为同一个，然后重新进行这两类采集。",
 };

@@ -285,4 +285,9 @@ export const texts = {
   "The limit of the {}, {} mm, was not checked. {}": "{} 的限值 {} mm 未检验。{}",
   "The tool was brought without an uncertainty: how large the scatter may be is not known. Solve the TCP from captures of this session, or give the robot's repeatability.": "工具未带不确定度：允许的离散未知。请由本会话采集求解 TCP，或给出机器人重复精度。",
   "The held-out captures scatter {} times as much as their and the answer's uncertainty allow: {} mm, {} mm are expected.": "留出采集的离散是其与结果不确定度所允许的 {} 倍：{} mm，预期 {} mm。",
+  "Not checked: play of the table that is always taken up from one side": "未检查：始终从同一侧消除的转台间隙",
+  "To check the table's play, capture an angle again, approached from the other side.": "要检查转台的间隙，请从另一侧转到某个角度后再采集一次。",
+  "{}. Approach angles from that side when scanning too, or capture one from the other.": "{}。扫描时也请从这一侧转到各角度，或从另一侧采集一个角度。",
+  "{} are one angle of the table, captured twice, but see the sphere {}° apart: the table has play, or the sphere moved. Approach every angle from the same side, in scans too.": "{} 是转台的同一角度，采集了两次，但所看到的球相差 {}°：转台有间隙，或者球移动了。请始终从同一侧转到各角度，扫描时也一样。",
+  "Angles captured again after the table had been elsewhere differ by {}° at most ({}): where they were approached from the other side, the table's play is no larger.": "转台离开后再次采集的角度最多相差 {}°（{}）：若是从另一侧转到这些角度的，转台的间隙不会更大。",
 };

@@ -1,0 +1,99 @@
+"""Whether the captures of the table see the scanner where those of the still sphere do.
+
+The captures of the table tell the tool too.  Fitted with a tool that may be elsewhere, they tell how far and whether
+chance explains it: a scanner that was moved on the flange in between, or another sphere.  Fitted with a tool that
+may not, they only seem to scatter more, which hides it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.chain.rejection import Judged
+from calib_core.chain.variance import GivenSigmas, fit_with_sigmas
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray
+
+_ELSEWHERE = np.array([0.02] * 3 + [5.0] * 3)  # rad and mm: as far as a tool may be that still sees the sphere
+_TOLD_BY_TABLE = 0.5  # of what is not known of a direction: less says nothing of it
+_RARE = 0.003
+
+
+@dataclass(frozen=True)
+class ToolMove:
+    """By how much the table's captures see the tool elsewhere, and how rare so much is by chance."""
+
+    shift_mm: float
+    turn_rad: float
+    chance: float
+
+    @property
+    def sentence(self) -> str | None:
+        """What to say of it; None where chance explains it."""
+        if self.chance >= _RARE:
+            return None
+        return (
+            f"The captures on the table see the scanner {self.shift_mm:.2f} mm and "
+            f"{np.rad2deg(self.turn_rad):.2f}° from where those of the still sphere do, more than chance explains. "
+            "Check that the scanner sits firmly on the flange and that the sphere is the same, then take both "
+            "kinds of captures again."
+        )
+
+
+def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
+    """Return how far captures of a table see the tool elsewhere than it is known to be; None where they cannot.
+
+    Parameters
+    ----------
+    judged : Judged
+        With what is known of tool and scanner as `data.tool_prior`.
+    sigmas : GivenSigmas
+        As they were told for it.
+    """
+    data = judged.data
+    if data.tool_prior is None:
+        return None
+    known = covariance_of(data.tool_prior.information)
+    wide = known.copy()
+    wide[range(6), range(6)] += _ELSEWHERE**2
+    information = covariance_of(wide)
+    free = replace(data, tool_prior=replace(data.tool_prior, information=information))
+    given: GivenSigmas = tuple(0.0 if sigma == 0 else None for sigma in sigmas) if judged.excess > 1 else sigmas
+    fitted = fit_with_sigmas(free, judged.fit.state, given, judged.fit.sigmas)
+    assert free.tool_prior is not None
+    off = free.tool_prior.deviation(fitted.state)[:6]
+    some = np.concatenate([np.arange(6), np.arange(data.unknowns, data.width)])
+    left = covariance_of(fitted.minimum.at.hessian)[np.ix_(some, some)]
+    squared, directions = _squared_distance(off, known, wide, left)
+    if directions == 0:
+        return None
+    freedom = 3 * int(judged.used.sum()) - data.free_unknowns
+    chance = _chance(squared, directions, freedom, estimated=None in given)
+    return ToolMove(float(np.linalg.norm(off[3:])), float(np.linalg.norm(off[:3])), chance)
+
+
+def _squared_distance(off: FloatArray, known: FloatArray, wide: FloatArray, left: FloatArray) -> tuple[float, int]:
+    """Return χ² of where the captures moved the tool to, and in how many directions they can.
+
+    From the prior they move it by G (x − m), with G = 1 − left · wide⁻¹ and x what they say alone, whose covariance
+    is Λ⁻¹; were the tool where it is known to be, that had the covariance G · known · Gᵀ + left · Λ · left.
+    """
+    prior = covariance_of(wide)
+    gain = np.eye(len(wide)) - left @ prior
+    spread = gain @ known @ gain.T + gain @ left
+    spread = ((spread + spread.T) / 2)[:6, :6]
+    unit = np.linalg.inv(np.linalg.cholesky(wide[:6, :6]))
+    told, vectors = np.linalg.eigh(np.eye(6) - unit @ left[:6, :6] @ unit.T)
+    seen = (vectors[:, told > _TOLD_BY_TABLE]).T @ unit
+    if len(seen) == 0:
+        return 0.0, 0
+    moved = seen @ off
+    return float(moved @ np.linalg.solve(seen @ spread @ seen.T, moved)), len(seen)
+
+
+def _chance(squared: float, directions: int, freedom: int, estimated: bool) -> float:
+    from scipy.special import chdtrc, fdtrc  # scipy.stats has them too, but takes a second to import
+
+    if estimated:
+        return float(fdtrc(directions, max(freedom, 3), squared / directions))
+    return float(chdtrc(directions, squared))

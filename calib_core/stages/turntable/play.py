@@ -1,0 +1,81 @@
+"""Angles of the table that were captured again: what shows play that nothing else shows.
+
+Play that is taken up from one side alone shifts angle zero, and every capture agrees.  Where an angle is captured
+again after the table had been elsewhere, the sphere appears before or behind where it was.
+"""
+
+from typing import TypeVar
+
+import numpy as np
+
+from calib_core.records import Verdict
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
+
+NOT_CHECKED = "Not checked: play of the table that is always taken up from one side"
+ASK_FOR_PLAY = "To check the table's play, capture an angle again, approached from the other side."
+
+TableLike = TypeVar("TableLike", TurntableResult, ChainResult)
+_SAME_DEG = 0.01
+_BEYOND_CHANCE = 3.0
+_LEAST_DEG = 0.01
+_BY_MEDIAN = 1.4826  # a normal distribution's standard deviation by its median deviation
+
+
+def with_play(result: TableLike) -> TableLike:
+    """Return a result with what angles that were captured twice say of the table's play, if there are any."""
+    rows = [row for row in result.residuals if isinstance(row, TurntableResidual) and row.used]
+    found = [
+        (abs(again.angle_deg - first.angle_deg), first, again)
+        for first, again in _pairs(rows)
+        if again.angle_deg is not None and first.angle_deg is not None
+    ]
+    if not found:
+        note = f"{NOT_CHECKED}. Approach angles from that side when scanning too, or capture one from the other."
+        return result.model_copy(update={"notes": [*result.notes, note]})
+    apart_deg, first, again = max(found, key=lambda one: one[0])
+    names = f"{first.capture} and {again.capture}"
+    twice = {row.capture for _, *pair in found for row in pair}
+    others = [row for row in rows if row.capture not in twice] or rows
+    if apart_deg > max(_BEYOND_CHANCE * np.sqrt(2) * _sigma_deg(result, others), _LEAST_DEG):
+        warning = (
+            f"{names} are one angle of the table, captured twice, but see the sphere {apart_deg:.3f}° apart: the "
+            "table has play, or the sphere moved. Approach every angle from the same side, in scans too."
+        )
+        verdict: Verdict = "warn" if result.verdict == "pass" else result.verdict
+        return result.model_copy(update={"verdict": verdict, "warnings": [*result.warnings, warning]})
+    note = (
+        f"Angles captured again after the table had been elsewhere differ by {apart_deg:.3f}° at most ({names}): "
+        "where they were approached from the other side, the table's play is no larger."
+    )
+    return result.model_copy(update={"notes": [*result.notes, note]})
+
+
+def _pairs(rows: list[TurntableResidual]) -> list[tuple[TurntableResidual, TurntableResidual]]:
+    """Return each capture of an angle that was captured before, beside the first one of that mounting."""
+    found: list[tuple[TurntableResidual, TurntableResidual]] = []
+    for k, again in enumerate(rows):
+        same = [n for n in range(k) if _is_same(rows[n], again)]
+        if same and any(not _is_same(row, again) for row in rows[same[0] : k]):
+            found.append((rows[same[0]], again))
+    return found
+
+
+def _is_same(one: TurntableResidual, other: TurntableResidual) -> bool:
+    return (
+        one.mount == other.mount
+        and one.table_deg is not None
+        and other.table_deg is not None
+        and abs((one.table_deg - other.table_deg + 180) % 360 - 180) < _SAME_DEG
+    )
+
+
+def _sigma_deg(result: TurntableResult | ChainResult, rows: list[TurntableResidual]) -> float:
+    """Return how far a capture errs around the axis by chance: as it must, and as most captures do.
+
+    It must by its angle's own error and its pose's; the sphere's centre beside a profile errs by more.
+    """
+    radius_mm = min((mount.radius_mm for mount in result.mounts), default=0.0)
+    by_pose = np.rad2deg(result.variance_components.position_sigma_mm / max(radius_mm, 1.0))
+    seen = _BY_MEDIAN * float(np.median([abs(row.angle_deg or 0.0) for row in rows]))
+    return max(float(np.hypot(result.angle_sigma_deg, by_pose)), seen)
