@@ -1,8 +1,8 @@
 """Whether the captures of the table see the scanner where those of the still sphere do.
 
-The captures of the table tell the tool too.  Fitted with a tool that may be elsewhere, they tell how far and whether
-chance explains it: a scanner that was moved on the flange in between, or another sphere.  Fitted with a tool that
-may not, they only seem to scatter more, which hides it.
+The captures of the table tell the tool too.  Fitted with a tool that may be elsewhere, they tell how far and
+whether chance explains it: a scanner that was moved on the flange in between, or another sphere.  Fitted with a
+tool that may not, they only seem to scatter more, which hides it.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class ToolMove:
             return None
         return (
             f"The captures on the table see the scanner {self.shift_mm:.2f} mm and "
-            f"{np.rad2deg(self.turn_rad):.2f}° from where those of the still sphere do, more than chance explains. "
+            f"{np.rad2deg(self.turn_rad):.2f}° from where those of the still sphere do, beyond chance. "
             "Check that the scanner sits firmly on the flange and that the sphere is the same, then take both "
             "kinds of captures again."
         )
@@ -75,8 +75,9 @@ def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
 def _squared_distance(off: FloatArray, known: FloatArray, wide: FloatArray, left: FloatArray) -> tuple[float, int]:
     """Return χ² of where the captures moved the tool to, and in how many directions they can.
 
-    From the prior they move it by G (x − m), with G = 1 − left · wide⁻¹ and x what they say alone, whose covariance
-    is Λ⁻¹; were the tool where it is known to be, that had the covariance G · known · Gᵀ + left · Λ · left.
+    From the prior they move it by G (x − m), with G = 1 − left · wide⁻¹ and x what they say alone, whose
+    covariance is Λ⁻¹; were the tool where it is known to be, that had the covariance
+    G · known · Gᵀ + left · Λ · left.
     """
     prior = covariance_of(wide)
     gain = np.eye(len(wide)) - left @ prior

@@ -1,4 +1,4 @@
-"""Play of the table that is taken up from one side alone: said as not checked, until an angle is captured again."""
+"""Play of the table that is taken up from one side: said as not checked until an angle is captured again."""
 
 from itertools import count
 

@@ -15,6 +15,8 @@ from calib_core.stages.tcp.record import TcpResult
 
 # Distances of left-out captures, and the independent solvers' tool as x y z W P R (mm, degrees).  Plain least
 # squares on the points leaves 0.187 and 0.458 mm; the arm's and the scanner's errors cost the second set some.
+# Nothing but these sets says how large they may be: the limits are 5 to 10 % above what was seen (0.172 and
+# 0.563 mm), to notice a change, and no target.
 CELLS = {
     "tcp-sphere-80mm": (0.19, (-149.6, 709.5, 487.2, 179.5, 0.45, -91.8)),
     "tcp-sphere-25mm": (0.60, (79.0, -11.6, 263.4, -178.1, -0.16, 131.3)),
@@ -72,6 +74,7 @@ def test_the_robots_scatter_is_that_of_such_arms(data_folder: Path, name: str) -
     components = solved(data_folder / name).variance_components
     # Each pose's own part and what poses share.
     together = np.hypot(components.position_sigma_mm, components.alike_position_sigma_mm)
+    # Below the 0.05 mm to which the best of such arms are true something else was taken for the poses' errors.
     assert 0.04 < together < 1.0
     assert components.orientation_sigma_rad < 5e-4
     assert components.estimated == ["point_sigma_mm", "position_sigma_mm", "orientation_sigma_rad"]
