@@ -58,8 +58,10 @@ def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
     wide[range(6), range(6)] += _ELSEWHERE**2
     information = covariance_of(wide)
     free = replace(data, tool_prior=replace(data.tool_prior, information=information))
-    given: GivenSigmas = tuple(0.0 if sigma == 0 else None for sigma in sigmas) if judged.excess > 1 else sigmas
-    fitted = fit_with_sigmas(free, judged.fit.state, given, judged.fit.sigmas)
+    if judged.excess > 1:  # what was told does not hold
+        position, orientation, angle = (0.0 if sigma == 0 else None for sigma in sigmas)
+        sigmas = position, orientation, angle
+    fitted = fit_with_sigmas(free, judged.fit.state, sigmas, judged.fit.sigmas)
     assert free.tool_prior is not None
     off = free.tool_prior.deviation(fitted.state)[:6]
     some = np.concatenate([np.arange(6), np.arange(data.unknowns, data.width)])
@@ -68,7 +70,7 @@ def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
     if directions == 0:
         return None
     freedom = 3 * int(judged.used.sum()) - data.free_unknowns
-    chance = _chance(squared, directions, freedom, estimated=None in given)
+    chance = _chance(squared, directions, freedom, estimated=None in sigmas)
     return ToolMove(float(np.linalg.norm(off[3:])), float(np.linalg.norm(off[:3])), chance)
 
 
