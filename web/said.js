@@ -6,19 +6,21 @@ const ESCAPED = /[.*+?^$()|[\]\\]/g;
 const HOLE = /\{(\d?)\}/g;
 /** Names as the server lists them: `p03, p07 and p09`, `f13–f24 and 3 more`. */
 const LIST = /^(\S+(?:, \S+)*) and (\S+|\d+ more)$/;
+/** A template of few words is no sentence: it holds no list and no two sentences. */
+const FEW = 4, JOINED = / (?:and|or) |[.] /;
 /** What is added to a sentence in brackets. */
 const ADDED = /^(.*)( \([^()]*\)\.?)$/;
 const BETWEEN_SENTENCES = /(?<=[.!?]) (?=[A-Z±"])/;
 
 /** How a language joins what English joins by spaces, commas and "and". */
 const JOINS = /** @type {const} */ ({
-  de: { sentences: " ", and: " und ", more: "weitere", comma: ", ", colon: ": " },
-  zh: { sentences: "", and: "和", more: "个其他", comma: "、", colon: "：" },
+  de: { sentences: " ", and: " und ", or: " oder ", more: "weitere", comma: ", ", colon: ": " },
+  zh: { sentences: "", and: "和", or: "或", more: "个其他", comma: "、", colon: "：" },
 });
 
 export class Sayings {
   /** @type {Map<string, string>} */ #known = new Map();
-  /** @type {{ pattern: RegExp, words: string }[] | null} made when first asked: the longest first, as it says most */ #patterns = null;
+  /** @type {{ few: boolean, pattern: RegExp, words: string }[] | null} made when first asked: the longest first, as it says most */ #patterns = null;
   /** @type {Map<string, string>} */ #said = new Map();
   #joins;
 
@@ -66,9 +68,10 @@ export class Sayings {
     const known = this.#known.get(text);
     if (known !== undefined) return known;
     this.#patterns ??= [...this.#known].filter(([template]) => template.includes("{}")).sort(([a], [b]) => b.length - a.length).map(([template, words]) => ({
-      pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)")}$`, "s"), words }));
-    for (const { pattern, words } of this.#patterns) {
+      few: !/:|need /.test(template) && (template.match(/[A-Za-z]{2,}/g)?.length ?? 0) < FEW, pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)")}$`, "s"), words }));
+    for (const { few, pattern, words } of this.#patterns) {
       const found = pattern.exec(text);
+      if (few && found?.slice(1).some((held) => JOINED.test(held) && !LIST.test(held))) continue;
       let next = 0;
       if (found) return words.replace(HOLE, (_, place) => this.#part(found[place ? Number(place) : ++next] ?? ""));
     }
@@ -79,17 +82,18 @@ export class Sayings {
   #part(text) {
     if (!/[a-z]{2}/i.test(text)) return text;
     const words = this.say(text);
-    return words === text ? text.split(" and ").map((one) => this.say(one)).join(this.#joins.and) : words;
+    return words === text ? text.split(/( and | or )/).map((one) => (one === " and " ? this.#joins.and : one === " or " ? this.#joins.or : this.say(one))).join("") : words;
   }
 
   /** A list of names, or what is put together of several: each by itself. @param {string} text @returns {string} */
   #sentences(text) {
     const list = LIST.exec(text);
     if (list) return `${list[1]?.replaceAll(", ", this.#joins.comma)}${this.#joins.and}${list[2]?.replace(/ more$/, ` ${this.#joins.more}`)}`;
+    const [, before, added] = ADDED.exec(text) ?? [];
+    const words = added && this.#whole(added);
+    if (before && words) return `${this.say(before)}${words}`;
     const parts = text.split(BETWEEN_SENTENCES);
     if (parts.length > 1) return parts.map((part) => this.say(part)).join(this.#joins.sentences);
-    const [, before, added] = ADDED.exec(text) ?? [];
-    if (before && added) return `${this.say(before)}${this.say(added)}`;
     const colon = text.indexOf(": ");
     if (colon < 0) return text;
     const head = this.#whole(text.slice(0, colon + 1));

@@ -64,10 +64,40 @@ def flange_of_joints(
     InputError
         If a joint has no reading.
     """
+    matrix = _frames(arm, joints_deg, joints_mm)[-1]
+    if arm.last_from_tool0 is not None:
+        matrix = matrix @ np.array(arm.last_from_tool0)
+    return RigidTransform.from_rounded(matrix.tolist(), "base", "tool0")
+
+
+def links_mm(
+    arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None = None
+) -> FloatArray:
+    """Return the corners (N, 3) of the line from the base along an arm's links to its flange, in the base, mm.
+
+    A link runs along its joint's axis, then along the common normal to the next one's; the arguments and what is
+    raised are those of `flange_of_joints`.
+    """
+    flange = flange_of_joints(arm, joints_deg, joints_mm)
+    corners: list[FloatArray] = []
+    frames = _frames(arm, joints_deg, joints_mm)
+    for joint, before, after in zip(arm.joints, frames[:-1], frames[1:], strict=True):
+        # Along x of the frame that follows in the standard convention, of the frame before in the modified one.
+        x = after[:3, 0] if arm.convention == "standard" else before[:3, 0]
+        bend = after[:3, 3] - joint.a_mm * x if arm.convention == "standard" else before[:3, 3] + joint.a_mm * x
+        corners += [before[:3, 3], bend]
+    return np.array([*corners, frames[-1][:3, 3], flange.translation_mm])
+
+
+def _frames(
+    arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None
+) -> list[FloatArray]:
+    """Return the frames (4, 4) in the base before the first joint and after each."""
     readings = [
         _reading(joint.kind == "prismatic", place, joints_deg, joints_mm) for place, joint in enumerate(arm.joints)
     ]
     matrix = np.eye(4) if arm.base_from_first is None else np.array(arm.base_from_first)
+    frames = [matrix]
     for place, joint in enumerate(arm.joints):
         reading = joint.sign * readings[place]
         if place in arm.couples:
@@ -79,9 +109,8 @@ def flange_of_joints(
         matrix = matrix @ (_standard if arm.convention == "standard" else _modified)(
             theta, d_mm, joint.a_mm, alpha
         )
-    if arm.last_from_tool0 is not None:
-        matrix = matrix @ np.array(arm.last_from_tool0)
-    return RigidTransform.from_rounded(matrix.tolist(), "base", "tool0")
+        frames.append(matrix)
+    return frames
 
 
 def _reading(

@@ -1,4 +1,4 @@
-"""A generic arm from base to flange: it tells where the robot stood, not which robot it is."""
+"""The arm from base to flange: the cell's own where it is known, else a generic one."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,8 @@ def arm(facts: SceneFacts, look: Look) -> Iterator[Node]:
     if here is None:
         return
     poses = [capture.base_from_tool0 for capture in facts.captures]
-    joints = joints_mm(here.base_from_tool0, poses)
+    own = here.links_in_base_mm
+    joints = joints_mm(here.base_from_tool0, poses) if own is None else own
     yield nodes.lines("/arm/links", np.stack([joints[:-1], joints[1:]], axis=1), WAITING, 9.0)
     size = 0.012 * float(np.linalg.norm(joints, axis=1).max())
     for number, joint in enumerate(joints[1:-1]):

@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, CaptureResidual, Measured, Result, Session
+from calib_core.records import ArmTable, Capture, CaptureResidual, Measured, Result, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.registry import stages, steps_that_show, tool_stages
@@ -78,6 +78,7 @@ class CaptureFacts:
     """One capture in its place: where the flange stood, what it saw (N, 3) in L, and whether it counts.
 
     `sphere_center_in_base_mm` is where the solution expects the sphere of this capture, None before it is known.
+    `links_in_base_mm` (N, 3) is the line along the cell's own arm, None where arm or joints are not known.
     """
 
     id: str
@@ -89,6 +90,7 @@ class CaptureFacts:
     sphere_center_in_base_mm: FloatArray | None
     table_deg: float | None = None
     mount: str = ""
+    links_in_base_mm: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +151,7 @@ class _Placing:
     measured: Mapping[str, Measured]
     load: LoadPoints
     most: int
+    arm: str | ArmTable | None
 
 
 def scene_facts(scene: SceneInput) -> SceneFacts:
@@ -170,6 +173,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
         {row.capture: row for row in scene.measured},
         scene.load_points if tool0_from_laser else _no_points,
         MAX_POINTS // max(len(posed), 1),
+        session.cell.robot.arm,
     )
     drawn = (_capture_facts(capture, placing) for capture in posed)
     captures = tuple(capture for capture in drawn if capture is not None)
@@ -249,7 +253,20 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
         sphere_center_in_base_mm=placing.still_center_mm if capture.step in steps_that_show("sphere") else center,
         table_deg=capture.table_deg,
         mount=capture.mount or "",
+        links_in_base_mm=_links_mm(placing.arm, capture),
     )
+
+
+def _links_mm(arm: str | ArmTable | None, capture: Capture) -> FloatArray | None:
+    """Return the cell's own arm as it stood; a joint without a reading, or another arm's, leaves it out."""
+    if arm is None or not capture.joints_deg:
+        return None
+    from calib_core.arms.kinematics import arm_of, links_mm
+
+    try:
+        return links_mm(arm_of(arm), capture.joints_deg, capture.joints_mm)
+    except InputError:
+        return None  # the check of the session says what is wrong with it
 
 
 def _state(capture: Capture, placing: _Placing) -> tuple[State, str]:

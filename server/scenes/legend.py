@@ -104,13 +104,12 @@ def _of_optics(optics: OpticsFacts) -> list[str]:
     striped = sum(board.used and board.with_stripe for board in optics.boards)
     rejected = len(optics.boards) - plain - striped
     for color, sign, number, what in (
-        (BOARD, "▰", plain, "board"),
-        (LIGHT, "▰", striped, "board with the stripe"),
-        (REJECTED, "✕", rejected, "board rejected"),
+        (BOARD, "▰", plain, f"{plain} board{'' if plain == 1 else 's'}"),
+        (LIGHT, "▰", striped, f"{striped} board{'' if striped == 1 else 's'} with the stripe"),
+        (REJECTED, "✕", rejected, f"{rejected} board{'' if rejected == 1 else 's'} rejected"),
     ):
         if number:
-            first, _, rest = what.partition(" ")
-            parts.append(_key(color, sign, f"{_plural(number, first)} {rest}".strip()))
+            parts.append(_key(color, sign, what))
     if optics.camera_from_laser is not None:
         parts.append(_key(LIGHT, "◣", "plane of light"))
     parts.append("<p>Drawn beside the base: where the camera stood in the cell is not known.</p>")

@@ -61,6 +61,18 @@ class OpticsFacts:
         return float(max(depths, default=300.0))
 
 
+def plane_patch_mm(optics: OpticsFacts, laser_from_camera: RigidTransform) -> FloatArray:
+    """Return the corners (4, 3) in L of a piece of the plane that holds the boards with the stripe."""
+    seen = [optics.corners_in_camera_mm(board) for board in optics.boards if board.with_stripe and board.used]
+    if not seen or not len(seen[0]):
+        half = 0.5 * optics.depth_mm
+        low, high = np.array([-half, 0.0, -half]), np.array([half, 0.0, half])
+    else:
+        corners = laser_from_camera.apply(np.concatenate(seen))
+        low, high = corners.min(axis=0), corners.max(axis=0)
+    return np.array([[low[0], 0, low[2]], [high[0], 0, low[2]], [high[0], 0, high[2]], [low[0], 0, high[2]]])
+
+
 def optics_facts(session: Session, results: Mapping[str, Result]) -> OpticsFacts | None:
     """Return what the camera and laser-plane stages found or the user brought; None where there is neither."""
     camera, plane = results.get("camera"), results.get("laser-plane")

@@ -10,7 +10,7 @@ from server.scenes.colors import BOARD, LIGHT, REJECTED, WAITING
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.nodes import Node
-from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts
+from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
 from server.scenes.signs import cross
 
 _RECTANGLE = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
@@ -60,7 +60,7 @@ def plane_in_camera(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     if optics is None or optics.camera_from_laser is None:
         return
     base_from_laser = BASE_FROM_CAMERA @ optics.camera_from_laser
-    patch = _patch(optics, optics.camera_from_laser.inverse())
+    patch = plane_patch_mm(optics, optics.camera_from_laser.inverse())
     yield nodes.surface("/plane/patch", base_from_laser, patch, _RECTANGLE, LIGHT, 0.18)
     size = 0.1 * optics.depth_mm
     yield nodes.axes("/plane/frame", base_from_laser, size, LIGHT)
@@ -76,18 +76,6 @@ def _seen_corners(optics: OpticsFacts, depth_mm: float) -> FloatArray:
     width, height = optics.image_size
     pixels = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]]) - [0.5, 0.5, 0.0]
     return depth_mm * pixels @ np.linalg.inv(optics.camera_matrix).T
-
-
-def _patch(optics: OpticsFacts, laser_from_camera: RigidTransform) -> FloatArray:
-    """Return the corners (4, 3) in L of a piece of the plane that holds the boards with the stripe."""
-    seen = [optics.corners_in_camera_mm(board) for board in optics.boards if board.with_stripe and board.used]
-    if not seen or not len(seen[0]):
-        half = 0.5 * optics.depth_mm
-        low, high = np.array([-half, 0.0, -half]), np.array([half, 0.0, half])
-    else:
-        corners = laser_from_camera.apply(np.concatenate(seen))
-        low, high = corners.min(axis=0), corners.max(axis=0)
-    return np.array([[low[0], 0, low[2]], [high[0], 0, low[2]], [high[0], 0, high[2]], [low[0], 0, high[2]]])
 
 
 def _stripes(optics: OpticsFacts, laser_from_camera: RigidTransform) -> FloatArray:

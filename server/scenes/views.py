@@ -7,7 +7,7 @@ import numpy as np
 from calib_core.frames import FloatArray
 from server.scenes.facts import SceneFacts
 from server.scenes.nodes import METRES_PER_MM
-from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts
+from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
 
 VIEWS = ("Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser", "Answers")
 FIELD_OF_VIEW_RAD = 0.75
@@ -149,6 +149,8 @@ def _object_places_mm(facts: SceneFacts) -> FloatArray | None:
 def _bench_places_mm(optics: OpticsFacts) -> FloatArray:
     places = [np.zeros((1, 3)), np.array([[0.0, 0.0, optics.depth_mm]])]
     places += [optics.corners_in_camera_mm(board) for board in optics.boards]
+    if optics.camera_from_laser is not None:
+        places.append(optics.camera_from_laser.apply(plane_patch_mm(optics, optics.camera_from_laser.inverse())))
     return BASE_FROM_CAMERA.apply(np.concatenate(places))
 
 

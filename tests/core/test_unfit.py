@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints
+from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints, links_mm
 from calib_core.captures.unfit import told_by_joints, unfit
 from calib_core.errors import InputError
 from calib_core.records import ArmJoint, ArmTable, Capture, Session
@@ -31,6 +31,18 @@ def test_both_conventions_and_prismatic_joints() -> None:
         flange_of_joints(ArmTable(joints=joints), [90.0])
     with pytest.raises(InputError, match="ur5e"):
         arm_of("no such arm")
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_the_line_along_an_arm_has_its_lengths_and_ends_at_its_flange(convention: str) -> None:
+    arm = NAMED_ARMS["ur5e"].model_copy(update={"convention": convention})
+    joints = [20.0, -70.0, 95.0, -40.0, 80.0, 10.0]
+    corners = links_mm(arm, joints)
+    steps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    along = [(j.d_mm, j.a_mm) if convention == "standard" else (j.a_mm, j.d_mm) for j in arm.joints]
+    np.testing.assert_allclose(steps, [*np.abs(along).ravel(), 0.0], atol=1e-9)
+    np.testing.assert_allclose(corners[0], 0, atol=1e-12)
+    np.testing.assert_allclose(corners[-1], flange_of_joints(arm, joints).translation_mm, atol=1e-9)
 
 
 def captures_of(**more: Any) -> list[Capture]:

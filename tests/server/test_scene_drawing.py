@@ -122,6 +122,20 @@ def test_picking_a_capture_touches_its_own_nodes_and_dims_the_other_light() -> N
     assert {"/points/p03", "/frames/p03/flange", "/labels/p03", "/light/p03"} <= touched
 
 
+def test_the_cells_own_arm_is_drawn_where_it_is_known_and_its_joints_were_read() -> None:
+    scene = make_cell().scene()
+    last = scene.session.captures[-1].model_copy(update={"joints_deg": [0.0, -90.0, 90.0, 0.0, 90.0, 0.0]})
+    robot = scene.session.cell.robot.model_copy(update={"arm": "ur5e"})
+    cell = scene.session.cell.model_copy(update={"robot": robot})
+    captures = [*scene.session.captures[:-1], last]
+    session = scene.session.model_copy(update={"cell": cell, "captures": captures})
+    own = drawn(scene_facts(dataclasses.replace(scene, session=session)))["/arm/links"]
+    generic = drawn(scene_facts(scene))["/arm/links"]
+    lengths_mm = 1000 * np.linalg.norm(np.diff(own.arguments["points"], axis=1), axis=2).ravel()
+    assert {round(float(one)) for one in lengths_mm} >= {425, 392, 162}  # as its maker publishes them
+    assert len(generic.arguments["points"]) == 4
+
+
 @pytest.mark.parametrize("z_sign", [1.0, -1.0])
 @pytest.mark.parametrize("away_mm", [190.0, 5.0])
 def test_the_light_comes_from_the_side_that_the_scanner_sees(z_sign: float, away_mm: float) -> None:

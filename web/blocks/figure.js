@@ -15,7 +15,7 @@ export function figures(blocks) {
 }
 
 /** @param {FigureBlock} block */
-export const figureWords = (block) => block.text ?? quantityWords(block.quantity);
+export const figureWords = (block) => (block.text ? said(block.text) : null) ?? quantityWords(block.quantity);
 
 /** @param {FigureBlock} block */
 function limit({ limit: held, limit_label: label }) {

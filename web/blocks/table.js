@@ -13,7 +13,7 @@ const ROWS_AT_ONCE = 200;
 
 /** @param {TableBlock} block @param {SessionState} state */
 export function table({ caption, columns, rows }, state) {
-  return h("div", { class: "table-block" }, caption && h("p", { class: "soft small" }, said(caption)), h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-label": caption || (columns[0]?.label ?? "") },
+  return h("div", { class: "table-block" }, caption && h("p", { class: "soft small" }, said(caption)), h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-label": said(caption || (columns[0]?.label ?? "")) },
     h("table", { class: "number compare" },
       h("thead", {}, h("tr", {}, ...columns.map((column) => h("th", { scope: "col", class: column.align !== "left" && "right" }, glossed(headOf(column)))))),
       fillLater(h("tbody"), rows, (row) => line(row, columns, state)))));
@@ -32,10 +32,10 @@ const headOf = ({ label, unit }) => (unit ? `${said(label)}, ${unit}` : said(lab
 /** @param {RowOf} row @param {ColumnOf[]} columns @param {SessionState} state */
 function line({ cells, capture, used = true, reason }, columns, state) {
   const pick = () => capture && state.select(capture);
-  return h("tr", { class: used ? "" : "out", "data-capture": capture ?? false, title: reason ?? false }, ...cells.map((cell, index) => {
+  return h("tr", { class: used ? "" : "out", "data-capture": capture ?? false, title: reason ? said(reason) : false }, ...cells.map((cell, index) => {
     const words = cellWords(cell, columns[index]);
     if (index > 0) return h("td", { class: columns[index]?.align !== "left" && "right" }, words);
-    return h("th", { scope: "row" }, capture ? h("button", { type: "button", class: "plain pick", onclick: pick }, words) : words, !used && reason && h("span", { class: "why" }, reason));
+    return h("th", { scope: "row" }, capture ? h("button", { type: "button", class: "plain pick", onclick: pick }, words) : words, !used && reason && h("span", { class: "why" }, said(reason)));
   }));
 }
 

@@ -54,7 +54,7 @@ export class GuideElement extends StateElement {
     return [
       h("p", { class: "guide-progress" }, stepName(state, state.step)),
       h("h1", {}, open ?? t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
-      h("p", { class: "soft" }, told?.note ?? ""),
+      h("p", { class: "soft" }, told?.note ? said(told.note) : ""),
       state.step === "recheck" && repeated(state.id),
       // Where the main button leads on, once is enough.
       nextStep(state) === null && current !== state.step && h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),

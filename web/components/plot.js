@@ -355,7 +355,7 @@ function grid({ series, caption }) {
   const cells = series.flatMap(({ y }, row) => y.map((value, column) =>
     s("rect", { class: value ? "cell" : "cell empty", x: column, y: row, width: 1, height: 1, "fill-opacity": value ? (0.15 + 0.85 * Math.sqrt(Math.abs(value) / most)).toFixed(2) : 1 }, s("title", {}, significant(value ?? 0, 3)))));
   const rows = series.map(({ y }) => y.map((value) => significant(value ?? 0, 2)).join(" ")).join("; ");
-  return s("svg", { class: "plot plot-grid", viewBox: `0 0 ${columns} ${series.length}`, role: "img", "aria-label": `${caption} ${rows}` }, ...cells);
+  return s("svg", { class: "plot plot-grid", viewBox: `0 0 ${columns} ${series.length}`, role: "img", "aria-label": `${said(caption)} ${rows}` }, ...cells);
 }
 
 /** @param {PlotBlock} block */

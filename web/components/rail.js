@@ -2,7 +2,7 @@
 
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 import { figureWords } from "../blocks/figure.js";
 import { StateElement } from "./base.js";
 
@@ -37,7 +37,7 @@ export class RailElement extends StateElement {
     const open = step === this.state.step;
     const next = this.state.guide?.current.step === step;
     return h("li", {}, h(
-      "button", { type: "button", class: `rail-step status-${status}`, "data-step": step, "aria-current": open && "step", title: told?.note ?? false, onclick: () => this.state.open(step) },
+      "button", { type: "button", class: `rail-step status-${status}`, "data-step": step, "aria-current": open && "step", title: told?.note ? said(told.note) : false, onclick: () => this.state.open(step) },
       mark(SIGNS[status] ?? "todo", stepName(this.state, step)),
       h("span", { class: "status" }, maybe(`status.${status}`, status), next && !open && h("span", { class: "visually-hidden" }, ` ${t("rail.next")}`)),
       result && this.state.stageOf(step) === step && answer(result)));
