@@ -465,4 +465,7 @@ export const texts = {
   "{} boards with the stripe": "{} Tafeln mit dem Streifen",
   "{} board rejected": "{} Tafel verworfen",
   "{} boards rejected": "{} Tafeln verworfen",
+  "The captures fit together, to {} mm{}, if the poses are {}: {}.": "Die Aufnahmen passen auf {} mm{} zusammen, wenn die Posen so gelesen werden: {}: {}.",
+  "The captures fit together, to {} mm{}, if in the scanner's files {}: check its calibration table and millimetres per count. Applied, points are multiplied as they are read; the answer then belongs to files that are.": "Die Aufnahmen passen auf {} mm{} zusammen, wenn in den Dateien des Scanners gilt: {}. Prüfen Sie seine Kalibriertabelle und die Millimeter je Zählschritt. Angewendet, werden die Punkte beim Lesen multipliziert; die Lösung gehört dann zu so gelesenen Dateien.",
+  "The captures fit together, to {} mm{}, if the sphere is {} mm wide; told was {}: measure it.": "Die Aufnahmen passen auf {} mm{} zusammen, wenn die Kugel {} mm dick ist; angegeben war {}: Messen Sie sie.",
 };

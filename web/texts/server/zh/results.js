@@ -465,4 +465,7 @@ export const texts = {
   "{} boards with the stripe": "{} 块带条纹的标定板",
   "{} board rejected": "剔除 {} 块标定板",
   "{} boards rejected": "剔除 {} 块标定板",
+  "The captures fit together, to {} mm{}, if the poses are {}: {}.": "若位姿为“{3}”，采集的吻合度达 {1} mm{2}：{4}。",
+  "The captures fit together, to {} mm{}, if in the scanner's files {}: check its calibration table and millimetres per count. Applied, points are multiplied as they are read; the answer then belongs to files that are.": "若扫描仪文件中“{3}”，采集的吻合度达 {1} mm{2}：请检查其校准表和每计数毫米数。应用后，读取时会乘以相应系数；所得结果只适用于如此读取的文件。",
+  "The captures fit together, to {} mm{}, if the sphere is {} mm wide; told was {}: measure it.": "若球直径为 {3} mm（所给为 {4}），采集的吻合度达 {1} mm{2}：请测量直径。",
 };
