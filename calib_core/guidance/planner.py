@@ -10,9 +10,9 @@ from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Candidates, Room, allowed, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 
-_CANDIDATES, _NEAR = 600, 120
+_CANDIDATES, _NEAR = 300, 80
 _NEAR_MM, _NEAR_RAD = 8.0, 0.08
-_STEPS = (1.0, 0.5, 0.25)
+_STEPS = (1.0, 0.5)
 _SEED = 20_270
 _SWEEPS = 4
 _WORTH = 0.999  # of the criterion: an exchange that gains less is none
