@@ -273,7 +273,7 @@ export interface CameraSegment {
 
 export interface Capture {
   id: string;
-  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
   kind: "frame" | "profile" | "cloud" | "sweep" | "center";
   files?: string[];
   pose?: number[] | null;
@@ -313,7 +313,7 @@ export interface CapturePage {
 
 export interface CaptureSettings {
   automatic?: boolean;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
   mount?: string | null;
 }
 
@@ -1123,7 +1123,7 @@ export interface NewProgram {
   host: string;
   port: number;
   token?: string;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
   mount?: string | null;
   poses?: PlannedPose[] | null;
   speed_mm_s?: number;
@@ -1775,7 +1775,7 @@ export interface StoredCameraResult {
 
 export interface StoredCapture {
   id: string;
-  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
   kind: "frame" | "profile" | "cloud" | "sweep" | "center";
   files?: string[];
   pose?: number[] | null;
@@ -2234,7 +2234,7 @@ export interface TimelineItem {
   kind: "capture" | "result" | "failed" | "cancelled" | "now";
   at: string;
   capture?: string | null;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan" | null;
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan" | null;
   removed?: boolean;
   stage?: string | null;
   number?: number | null;
@@ -2386,6 +2386,8 @@ export interface Verification {
   form_95_mm?: number | null;
   size_mm?: number | null;
   spacing_mm?: number | null;
+  flatness_mm?: number | null;
+  flatness_95_mm?: number | null;
   ball_bar_mm?: number | null;
   ball_bar_sigma_mm?: number | null;
 }
@@ -2413,6 +2415,7 @@ export interface VerifyResidual {
   side?: number | null;
   zone?: number | null;
   profiles?: number | null;
+  plane_offset_mm?: number | null;
 }
 
 export interface VerifyResult {
@@ -2448,7 +2451,7 @@ export interface ViewChange {
 
 export interface Watch {
   folder: string;
-  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
+  step: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
   taken: number;
   waiting: string[];
   refused: RefusedFile[];
@@ -2457,7 +2460,7 @@ export interface Watch {
 
 export interface WatchedFolder {
   folder: string;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "recheck" | "scan";
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
 }
 
 export interface Webhook {

@@ -165,7 +165,9 @@ class Verification(Record):
     `tool_mm` is of the tool's error where the scanner sees the sphere, `form_mm` of the points' distances from
     their own sphere, `form_95_mm` of the band that holds 95 % of them, `size_mm` of the diameter's error.
     `spacing_mm` is of the error of the distance of two spheres (`mount` of the captures tells which), whose
-    calibrated distance is `ball_bar_mm` with the standard uncertainty `ball_bar_sigma_mm`.
+    calibrated distance is `ball_bar_mm` with the standard uncertainty `ball_bar_sigma_mm`.  `flatness_mm` is of
+    the range of all points' distances from the plane of a flat plate (captures with step `plate`),
+    `flatness_95_mm` of the band that holds 95 % of them.
     """
 
     tool_mm: Positive | None = None
@@ -173,6 +175,8 @@ class Verification(Record):
     form_95_mm: Positive | None = None
     size_mm: Positive | None = None
     spacing_mm: Positive | None = None
+    flatness_mm: Positive | None = None
+    flatness_95_mm: Positive | None = None
     ball_bar_mm: Positive | None = None
     ball_bar_sigma_mm: NotNegative | None = None
 

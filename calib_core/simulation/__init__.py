@@ -17,6 +17,12 @@ from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
+from calib_core.simulation.verify_cell import (
+    VERIFY_SCENARIOS,
+    VerifyScenario,
+    verify_options,
+    with_verification,
+)
 from calib_core.simulation.whole_cell import WHOLE_SCENARIOS, WholeScenario, with_scans
 from calib_core.simulation.writing import session_files, session_record
 
@@ -27,6 +33,7 @@ __all__ = [
     "SCENARIOS",
     "SWEEP_SCENARIOS",
     "TABLE_SCENARIOS",
+    "VERIFY_SCENARIOS",
     "WHOLE_SCENARIOS",
     "Beliefs",
     "ChainBound",
@@ -35,6 +42,7 @@ __all__ = [
     "SweepScenario",
     "TableScenario",
     "TcpScenario",
+    "VerifyScenario",
     "WholeScenario",
     "World",
     "chain_bound",
@@ -42,6 +50,7 @@ __all__ = [
     "simulate",
     "simulate_table",
     "simulate_tcp",
+    "simulate_verify",
     "tcp_bound",
 ]
 
@@ -69,12 +78,15 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
         return SimulatedSession(*simulate_sweeps(SWEEP_SCENARIOS[scenario], scenario, seed), None)
     if scenario in TABLE_SCENARIOS:
         return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)
+    if scenario in VERIFY_SCENARIOS:
+        return simulate_verify(seed, VERIFY_SCENARIOS[scenario], scenario)
     if scenario in WHOLE_SCENARIOS:
         whole = WHOLE_SCENARIOS[scenario]
         return with_scans(simulate_table(seed, whole.table, scenario), whole, seed)
     if scenario not in SCENARIOS:
         known = (SCENARIOS, SWEEP_SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, PART_SCENARIOS, FRAME_SCENARIOS)
-        names = ", ".join(name for scenarios in (*known, FIXED_BOARD_SCENARIOS) for name in scenarios)
+        more = (*known, FIXED_BOARD_SCENARIOS, VERIFY_SCENARIOS)
+        names = ", ".join(name for scenarios in more for name in scenarios)
         raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
 
@@ -112,6 +124,17 @@ def simulate_table(seed: int, options: TableScenario, name: str = "turntable") -
         turntable = record.cell.turntable.model_copy(update={"angle_sigma_deg": sigma_deg})
         record = record.model_copy(update={"cell": record.cell.model_copy(update={"turntable": turntable})})
     return SimulatedSession(record, session_files(world), truth, world, table)
+
+
+def simulate_verify(seed: int, options: VerifyScenario, name: str = "verify") -> SimulatedSession:
+    """Return a session of TCP captures and of those that verify the answer, with explicit options.
+
+    Raises
+    ------
+    InputError
+        If the seed is negative.
+    """
+    return with_verification(simulate_tcp(seed, verify_options(options), name), options, seed)
 
 
 def _require_seed(seed: int) -> None:

@@ -23,7 +23,8 @@ def stage_names() -> tuple[str, ...]:
 @cache
 def capture_steps() -> tuple[CaptureStep, ...]:
     """Return the steps that captures are taken for, in the order of their stages."""
-    return tuple(stage.step for stage in stages() if stage.step is not None)
+    own = ((*(() if stage.step is None else (stage.step,)), *stage.further_steps) for stage in stages())
+    return tuple(step for steps in own for step in steps)
 
 
 @cache

@@ -87,6 +87,8 @@ class Stage(ABC):
         Where it stands among the stages; what it rests on stands before it.
     step : CaptureStep or None
         The step whose captures are its own.
+    further_steps : tuple of CaptureStep
+        Others whose captures are its own too.
     takes : mapping
         The steps whose captures it takes, its own first, each with the capture's fields that it reads.
     reads : tuple of str
@@ -121,6 +123,7 @@ class Stage(ABC):
     title: str
     place: int
     step: CaptureStep | None = None
+    further_steps: tuple[CaptureStep, ...] = ()
     takes: ClassVar[Mapping[str, tuple[str, ...]]]
     reads: tuple[str, ...] = ()
     known: tuple[str, ...] = ()
@@ -166,6 +169,7 @@ class Stage(ABC):
             "after": list(self.after),
             "guided": list(self.guided),
             "step": None if self.step is None else asdict(self.step),
+            "further_steps": [asdict(step) for step in self.further_steps],
             "settings_field": self.settings_field,
             "settings": _NO_SETTINGS if settings is None else settings.model_json_schema(),
             "layers": list(self.layers),

@@ -90,6 +90,8 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "verification.form_95_mm": (0.5, {"verify"}),
     "verification.size_mm": (0.5, {"verify"}),
     "verification.spacing_mm": (0.5, {"verify"}),
+    "verification.flatness_mm": (0.5, {"verify"}),
+    "verification.flatness_95_mm": (0.5, {"verify"}),
     "verification.ball_bar_mm": (300.0, {"verify"}),
     "verification.ball_bar_sigma_mm": (0.005, {"verify"}),
     "merge.voxel_mm": (0.7, {"merge"}),

@@ -145,7 +145,8 @@ export class SessionState extends EventTarget {
 
   /** What a step's captures show: the board, the sphere, the sphere on the table, or an object. @param {string} step */
   shows(step) {
-    return this.stages.find((stage) => stage.step?.name === step)?.step?.shows ?? "sphere";
+    const own = this.stages.flatMap((stage) => [stage.step, ...(stage.further_steps ?? [])]);
+    return own.find((one) => one?.name === step)?.shows ?? "sphere";
   }
 
   /** Whether a step's captures show the board, for which no robot is needed. @param {string} step */
@@ -155,7 +156,8 @@ export class SessionState extends EventTarget {
 
   /** The stage that a step belongs to. @param {string} step */
   stageOf(step) {
-    return this.stages.find(({ name, guided = [] }) => name === step || guided.includes(step))?.name ?? step;
+    const isOf = ({ name, guided = [], further_steps: further = [] }) => name === step || guided.includes(step) || further.some((one) => one.name === step);
+    return this.stages.find(isOf)?.name ?? step;
   }
 
   /** @param {string} step */

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
+from calib_core.stages.stage import SCAN_FIELDS, SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
 
 if TYPE_CHECKING:
     from calib_core.records import GuideNow, Session
@@ -21,8 +21,16 @@ class Verify(Stage):
         "sphere",
         "Capture the sphere, standing still, from poses that were not used for the TCP.",
     )
+    further_steps = (
+        CaptureStep(
+            "plate",
+            "Flat plate",
+            "object",
+            "Capture a flat plate, standing still, with the flange turned to all sides.",
+        ),
+    )
     planned = True
-    takes: ClassVar = {"verify": (*SPHERE_FIELDS, "mount")}
+    takes: ClassVar = {"verify": (*SPHERE_FIELDS, "mount"), "plate": SCAN_FIELDS}
     reads = (*SPHERE_READS, "verification")
     settings_field = "verification"
     after = ("camera", "laser-plane", "tcp", "chain")

@@ -25,7 +25,8 @@ _VERDICTS: dict[Decision, Verdict] = {
 }
 _QUARTER = 0.25
 _PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
-_BAND = 0.95
+BAND = 0.95
+"""The share of the points that the band of a form holds."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,6 @@ def _figures(points: FloatArray, diameter_mm: float) -> tuple[float, float, floa
         if np.abs(step).max() < 1e-9:
             break
     distances = np.sort(np.linalg.norm(local - center, axis=1))
-    inside = max(int(np.ceil(_BAND * len(distances))), 1)
+    inside = max(int(np.ceil(BAND * len(distances))), 1)
     band = (distances[inside - 1 :] - distances[: len(distances) - inside + 1]).min()
     return float(distances[-1] - distances[0]), float(band), 2 * radius - diameter_mm

@@ -15,6 +15,7 @@ _COLUMNS: Final = (
     ("expected_center_distance_mm", "Expected", "mm"),
     ("mahalanobis", "Distance", "σ"),
     ("zone", "r/R", ""),
+    ("plane_offset_mm", "Off the plate's plane", "mm"),
 )
 
 

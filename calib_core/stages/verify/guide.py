@@ -11,7 +11,9 @@ from calib_core.stages.tcp.guide import review, suggested
 from calib_core.stages.turntable.guide import wants_turntable
 
 WANTED_CAPTURES = 10
+WANTED_OF_PLATE = 8
 _NOTE = "No capture of the calibration was taken from here, and none tells more of the tool by itself."
+_PLATE_EXIT = f"{WANTED_OF_PLATE} captures of the plate, at different places and turned to all sides."
 _EXIT = f"{WANTED_CAPTURES} captures of the sphere, standing still, from all sides."
 
 
@@ -36,6 +38,10 @@ def verify_now(view: GuideView) -> GuideNow | None:
     refused = {m.capture for m in view.measured if m.verdict == "fail"}
     seen = sum(capture.id not in refused for capture in captures)
     if seen >= WANTED_CAPTURES:
+        of_plate = sum(capture.id not in refused for capture in view.captures("plate"))
+        flat = limits.flatness_mm is not None or limits.flatness_95_mm is not None
+        if flat and of_plate < WANTED_OF_PLATE:
+            return _plate(of_plate)
         return _solve(again=result is not None)
     pose = verify_pose(view.session, view.measured, view.results)
     told = {} if pose is None else suggested(view.session.cell, pose.base_from_tool0, _NOTE)
@@ -54,6 +60,20 @@ def verify_now(view: GuideView) -> GuideNow | None:
         progress=f"{seen} of {WANTED_CAPTURES} captures",
         still_needed=WANTED_CAPTURES - seen,
         **told,
+    )
+
+
+def _plate(seen: int) -> GuideNow:
+    return GuideNow(
+        step="plate",
+        stage="verify",
+        action="capture",
+        instruction="Fix a flat plate where the workpiece stands, and capture it with nothing else in view.",
+        why="A limit is set for the flatness: seen from several sides a plate is flat only with a right tool.",
+        exit=_PLATE_EXIT,
+        drawing="scan-first",
+        progress=f"{seen} of {WANTED_OF_PLATE} captures of the plate",
+        still_needed=WANTED_OF_PLATE - seen,
     )
 
 

@@ -12,7 +12,9 @@ class VerifyResidual(CaptureResidual):
     """Where one held-out capture saw the sphere: its own centre, off the one that all of them agree on.
 
     `expected_center_distance_mm` is what the uncertainty of the capture and of the answer make of that distance,
-    `mahalanobis` how far its figures are from the expected ones in standard deviations.
+    `mahalanobis` how far its figures are from the expected ones in standard deviations.  Of a capture of the flat
+    plate `plane_offset_mm` is how far its points lie from the plane of all on average, `surface_rms_mm` how they
+    scatter.
     """
 
     points: int = 0
@@ -24,6 +26,7 @@ class VerifyResidual(CaptureResidual):
     side: int | None = None
     zone: float | None = None
     profiles: int | None = None
+    plane_offset_mm: float | None = None
 
 
 Decision = Literal["pass", "conditional-pass", "conditional-fail", "fail"]

@@ -9,13 +9,14 @@ from calib_core.captures.content import sphere_of
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
-from calib_core.records import Verdict, Verification
+from calib_core.records import Capture, Verdict, Verification
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import StageInput
 from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.decision import checked, overall, probing, tool_error
+from calib_core.stages.verify.flatness import Plate, plate
 from calib_core.stages.verify.held_out import HeldOut, Tool, held_out, together
 from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
@@ -40,7 +41,8 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
     """
     tool, verified, doubts = _tool(given)
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
-    observed = observe_stage(given)
+    of_sphere = [capture for capture in given.captures if capture.step == "verify"]
+    observed = observe_stage(replace(given, captures=of_sphere))
     if len({o.capture for o in observed.observations}) < LEAST_CAPTURES:
         raise MotionError(
             f"{LEAST_CAPTURES} captures with step 'verify' that show the sphere, ten are good",
@@ -48,7 +50,7 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
             "Capture the sphere, standing still, from poses that were not used for the TCP.",
             "captures",
         )
-    spheres = by_sphere(observed.observations, given.captures)
+    spheres = by_sphere(observed.observations, of_sphere)
     alone = [mount for mount, seen in spheres.items() if len({o.capture for o in seen}) < LEAST_CAPTURES]
     if alone:
         to_do = f"Capture sphere '{alone[0]}' again, or give its capture the right `mount`."
@@ -62,11 +64,16 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
         *_checks(given, next(iter(spheres.values())), sphere, tool, found),
         *_spacing(given, spheres, sphere, tool),
     ]
+    flat = plate(
+        given.session, [c for c in given.captures if c.step == "plate"], given.read, tool.tool0_from_laser
+    )
+    checks += _flatness(given.session.cell.verification, flat)
     judged = overall(checks)
     if judged is not None:
         _, verdict, reasons = judged
         warnings = [*reasons, *(said for said in warnings if knows_uncertainty)]
-    doubts = [*doubts, *_unchecked(given.session.cell.verification, checks)]
+    doubts = [*doubts, *_unchecked(given.session.cell.verification, checks, flat)]
+    doubts += flat.doubts if flat is not None else []
     if doubts and verdict == "pass":
         verdict = "warn"
     surfaces = found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
@@ -76,6 +83,7 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
         inputs_sha256=given.inputs_sha256,
         verdict=verdict,
         warnings=[*doubts, *warnings],
+        notes=flat.notes if flat is not None else [],
         verified=verified,
         tool0_from_laser=tool.tool0_from_laser.to_rows(),
         sphere_center_in_base_mm=found.center_in_base_mm.tolist(),
@@ -88,7 +96,10 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
         chance=found.chance if knows_uncertainty else None,
         checks=checks,
         decision=None if judged is None else judged[0],
-        residuals=_rows(given, observed.observations, observed.unused, found, sphere.radius_mm),
+        residuals=[
+            *_rows(of_sphere, observed.observations, observed.unused, found, sphere.radius_mm),
+            *(flat.residuals if flat is not None else []),
+        ],
     )
 
 
@@ -114,16 +125,29 @@ def _checks(
     return checks
 
 
-def _unchecked(limits: Verification, checks: Sequence[VerifyCheck]) -> list[str]:
+def _flatness(limits: Verification, flat: Plate | None) -> list[VerifyCheck]:
+    """Return the flat plate's figures, where it was captured well enough."""
+    if flat is None or flat.form is None or flat.form_95 is None:
+        return []
+    return [
+        checked("flatness", "Flatness", flat.form, limits.flatness_mm),
+        checked("flatness_95", "Flatness, 95 %", flat.form_95, limits.flatness_95_mm),
+    ]
+
+
+def _unchecked(limits: Verification, checks: Sequence[VerifyCheck], flat: Plate | None) -> list[str]:
     """Return the limits that were set and that these captures cannot be held to, in sentences."""
     found = {check.name for check in checks}
     probing_to_do = f"It needs points on the sphere from {_LEAST_PROBED} captures or more."
     spacing_to_do = "It needs verification.ball_bar_mm, and captures of both spheres, told apart by their `mount`."
+    plate_to_do = flat.why_not if flat is not None else "It needs captures of a flat plate, with step 'plate'."
     every = {
         "form": ("probing form", limits.form_mm, probing_to_do),
         "form_95": ("probing form of 95 %", limits.form_95_mm, probing_to_do),
         "size": ("probing size", limits.size_mm, probing_to_do),
         "spacing": ("sphere spacing", limits.spacing_mm, spacing_to_do),
+        "flatness": ("flatness", limits.flatness_mm, plate_to_do),
+        "flatness_95": ("flatness of 95 %", limits.flatness_95_mm, plate_to_do),
     }
     return [
         f"The limit of the {what}, {limit_mm:g} mm, was not checked. {to_do}"
@@ -183,7 +207,7 @@ def _judged(found: HeldOut, knows_uncertainty: bool) -> tuple[Verdict, list[str]
 
 
 def _rows(
-    given: StageInput,
+    captures: Sequence[Capture],
     observations: Sequence[SphereObservation],
     unused: dict[str, str],
     found: HeldOut,
@@ -194,7 +218,7 @@ def _rows(
     for k, observation in enumerate(observations):
         places.setdefault(observation.capture, []).append(k)
     rows: list[VerifyResidual] = []
-    for capture in given.captures:
+    for capture in captures:
         own = places.get(capture.id)
         if own is None:
             rows.append(VerifyResidual(capture=capture.id, used=False, reason=unused.get(capture.id)))

@@ -42,6 +42,7 @@ export const common = {
   "step.chain": "Whole chain",
   "step.verify": "Verify",
   "step.recheck": "Recheck",
+  "step.plate": "Flat plate",
   "step.hand-eye": "Board hand-eye",
   "step.scan": "Scan",
   "step.merge": "Merge",

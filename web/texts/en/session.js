@@ -79,6 +79,7 @@ export const session = {
   "actions.capture_turntable": "Capture the sphere on the table",
   "actions.capture_verify": "Capture to verify",
   "actions.capture_recheck": "Capture again",
+  "actions.capture_plate": "Capture plate",
   "actions.capture_scan": "Capture a scan",
   "actions.look": "Show result",
   "actions.mend": "Add captures",
