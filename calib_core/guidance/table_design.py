@@ -86,7 +86,7 @@ class TableDesign:
         data = replace(chain_data(spheres, assumed.sphere, None, assumed.priors), table=readings)
         held = np.zeros(data.unknowns, dtype=bool)
         held[_TABLE_COLUMN + SCALE_COLUMN] = True
-        self._data, self._table = replace(data, held=held), table.state
+        self._data, self._table, self._by_rule = replace(data, held=held), table.state, table.pose_by_unknowns
         self._rows = self._moves(table, points_in_turntable)
 
     def sigma_mm(self, chosen: Sequence[int]) -> float:
@@ -95,6 +95,18 @@ class TableDesign:
         All captures of the still sphere count, and of those on the table the chosen ones, by their places in the
         list; the first mounting must be among them, from which T has its origin.
         """
+        covariance = self._covariance(chosen)[: self._data.width, : self._data.width]
+        # The mean over the views: errors that turn with the table average out over scans from all around.
+        each = self._rows @ covariance @ np.swapaxes(self._rows, -1, -2)
+        return float(worst_sigma_mm(each.mean(axis=1)).max())
+
+    def pose_covariance(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the covariance (6, 6) of base_from_turntable with the chosen captures, as of `sigma_mm`."""
+        table = slice(_TABLE_COLUMN, self._data.unknowns)
+        return self._by_rule @ self._covariance(chosen)[table, table] @ self._by_rule.T
+
+    def _covariance(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the covariance (P, P) of all unknowns."""
         mask = np.zeros(self._data.count, dtype=bool)
         mask[: self._still] = True
         mask[self._still + np.array(chosen, dtype=int)] = True
@@ -108,11 +120,7 @@ class TableDesign:
         tool = self._assumed.tool0_from_laser
         center = self._assumed.center_in_base_mm
         state = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, self._table)
-        covariance = covariance_of(with_tool(linearised_at(data, state, self._assumed.sigmas).hessian))
-        covariance = covariance[: self._data.width, : self._data.width]
-        # The mean over the views: errors that turn with the table average out over scans from all around.
-        each = self._rows @ covariance @ np.swapaxes(self._rows, -1, -2)
-        return float(worst_sigma_mm(each.mean(axis=1)).max())
+        return covariance_of(with_tool(linearised_at(data, state, self._assumed.sigmas).hessian))
 
     def _moves(self, table: TableGuess, points: FloatArray) -> FloatArray:
         """Return how measured points move in T with every unknown, (points, views, 3, width)."""

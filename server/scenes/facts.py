@@ -19,7 +19,7 @@ from server.scenes.optics import OpticsFacts, optics_facts
 from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
 
 if TYPE_CHECKING:
-    from calib_core.guidance.so_far import KnownSoFar
+    from calib_core.guidance.so_far import KnownSoFar, TableSoFar
     from calib_core.review.placed_points import PlacedPoint
 
 LoadPoints = Callable[[Capture], FloatArray]
@@ -122,6 +122,7 @@ class SceneFacts:
     uncertainty: KnownHowWell | None = None
     compared: "tuple[PlacedPoint, ...]" = ()
     so_far: "KnownSoFar | None" = None
+    table_so_far: "TableSoFar | None" = None
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -184,9 +185,9 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     facts = replace(
         facts, sphere_radius_mm=radius_mm, next_pose=next_pose, uncertainty=well, compared=scene.compared
     )
-    from server.scenes.so_far import read_so_far
+    from server.scenes.so_far import read_so_far, read_table_so_far
 
-    return replace(facts, so_far=read_so_far(scene))
+    return replace(facts, so_far=read_so_far(scene), table_so_far=read_table_so_far(scene))
 
 
 def _known_how_well(results: Mapping[str, Result]) -> KnownHowWell:

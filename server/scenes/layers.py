@@ -18,7 +18,7 @@ from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.robot_now import robot_now
 from server.scenes.signs import cross, short
-from server.scenes.so_far import so_far
+from server.scenes.so_far import so_far, table_so_far
 from server.scenes.trial import trial
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
 from server.scenes.uncertainty import uncertainty
@@ -134,6 +134,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "sphere": ("Sphere", sphere),
     "uncertainty": ("Uncertainty, magnified", uncertainty),
     "so-far": ("As far as known", so_far),
+    "table-so-far": ("Turntable as far as known", table_so_far),
     "ghost": ("Pose to take next", ghost),
     "trial": ("Poses being read", trial),
     "live": ("Robot now", robot_now),

@@ -29,6 +29,7 @@ from server.scenes.facts import KnownHowWell, SceneFacts
 from server.scenes.look import Look
 from server.scenes.merged import MergedScans
 from server.scenes.optics import OpticsFacts
+from server.scenes.so_far import AXIS_TIMES
 from server.scenes.turntable import TableFacts
 from server.scenes.turntable_layers import AXIS, mount_color
 from server.scenes.uncertainty import is_cut, magnified
@@ -55,6 +56,8 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
     if facts.so_far is not None and told("so-far"):
         parts.append(_key(SPHERE, "●", "scanner and sphere, as far as known"))
         parts.append(_key(GHOST, "●", "uncertainty by now, k = 2, at most 25 mm drawn"))
+    if facts.table_so_far is not None and told("table-so-far"):
+        parts.append(_key(GHOST, "◍", f"axis by now, k = 2, ×{AXIS_TIMES}"))
     if facts.compared and layers is not None and "answers" in layers:
         parts += [_key(FIRST, "●", "first answer"), _key(SECOND, "●", "second answer")]
         parts.append(f"<p>Ellipsoids, k = 2, and the way between them ×{answers_magnified(facts)}</p>")

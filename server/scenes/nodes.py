@@ -93,15 +93,15 @@ def lines(name: str, segments_mm: FloatArray, color: Rgb, width_px: float = 2.0)
     )
 
 
-def arrow(name: str, ends_mm: FloatArray, color: Rgb, radius_mm: float) -> Node:
-    """Return an arrow from the first to the second of two places (2, 3)."""
+def arrow(name: str, ends_mm: FloatArray, color: Rgb, radius_mm: float, head: float = 3.0) -> Node:
+    """Return an arrow from the first to the second of two places (2, 3), its head so often as thick."""
     radius = radius_mm * METRES_PER_MM
     arguments = {
         "points": _metres(ends_mm[None]),
         "colors": color,
         "shaft_radius": radius,
-        "head_radius": 3.0 * radius,
-        "head_length": 9.0 * radius,
+        "head_radius": head * radius,
+        "head_length": 3.0 * head * radius,
     }
     return Node(name, "add_arrows", arguments)
 

@@ -1,4 +1,4 @@
-"""Scanner and sphere as far as they are known while measuring, with ellipsoids that shrink at each capture."""
+"""Scanner, sphere and table as far as they are known while measuring; the doubt shrinks at each capture."""
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -7,18 +7,21 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 from calib_core.records import Result
-from calib_core.stages.registry import tool_stages
+from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
 from server.scenes import nodes
-from server.scenes.colors import GHOST, LIGHT, SPHERE, WAITING
+from server.scenes.colors import GHOST, LIGHT, MOUNTS, SPHERE, WAITING
 from server.scenes.ghost import fan_mm
 from server.scenes.look import Look
 from server.scenes.nodes import Node
-from server.scenes.uncertainty import ellipsoid
+from server.scenes.turntable import TableFacts
+from server.scenes.turntable_layers import ring_mm
+from server.scenes.uncertainty import about_axis, axis_ends_mm, ellipsoid
 
 if TYPE_CHECKING:
-    from calib_core.guidance.so_far import KnownSoFar
+    from calib_core.guidance.so_far import KnownSoFar, TableSoFar
     from server.scenes.facts import SceneFacts, SceneInput
 
+AXIS_TIMES = 10  # always the same while measuring, so that the tube is seen to shrink
 _KNOWN_MM = 150.0  # where the sphere's place is less certain than that (k = 2), nothing is drawn of it
 
 
@@ -33,6 +36,19 @@ def read_so_far(scene: "SceneInput") -> "KnownSoFar | None":
     if found is None or 2.0 * _worst(found.center) > _KNOWN_MM:
         return None
     return found
+
+
+def read_table_so_far(scene: "SceneInput") -> "TableSoFar | None":
+    """Return what the captures on the table tell by now where no result does, None before they tell its axis."""
+    if any(stage in scene.results and stage not in scene.stale for stage in table_stages()):
+        return None
+    if not any(capture.step in steps_that_show("sphere-on-table") for capture in scene.session.captures):
+        return None
+    from calib_core.guidance.so_far import table_so_far
+
+    return table_so_far(
+        scene.session, scene.measured, {n: _told(r, n in scene.stale) for n, r in scene.results.items()}
+    )
 
 
 def so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
@@ -56,8 +72,34 @@ def so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
     yield ellipsoid("/so-far/sphere-known", center, known.center, 1, GHOST)
 
 
-def _told(result: Result) -> Mapping[str, object]:
-    return {**result.to_json(), "stale": True}
+def table_so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
+    """Draw the axis and the circles about it as far as they are known, and in what tube the axis lies."""
+    known = facts.table_so_far
+    if known is None or look.alone:
+        return
+    place = known.base_from_turntable
+    reach_mm = reach_so_far_mm(known)
+    yield from about_axis("/table-so-far/axis", place, known.covariance, reach_mm, AXIS_TIMES, GHOST)
+    if facts.table is not None:
+        return
+    ends = place.apply(axis_ends_mm(reach_mm))
+    yield nodes.lines("/table-so-far/line", ends[None], WAITING, 2.0)
+    yield nodes.label("/table-so-far/name", ends[1], "turntable axis")
+    for number, (mount, at) in enumerate(known.mounts.items()):
+        circle = place.apply(ring_mm(float(np.hypot(at[0], at[1])), float(at[2])))
+        pieces = np.stack([circle[:-1], circle[1:]], axis=1)
+        yield nodes.lines(f"/table-so-far/circle-{number}", pieces, MOUNTS[number % len(MOUNTS)], 2.0)
+        if mount:
+            yield nodes.label(f"/table-so-far/circle-{number}-name", circle[len(circle) // 8], mount, 0.95)
+
+
+def reach_so_far_mm(known: "TableSoFar") -> tuple[float, float, float]:
+    """Return how far the table's things reach: lowest and highest along the axis, and away from it."""
+    return TableFacts(known.base_from_turntable, known.direction, known.mounts).reach_mm
+
+
+def _told(result: Result, stale: bool = True) -> Mapping[str, object]:
+    return {**result.to_json(), "stale": stale}
 
 
 def _worst(covariance: FloatArray) -> float:

@@ -31,7 +31,9 @@ _STORIES: dict[tuple[str, Side], Story] = {
         "Captures", "frames light sphere so-far ghost trial live", "arm labels points uncertainty base"
     ),
     ("sphere", "result"): _story("Sphere", "sphere points uncertainty"),
-    ("sphere-on-table", "measure"): _story("Table", "table circles places live", "ghost turned uncertainty"),
+    ("sphere-on-table", "measure"): _story(
+        "Table", "table table-so-far circles places live", "ghost turned uncertainty frames points"
+    ),
     ("sphere-on-table", "result"): _story("Table", "table circles places", "points turned uncertainty"),
     ("object", "measure"): _story("Table", "table scans live", "turned"),
     ("object", "result"): _story("Object", "scans"),
@@ -49,7 +51,7 @@ def story(shows: str, side: Side, facts: SceneFacts) -> Story:
     known = {
         "board": facts.optics is not None,
         "sphere": side == "measure" or facts.sphere_center_in_base_mm is not None,
-        "sphere-on-table": facts.table is not None,
+        "sphere-on-table": facts.table is not None or (side == "measure" and facts.table_so_far is not None),
         "answers": bool(facts.compared),
         "object": facts.merged is not None if side == "result" else facts.table is not None,
     }

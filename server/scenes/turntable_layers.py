@@ -31,7 +31,7 @@ def table_axis(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     size = max(away, 60.0)
     place = table.base_from_turntable
     ends = place.apply([[0.0, 0.0, low - 0.5 * size], [0.0, 0.0, high + 0.8 * size]])
-    yield nodes.arrow("/table/axis", ends, AXIS, 0.02 * size)
+    yield nodes.arrow("/table/axis", ends, AXIS, 0.006 * size, 10.0)
     yield nodes.label("/table/axis-name", ends[1], "turntable axis")
     yield nodes.axes("/table/frame", place, 0.6 * size, AXIS)
     for axis, name in enumerate("xyz"):
@@ -45,7 +45,7 @@ def table_circles(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     if table is None:
         return
     for number, (mount, place) in enumerate((table.mounts or {}).items()):
-        ring = _ring(float(np.hypot(place[0], place[1])), float(place[2]))
+        ring = ring_mm(float(np.hypot(place[0], place[1])), float(place[2]))
         circle = table.base_from_turntable.apply(ring)
         yield nodes.lines(f"/circles/{number}", _joined(circle), mount_color(table, mount), 2.5)
         if mount:
@@ -88,7 +88,7 @@ def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     rim = 1.3 * away
     height = low - (facts.sphere_radius_mm or 0.0)
     yield nodes.disc("/turned/table/plate", rim, height, WAITING, 0.3)
-    ring = _ring(rim, height)
+    ring = ring_mm(rim, height)
     yield nodes.lines("/turned/table/rim", _joined(ring), AXIS, 2.0)
     spoke = np.array([[[0.0, 0.0, height], [rim, 0.0, height]]])
     yield nodes.lines("/turned/table/spoke", spoke, AXIS, 4.0)
@@ -102,7 +102,8 @@ def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     yield nodes.label("/turned/angle", table.turned(angle_deg).apply([rim, 0.0, height]), f"{angle_deg:g}°")
 
 
-def _ring(radius_mm: float, height_mm: float) -> FloatArray:
+def ring_mm(radius_mm: float, height_mm: float) -> FloatArray:
+    """Return a circle (N, 3) about z at a height, its first point again at the end."""
     return np.stack(
         [radius_mm * np.cos(_AROUND), radius_mm * np.sin(_AROUND), np.full(len(_AROUND), height_mm)], axis=1
     )

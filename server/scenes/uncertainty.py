@@ -13,6 +13,7 @@ from server.scenes.nodes import Node
 
 _K = 2.0
 _MAGNIFIED = (100, 10, 1)
+_RINGS, _CORNERS = 9, 24
 _LARGEST_MM = 25.0  # what is hardly known must not hide everything else
 
 
@@ -30,6 +31,9 @@ def _worst_mm(facts: SceneFacts) -> float:
     known = facts.uncertainty
     parts = [] if known is None else [known.tool, known.sphere]
     blocks = [part[-3:, -3:] for part in parts if part is not None]
+    if known is not None and known.table is not None and facts.table is not None:
+        place, reach_mm = facts.table.base_from_turntable, facts.table.reach_mm
+        blocks += [_across(place, point, known.table) for point in axis_ends_mm(reach_mm)]
     return max((_K * float(np.sqrt(max(np.linalg.eigvalsh(b)[-1], 0.0))) for b in blocks), default=0.0)
 
 
@@ -51,12 +55,47 @@ def uncertainty(facts: SceneFacts, look: Look) -> Iterator[Node]:
         yield ellipsoid("/uncertainty/sphere", facts.sphere_center_in_base_mm, known.sphere, times)
     if known.table is not None and facts.table is not None:
         place = facts.table.base_from_turntable
-        low, high, away = facts.table.reach_mm
-        ends = np.array([[0.0, 0.0, low - 0.5 * away], [0.0, 0.0, high + 0.8 * away]])
-        for name, point in zip(("low", "high"), ends, strict=True):
-            yield ellipsoid(
-                f"/uncertainty/axis-{name}", place.apply(point), _across(place, point, known.table), times
-            )
+        yield from about_axis("/uncertainty/axis", place, known.table, facts.table.reach_mm, times)
+
+
+def axis_ends_mm(reach_mm: tuple[float, float, float]) -> FloatArray:
+    """Return the ends (2, 3) of the axis as it is drawn, in T: past all that stands on the table."""
+    low, high, away = reach_mm
+    return np.array([[0.0, 0.0, low - 0.5 * away], [0.0, 0.0, high + 0.8 * away]])
+
+
+def about_axis(
+    name: str,
+    place: RigidTransform,
+    covariance: FloatArray,
+    reach_mm: tuple[float, float, float],
+    times: int,
+    color: Rgb = UNCERTAIN,
+) -> Iterator[Node]:
+    """Draw how well an axis is known: the tube (k = 2, magnified) in which it lies, and ellipsoids at its ends.
+
+    `covariance` (6, 6) is that of `place`; the tube is narrow where the sphere was seen and opens beyond it.
+    """
+    low, high = axis_ends_mm(reach_mm)
+    for end, point in (("low", low), ("high", high)):
+        yield ellipsoid(f"{name}-{end}", place.apply(point), _across(place, point, covariance), times, color)
+    rings = [_ring_mm(place, point, covariance, times) for point in np.linspace(low, high, _RINGS)]
+    around = np.arange(_CORNERS)
+    first = np.stack([around, (around + 1) % _CORNERS, around + _CORNERS], axis=1)
+    second = np.stack([(around + 1) % _CORNERS, (around + 1) % _CORNERS + _CORNERS, around + _CORNERS], axis=1)
+    one = np.concatenate([first, second])
+    faces = np.concatenate([one + _CORNERS * k for k in range(_RINGS - 1)]).astype(np.uint32)
+    yield nodes.surface(f"{name}-tube", place, np.concatenate(rings), faces, color, 0.25)
+
+
+def _ring_mm(place: RigidTransform, point_mm: FloatArray, covariance: FloatArray, times: int) -> FloatArray:
+    """Return the ellipse (N, 3) in which the axis passes at a point of it, k = 2, magnified, in T."""
+    turned = place.rotation.T @ _across(place, point_mm, covariance) @ place.rotation
+    values, axes = np.linalg.eigh((turned[:2, :2] + turned[:2, :2].T) / 2)
+    half_mm = np.clip(_K * times * np.sqrt(np.maximum(values, 0.0)), 0.1, _LARGEST_MM)
+    angle = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+    rim = np.stack([half_mm[0] * np.cos(angle), half_mm[1] * np.sin(angle)]).T @ axes.T
+    return point_mm + np.column_stack([rim, np.zeros(_CORNERS)])
 
 
 def _across(place: RigidTransform, point_mm: FloatArray, covariance: FloatArray) -> FloatArray:

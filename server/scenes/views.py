@@ -8,6 +8,7 @@ from calib_core.frames import FloatArray
 from server.scenes.facts import SceneFacts
 from server.scenes.nodes import METRES_PER_MM
 from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
+from server.scenes.turntable import TableFacts
 
 VIEWS = ("Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser", "Answers")
 FIELD_OF_VIEW_RAD = 0.75
@@ -121,13 +122,19 @@ def _places_mm(facts: SceneFacts) -> FloatArray:
 
 def _table_places_mm(facts: SceneFacts) -> FloatArray | None:
     """Return the places (N, 3) about the table, or those of the scans where there is none."""
-    merged, table = facts.merged, facts.table
+    merged, table, so_far = facts.merged, facts.table, facts.table_so_far
+    if table is None and so_far is not None:
+        table = TableFacts(so_far.base_from_turntable, so_far.direction, so_far.mounts)
     if table is None:
         if merged is None:
             return None
         return np.quantile(merged.points_mm.astype(float), [0.01, 0.99], axis=0)
     low, high, away = table.reach_mm
-    corners = np.array([[-away, -away, low - 0.3 * away], [away, away, high + 0.7 * away]])
+    rim = away + (facts.sphere_radius_mm or 0.1 * away)
+    around = np.arange(8) * np.pi / 4
+    ring = np.column_stack([rim * np.cos(around), rim * np.sin(around), np.zeros(8)])
+    rings = [ring + np.array([0.0, 0.0, height]) for height in (low, high)]
+    corners = np.concatenate([*rings, [[0.0, 0.0, low - 0.5 * away], [0.0, 0.0, high + 0.8 * away]]])
     if merged is not None and merged.frame == "turntable":
         corners = np.concatenate([corners, np.quantile(merged.points_mm, [0.01, 0.99], axis=0)])
     return table.base_from_turntable.apply(corners)

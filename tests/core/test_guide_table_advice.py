@@ -13,6 +13,7 @@ from calib_core.guidance.budget import Calibrated, View, together
 from calib_core.guidance.candidates import AWAY_DEG, AWAY_MM
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
 from calib_core.guidance.pose_list import planned_poses
+from calib_core.guidance.so_far import table_so_far
 from calib_core.guidance.table_advice import TableSituation, advice_in, table_situation
 from calib_core.guidance.table_design import TableDesign
 from calib_core.records import Measured, Session
@@ -166,3 +167,23 @@ def test_a_plan_says_where_the_sphere_goes_on_a_table() -> None:
     never = plan_cell(CellToPlan.model_validate(fields | {"wanted_mm": 0.01}))
     assert never.reachable is False
     assert "out of reach" in never.table.sentence  # type: ignore[union-attr]
+
+
+def test_the_axis_is_known_better_after_each_capture_and_as_well_as_is_said(
+    cell: SimulatedSession, measured: list[Measured], solved: dict[str, Any]
+) -> None:
+    tool = {"tcp": solved["tcp"]}
+    assert table_so_far(after(cell, 2), measured, tool) is None  # two captures tell no axis
+    found = [table_so_far(after(cell, turning), measured, tool) for turning in (4, 8, 16)]
+    spread = [np.sqrt(np.trace(one.covariance[3:, 3:])) for one in found if one is not None]
+    assert len(spread) == 3
+    assert spread == sorted(spread, reverse=True)
+    last, table = found[-1], cell.table
+    assert last is not None
+    assert table is not None
+    truth = RigidTransform.from_rounded(table.base_from_turntable, "base", "turntable")
+    off = truth.difference(last.base_from_turntable)
+    sigmas = np.sqrt(np.diag(last.covariance))
+    assert np.all(np.abs(off) < 4 * sigmas)
+    stated = np.sqrt(np.diag(np.array(solved["chain"]["turntable_covariance"])))
+    np.testing.assert_allclose(sigmas, stated, rtol=0.35)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.guidance.so_far import TableSoFar
 from calib_core.records import parse_session
 from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.colors import LIGHT, REJECTED, SCANS, VIRIDIS
@@ -437,3 +438,21 @@ def test_a_scan_that_comes_in_is_read_and_the_others_are_not_again() -> None:
         assert found is not None
         assert len(found.names) == len(known) == count
     assert read == ["s0.npy", "s1.npy", "s2.npy"]
+
+
+@pytest.mark.parametrize("sigma_mm", [1.0, 0.25])
+def test_the_axis_lies_in_a_tube_as_wide_as_it_is_uncertain(sigma_mm: float) -> None:
+    """Three captures or more, nothing solved: the tube is k = 2, ten times as large, and opens where it turns."""
+    turn = 2e-3
+    covariance = np.diag([turn**2, turn**2, 0.0, sigma_mm**2, sigma_mm**2, sigma_mm**2])
+    known = TableSoFar(TABLE, covariance, 1, MOUNTS)
+    facts = SceneFacts((), TOOL, None, RADIUS_MM, table_so_far=known)
+    drawn = draw(facts, look_at(facts))
+    tube = drawn["/table-so-far/axis-tube"]
+    rings = 1000.0 * np.array(tube.arguments["vertices"]).reshape(9, 24, 3)
+    heights = rings[:, 0, 2]
+    width = np.linalg.norm(rings[:, :, :2], axis=2)
+    expected = 2 * 10 * np.hypot(sigma_mm, turn * heights)
+    np.testing.assert_allclose(width, np.minimum(expected, 25.0)[:, None] * np.ones(24), rtol=1e-3)
+    assert "axis by now" in legend_html(facts, look_at(facts))
+    assert "/table-so-far/circle-1" in drawn

@@ -136,7 +136,7 @@ MOMENTS: dict[str, Told] = {
     "tcp-rejected": Told("tcp-moved-sphere", "tcp", "tcp.result", ["sphere"]),
     "camera": Told("frames-tcp", "camera", "camera.result", ["boards"]),
     "laser-plane": Told("frames-tcp", "laser-plane", "laser-plane.result", ["boards"]),
-    "table-half": Told("cell", "half turntable", "turntable", ["frames"]),
+    "table-half": Told("cell", "half turntable", "turntable", ["table-so-far"]),
     "table": Told("cell", "turntable", "turntable.result", ["circles", "places"]),
     "scans": Told("cell", "half scan", "scan", ["scans"]),
     "merged": Told("cell", "merge", "merge.result", ["scans"]),
@@ -189,7 +189,7 @@ class Album:
         if save:
             FOLDER.mkdir(parents=True, exist_ok=True)
             picture = Image.open(BytesIO(page.screenshot())).convert("RGB").resize((960, 540))
-            picture.quantize(64).save(FOLDER / f"{name}.png", optimize=True)
+            picture.quantize(255, Image.Quantize.MAXCOVERAGE).save(FOLDER / f"{name}.png", optimize=True)
         page.close()
         return found
 

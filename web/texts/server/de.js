@@ -262,6 +262,7 @@ export const texts = {
   "Points by residual": "Punkte nach Residuum",
   "Uncertainty, magnified": "Unsicherheit, vergrößert",
   "As far as known": "Soweit bekannt",
+  "Turntable as far as known": "Drehtisch, soweit bekannt",
   "Pose to take next": "Nächste Pose",
   "Poses being read": "Gelesene Posen",
   "Robot now": "Roboter jetzt",

@@ -262,6 +262,7 @@ export const texts = {
   "Points by residual": "按残差着色的点",
   "Uncertainty, magnified": "不确定度（放大）",
   "As far as known": "目前已知",
+  "Turntable as far as known": "目前已知的转台",
   "Pose to take next": "下一位姿",
   "Poses being read": "正在读取的位姿",
   "Robot now": "机器人当前位置",

@@ -246,6 +246,7 @@ export const texts = {
   "plane of light": "Laserebene",
   "larger than drawn": "größer als gezeichnet",
   "scanner and sphere, as far as known": "Scanner und Kugel, soweit bekannt",
+  "axis by now, k = 2, ×{}": "Achse bis jetzt, k = 2, ×{}",
   "uncertainty by now, k = 2, at most 25 mm drawn": "Unsicherheit bis jetzt, k = 2, höchstens 25 mm gezeichnet",
   "{} not in the result": "{} nicht im Ergebnis",
   "on the table": "auf dem Tisch",

@@ -246,6 +246,7 @@ export const texts = {
   "plane of light": "激光平面",
   "larger than drawn": "比所绘更大",
   "scanner and sphere, as far as known": "扫描仪和球（目前所知）",
+  "axis by now, k = 2, ×{}": "目前的轴线，k = 2，×{}",
   "uncertainty by now, k = 2, at most 25 mm drawn": "目前不确定度，k = 2，最多绘 25 mm",
   "{} not in the result": "{} 个不在结果中",
   "on the table": "在转台上",
