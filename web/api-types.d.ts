@@ -192,7 +192,7 @@ export interface BudgetAtPart {
 }
 
 export interface BudgetPart {
-  name: "tool" | "scanner" | "table" | "arm" | "arm_alike" | "angle" | "points";
+  name: "tool" | "scanner" | "camera" | "plane" | "table" | "arm" | "arm_alike" | "angle" | "points";
   sigma_mm: number;
   worst_sigma_mm: number;
   shared: boolean;
@@ -458,6 +458,7 @@ export interface ChainResult {
   two_step: TwoStep;
   variance_components: VarianceComponents;
   scanner?: ScannerFound | null;
+  optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: (TcpResidual | TurntableResidual)[];
@@ -1203,6 +1204,16 @@ export interface OldSessions {
   items: OldSession[];
 }
 
+export interface OpticsShift {
+  source: "camera" | "plane";
+  tool: number[];
+  turntable?: number[] | null;
+  scanner: number[];
+  at_mm: number[];
+  point_mm: number[];
+  by_place: number[][];
+}
+
 export interface PastResult {
   number: number;
   created: string;
@@ -1844,6 +1855,7 @@ export interface StoredChainResult {
   two_step: TwoStep;
   variance_components: VarianceComponents;
   scanner?: ScannerFound | null;
+  optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: (TcpResidual | TurntableResidual)[];
@@ -2014,6 +2026,7 @@ export interface StoredTcpResult {
   two_step: TwoStep;
   variance_components: VarianceComponents;
   scanner?: ScannerFound | null;
+  optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: TcpResidual[];
@@ -2215,6 +2228,7 @@ export interface TcpResult {
   two_step: TwoStep;
   variance_components: VarianceComponents;
   scanner?: ScannerFound | null;
+  optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
   residuals: TcpResidual[];

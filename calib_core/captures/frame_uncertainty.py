@@ -1,77 +1,154 @@
-"""What an uncertain camera and plane of light add to the TCP that frames of the sphere give.
+"""What uncertain camera and plane of light add to the answers that frames of the sphere give.
 
-The error is common to all captures, so that no residual shows it.  Its covariance is carried through by moving
-camera and plane together along each of its principal directions, by one standard deviation, and fitting again.
+The error is common to all captures, so that no residual shows it.  Its covariance is carried through along its
+principal directions, the camera's first, with the plane following it, then what that leaves open of the plane:
+captures' points move by one standard deviation, and tool and table follow (`chain.moved`).
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import calibration_of, plane_of
-from calib_core.chain.moved import shift_by
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.held import Held
+from calib_core.chain.moved import OpticsError, OpticsSource, shift_by
 from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.whole import ChainSolution
+from calib_core.chain.with_optics import chain_with_optics, with_optics
+from calib_core.estimation import covariance_of
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import Session
-from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.stage import ReadFile
 
 FloatArray = NDArray[np.float64]
 
 _LENS = ("fx", "fy", "cx", "cy")
 _NEGLIGIBLE = 1e-8
+_STEP_MM = 1.0
 
 
-def with_calibration_uncertainty(
-    session: Session,
-    read: ReadFile,
-    observations: Sequence[SphereObservation],
-    solution: TcpSolution,
-) -> TcpSolution:
+@dataclass(frozen=True, eq=False)
+class MovedCalibration:
+    """A calibration moved by one standard deviation along one direction, and whose error that is."""
+
+    source: OpticsSource
+    calibration: ProfileCalibration
+
+
+def with_calibration_uncertainty(session: Session, read: ReadFile, solution: TcpSolution) -> TcpSolution:
     """Return the solution with the covariance that camera and plane of light add; unchanged if they were brought.
 
     Parameters
     ----------
     session : Session
     read : callable
-    observations : sequence of SphereObservation
-        Those that the solution was found from.
     solution : TcpSolution
     """
+    captures = solution.captures
+    errors = _errors(session, read, solution.held, captures, solution.seen_in_laser_mm)
+    return with_optics(solution, errors) if errors else solution
+
+
+def chain_with_calibration_uncertainty(session: Session, read: ReadFile, solution: ChainSolution) -> ChainSolution:
+    """Return the same of the whole chain."""
+    captures = [*solution.tcp.captures, *solution.turntable.captures]
+    errors = _errors(session, read, solution.tcp.held, captures, solution.tcp.seen_in_laser_mm)
+    return chain_with_optics(solution, errors) if errors else solution
+
+
+def _errors(
+    session: Session, read: ReadFile, held: Held, captures: Sequence[str], seen_in_laser_mm: FloatArray
+) -> list[OpticsError]:
     frames = {capture.id for capture in session.captures if of_frames(capture)}
-    if session.cell.known.laser_plane is not None or not any(o.capture in frames for o in observations):
-        return solution
+    by_frames = np.array([capture in frames for capture in captures])
+    if session.cell.known.laser_plane is not None or not by_frames.any():
+        return []
+    plane = plane_of(session, read)
     calibration = calibration_of(session, read)
-    added = np.zeros((9, 9))
-    for moved in _moved_calibrations(calibration, plane_of(session, read)):
-        seen = [_moved(o, calibration, moved) if o.capture in frames else o for o in observations]
-        shift = shift_by(solution, seen)
-        added += np.outer(shift, shift)
-    whole = solution.held.covariance.copy()
-    whole[:9, :9] += added
-    return replace(solution, covariance=solution.covariance + added, held=replace(solution.held, covariance=whole))
+    moved = moved_calibrations(calibration, plane.joint_parameters, np.array(plane.joint_covariance))
+    return optics_errors(held, by_frames, calibration, moved, seen_in_laser_mm)
 
 
-def _moved_calibrations(calibration: ProfileCalibration, plane: LaserPlaneResult) -> list[ProfileCalibration]:
-    """Return the calibration moved by one standard deviation along each principal direction of its covariance."""
-    covariance = np.array(plane.joint_covariance)
-    scale = np.sqrt(np.diag(covariance))  # the parameters' units differ by many powers of ten
+def optics_errors(
+    held: Held,
+    by_frames: np.ndarray,
+    calibration: ProfileCalibration,
+    moved: Sequence[MovedCalibration],
+    seen_in_laser_mm: FloatArray,
+) -> list[OpticsError]:
+    """Return what each of some moved calibrations does to an answer.
+
+    Parameters
+    ----------
+    held : Held
+    by_frames : (K,) bool
+        Which of its captures are frames.
+    calibration : ProfileCalibration
+        By which they were solved.
+    moved : sequence of MovedCalibration
+    seen_in_laser_mm : (3,)
+        Where the scanner sees the workpiece.
+    """
+    points = held.data.points
+    some = np.repeat(by_frames, np.diff(held.data.offsets))
+    pixels = _pixels(calibration, points[some])
+    about = _pixels(calibration, seen_in_laser_mm + np.array([[0, 0, 0], [_STEP_MM, 0, 0], [0, 0, _STEP_MM]]))
+    at, beside_x, beside_z = calibration.points(about)
+    found: list[OpticsError] = []
+    for one in moved:
+        there = points.copy()
+        there[some] = one.calibration.points(pixels)
+        middle, x, z = one.calibration.points(about) - [at, beside_x, beside_z]
+        by_place = np.column_stack([(x - middle) / _STEP_MM, np.zeros(3), (z - middle) / _STEP_MM])
+        found.append(OpticsError(one.source, shift_by(held, there), at, middle, by_place))
+    return found
+
+
+def _pixels(calibration: ProfileCalibration, points_in_laser_mm: FloatArray) -> FloatArray:
+    return calibration.camera.project(calibration.camera_from_laser.apply(points_in_laser_mm))
+
+
+def moved_calibrations(
+    calibration: ProfileCalibration, names: Sequence[str], covariance: FloatArray
+) -> list[MovedCalibration]:
+    """Return the calibration moved by one standard deviation along independent directions of its covariance.
+
+    Parameters
+    ----------
+    calibration : ProfileCalibration
+    names : sequence of str
+        The camera's parameters, none where it was brought.
+    covariance : (n + 3, n + 3)
+        Of these and of the plane's normal / distance.
+    """
+    count = len(names)
+    steps: list[tuple[OpticsSource, FloatArray]] = []
+    follows = np.zeros((3, count))
+    if count:
+        follows = covariance[count:, :count] @ covariance_of(covariance[:count, :count])
+        some = _principal(covariance[:count, :count])
+        steps.extend(("camera", np.concatenate([step, follows @ step])) for step in some)
+    left = covariance[count:, count:] - follows @ covariance[:count, count:]
+    steps.extend(("plane", np.concatenate([np.zeros(count), step])) for step in _principal(left))
+    return [MovedCalibration(source, _moved(calibration, names, step)) for source, step in steps]
+
+
+def _principal(covariance: FloatArray) -> list[FloatArray]:
+    """Return one standard deviation along each principal direction, those that are known exactly left out."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))  # units differ by many powers of ten
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    q = calibration.normal / calibration.distance_mm
-    moved: list[ProfileCalibration] = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value < _NEGLIGIBLE:
-            continue
-        step = np.sqrt(value) * vector * scale
-        camera = _moved_camera(calibration.camera, plane.joint_parameters, step[:-3])
-        length = float(np.linalg.norm(q + step[-3:]))
-        moved.append(ProfileCalibration.of(camera, (q + step[-3:]) / length, 1.0 / length))
-    return moved
+    return [np.sqrt(v) * vector * scale for v, vector in zip(values, vectors.T, strict=True) if v > _NEGLIGIBLE]
+
+
+def _moved(calibration: ProfileCalibration, names: Sequence[str], step: FloatArray) -> ProfileCalibration:
+    camera = _moved_camera(calibration.camera, names, step[:-3])
+    plane = calibration.normal / calibration.distance_mm + step[-3:]
+    length = float(np.linalg.norm(plane))
+    return ProfileCalibration.of(camera, plane / length, 1.0 / length)
 
 
 def _moved_camera(camera: CameraModel, names: Sequence[str], step: FloatArray) -> CameraModel:
@@ -87,15 +164,3 @@ def _moved_camera(camera: CameraModel, names: Sequence[str], step: FloatArray) -
         else:
             distortion[COEFFICIENTS.index(name)] += change
     return replace(camera, camera_matrix=matrix, distortion=distortion)
-
-
-def _moved(
-    observation: SphereObservation, calibration: ProfileCalibration, moved: ProfileCalibration
-) -> SphereObservation:
-    """Return what the same pixels would have shown with the moved calibration."""
-    seen = calibration.camera_from_laser.apply(observation.points_in_laser_mm)
-    points = moved.points(calibration.camera.project(seen))
-    shift = (points - observation.points_in_laser_mm).mean(axis=0)
-    return replace(
-        observation, points_in_laser_mm=points, center_in_laser_mm=observation.center_in_laser_mm + shift
-    )

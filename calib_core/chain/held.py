@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.likelihood import ChainLinearisation, fit
-from calib_core.chain.model import ARM_SCALE_SIGMA, ChainState
+from calib_core.chain.model import ARM_SCALE_SIGMA, ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import NAMES, OF_FILES, incidence_shapes
 from calib_core.estimation import covariance_of
@@ -52,6 +52,8 @@ class Held:
         Whether the scanner's errors are taken out of the points.
     errors : list of ScannerError
         Those that are significant, the arm's length scale among them.
+    data, sigmas : ChainData, Sigmas
+        What the answer was found from.
     half_width_mm : float
         Half the width that the scanner's points fill.
     """
@@ -64,6 +66,8 @@ class Held:
     facing: int
     applied: bool
     errors: list[ScannerError]
+    data: ChainData
+    sigmas: Sigmas
     half_width_mm: float = 1.0
 
     @property
@@ -103,17 +107,17 @@ def hold_files(judged: Judged, apply: bool) -> Held:
 
 def _held(judged: Judged, apply: bool) -> Held:
     found, at, data = judged.fit.state, judged.fit.minimum.at, judged.data
-    active = data.active
+    active, given = data.active, (data, judged.fit.sigmas)
     covariance = judged.fit.covariance * judged.inflation
     heights = data.points[:, 2] - np.repeat(found.centers_in_laser[:, 2], np.diff(data.offsets))
     facing = -1 if len(heights) and heights.mean() > 0 else 1
     of_files = np.flatnonzero(OF_FILES & (data.nuisance_sigmas > 0))
     if len(of_files) == 0:
-        return Held(found, at, found, active, covariance, facing, apply, _arm_errors(judged))
+        return Held(found, at, found, active, covariance, facing, apply, _arm_errors(judged), *given)
     surprise, errors = _surprise(judged, covariance, of_files)
     errors += _arm_errors(judged)
     if apply:
-        return Held(found, at, found, active, covariance, facing, True, errors)
+        return Held(found, at, found, active, covariance, facing, True, errors, *given)
     exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas))
     if data.tool_prior is not None:
         exact = replace(exact, tool_prior=data.tool_prior.without(OF_FILES[active]))
@@ -133,6 +137,8 @@ def _held(judged: Judged, apply: bool) -> Held:
         facing,
         False,
         errors,
+        exact,
+        judged.fit.sigmas,
     )
 
 

@@ -17,6 +17,7 @@ from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import Influence, influence_of
 from calib_core.chain.model import ChainState, Sigmas
+from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, WithoutOne, judge, with_more_spread, without_each
@@ -95,6 +96,8 @@ class TcpSolution:
     seen_in_laser_mm, at_point : (3,), (3, 3)
         Where the scanner saw the sphere on average, brought into the plane of light, and the covariance of a point
         that is measured there, along the flange's axes, mm and mm².
+    optics : tuple of OpticsError
+        What camera and plane of light put into it, where the session's own frames gave them.
     """
 
     joint: Answer
@@ -127,6 +130,7 @@ class TcpSolution:
     seen_in_laser_mm: FloatArray
     at_point: FloatArray
     options: TcpOptions
+    optics: tuple[OpticsError, ...] = ()
 
 
 def solve_tcp(

@@ -23,12 +23,15 @@ from calib_core.errors import InputError
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.records import Record
+from calib_core.records.results import OpticsShift
 
-PartName = Literal["tool", "scanner", "table", "arm", "arm_alike", "angle", "points"]
+PartName = Literal["tool", "scanner", "camera", "plane", "table", "arm", "arm_alike", "angle", "points"]
 
 _HELPS: Mapping[str, str] = {
     "tool": "more captures for the tool where the guide proposes them",
     "scanner": "a sphere whose diameter is better known, and captures over the whole field of the scanner",
+    "camera": "more boards for the camera, over its whole field and depth",
+    "plane": "more boards with the stripe, near and far",
     "table": "more angles and a second height of the sphere on the table",
     "arm": "averaging several scans from poses that differ: the arm's own scatter is alike in none",
     "arm_alike": "the arm's own calibration: its errors are alike where poses are alike",
@@ -80,12 +83,14 @@ class Calibrated:
         Of the table's angles.
     nuisances : tuple of int
         Which of the scanner's errors the covariance has.
-    covariance : (6 + 6 + n, …)
-        Of tool, table (zero without one) and the scanner's errors.
+    covariance : (6 + 6 + n + m, …)
+        Of tool, table (zero without one), the scanner's errors, and m unit variances of camera and plane of light.
     half_width_mm, facing, point_in_laser_mm
         See `chain.held`; where the scanner sees the workpiece, (3,).
     sigmas : Sigmas
     point_sigma_mm : float
+    optics : tuple of OpticsShift
+        What those m do; the tool's, table's and scanner's covariances are without them.
     """
 
     tool0_from_laser: RigidTransform
@@ -98,6 +103,7 @@ class Calibrated:
     point_in_laser_mm: FloatArray
     sigmas: Sigmas
     point_sigma_mm: float
+    optics: tuple[OpticsShift, ...] = ()
 
     @classmethod
     def of(cls, result: Mapping[str, Any], point_in_laser_mm: Sequence[float] | None = None) -> "Calibrated":
@@ -138,6 +144,8 @@ class Calibrated:
         covariance = np.triu(covariance) + np.triu(covariance, 1).T
         if not np.isfinite(covariance).all():
             raise InputError("covariances of finite numbers", "others", "Solve the session again.")
+        optics = tuple(OpticsShift.model_validate(one) for one in result.get("optics") or [])
+        covariance = _with_optics_apart(covariance, optics)
         angle = float(np.deg2rad(result.get("angle_sigma_deg") or 0.0))
         return cls(
             tool0_from_laser=RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser"),
@@ -156,7 +164,23 @@ class Calibrated:
                 found.get("alike_orientation_sigma_rad") or 0.0,
             ),
             point_sigma_mm=float(found.get("point_sigma_mm") or 0.0),
+            optics=optics,
         )
+
+
+def _moves_by(optics: Sequence[OpticsShift], size: int) -> FloatArray:
+    """Return by how much each of camera's and plane's errors moves tool, table and scanner (size), (size, m)."""
+    columns = [[*one.tool, *(one.turntable or [0.0] * 6), *one.scanner][:size] for one in optics]
+    return np.array(columns, dtype=float).reshape(-1, size).T
+
+
+def _with_optics_apart(covariance: FloatArray, optics: Sequence[OpticsShift]) -> FloatArray:
+    """Return a covariance with the errors of camera and plane of light as members of their own."""
+    size, many = len(covariance), len(optics)
+    moves = _moves_by(optics, size)
+    apart = np.eye(size + many)
+    apart[:size, :size] = covariance - moves @ moves.T
+    return apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +203,7 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
     by_flange = point_rows(tool.rotation, seen, known.half_width_mm, known.facing)
     rows = np.zeros((3, len(known.covariance)))
     table = known.base_from_turntable
-    out = np.eye(3)
+    out, count = np.eye(3), 12 + len(known.nuisances)
     if table is not None:
         angle = known.direction * view.angle_rad
         cosine, sine = np.cos(angle), np.sin(angle)
@@ -189,7 +213,11 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
         turned = turn @ point_mm
         rows[:, 6:12] = -axes @ np.hstack([-table.rotation @ skew(turned), np.eye(3)])
     rows[:, :6] = out @ by_flange[:, :6]
-    rows[:, 12:] = out @ by_flange[:, 6 + np.array(known.nuisances, dtype=int)]
+    rows[:, 12:count] = out @ by_flange[:, 6 + np.array(known.nuisances, dtype=int)]
+    # The point moves by its own, and with what they did to tool and table.
+    own = [np.array(one.point_mm) + np.array(one.by_place) @ (seen - one.at_mm) for one in known.optics]
+    rows[:, count:] = out @ tool.rotation @ np.array(own).reshape(-1, 3).T
+    rows[:, count:] += rows[:, :count] @ _moves_by(known.optics, count)
     return rows, out
 
 
@@ -204,11 +232,8 @@ def covariances(known: Calibrated, view: View, point_mm: FloatArray) -> dict[Par
     alike = pose_spread(seen[None], in_laser, Sigmas(sigmas.alike_position_mm, sigmas.alike_orientation_rad))[0]
     axes = out @ tool.rotation
     found: dict[PartName, FloatArray] = {}
-    parts: tuple[tuple[PartName, slice], ...] = (
-        ("tool", slice(0, 6)), ("table", slice(6, 12)), ("scanner", slice(12, None)),
-    )  # fmt: skip
-    for name, part in parts:
-        found[name] = rows[:, part] @ known.covariance[part, part] @ rows[:, part].T
+    for name, part in _calibrated_parts(known).items():
+        found[name] = rows[:, part] @ known.covariance[np.ix_(part, part)] @ rows[:, part].T
     found["arm"] = axes @ own @ axes.T
     found["arm_alike"] = axes @ alike @ axes.T
     if known.base_from_turntable is not None:
@@ -219,11 +244,29 @@ def covariances(known: Calibrated, view: View, point_mm: FloatArray) -> dict[Par
     return found
 
 
-_SHARED: frozenset[str] = frozenset({"tool", "table", "scanner", "arm_alike"})
+def _calibrated_parts(known: Calibrated) -> dict[PartName, np.ndarray]:
+    """Return which members of the covariance each source of what was calibrated has."""
+    last = 12 + len(known.nuisances)
+    parts: dict[PartName, np.ndarray] = {
+        "tool": np.arange(6),
+        "table": np.arange(6, 12),
+        "scanner": np.arange(12, last),
+    }
+    sources = np.array([one.source for one in known.optics])
+    for name in _OPTICS:
+        if (sources == name).any():
+            parts[name] = last + np.flatnonzero(sources == name)
+    return parts
+
+
+_OPTICS: tuple[PartName, ...] = ("camera", "plane")
+_TOGETHER: tuple[PartName, ...] = ("tool", "table", "scanner")
+_CALIBRATED: frozenset[PartName] = frozenset({*_TOGETHER, *_OPTICS})
+_SHARED: frozenset[PartName] = frozenset({*_CALIBRATED, "arm_alike"})
 
 
 def together(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
-    """Return the covariance (3, 3) by tool, table and scanner, with what cancels between them."""
+    """Return the covariance (3, 3) by tool, table, scanner and optics, with what cancels between them."""
     rows, _ = calibrated_rows(known, view, point_mm)
     return rows @ known.covariance @ rows.T
 
@@ -231,7 +274,7 @@ def together(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
 def stated(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
     """Return the covariance (3, 3), mm², of one measured point from one scan."""
     parts = covariances(known, view, point_mm)
-    new = sum((parts[name] for name in parts if name not in ("tool", "table", "scanner")), np.zeros((3, 3)))
+    new = sum((parts[name] for name in parts if name not in _CALIBRATED), np.zeros((3, 3)))
     return together(known, view, point_mm) + new
 
 
@@ -253,8 +296,8 @@ def budget(known: Calibrated, views: Sequence[View], point_mm: Sequence[float] |
         name: np.asarray(np.mean([parts[name] for parts in each], axis=0), dtype=float) for name in each[0]
     }
     calibrated = np.mean([together(known, view, point) for view in views], axis=0)
-    apart = mean["tool"] + mean["table"] + mean["scanner"]
-    total = calibrated + sum((mean[n] for n in mean if n not in ("tool", "table", "scanner")), np.zeros((3, 3)))
+    apart = sum((mean[name] for name in mean if name in _CALIBRATED), np.zeros((3, 3)))
+    total = calibrated + sum((mean[name] for name in mean if name not in _CALIBRATED), np.zeros((3, 3)))
     shared = calibrated + mean["arm_alike"]
     parts = [
         BudgetPart(name=name, sigma_mm=_rms(one), worst_sigma_mm=_worst(one), shared=name in _SHARED)
@@ -277,9 +320,11 @@ def budget(known: Calibrated, views: Sequence[View], point_mm: Sequence[float] |
 
 def _helps_most(mean: Mapping[PartName, FloatArray], calibrated: FloatArray, total: FloatArray) -> str:
     """Return what would help most, as a sentence: the source without which least would be left."""
-    new = {name: one for name, one in mean.items() if name not in ("tool", "table", "scanner")}
-    largest = max(("tool", "table", "scanner"), key=lambda name: float(np.trace(mean[name])))
-    without = {name: _worst(total - one) for name, one in new.items()} | {largest: _worst(total - calibrated)}
+    alone = {name: one for name, one in mean.items() if name not in _TOGETHER}
+    optics = sum((mean[name] for name in _OPTICS if name in mean), np.zeros((3, 3)))
+    largest = max(_TOGETHER, key=lambda name: float(np.trace(mean[name])))
+    without = {name: _worst(total - one) for name, one in alone.items()}
+    without[largest] = _worst(total - calibrated + optics)
     best = min(without, key=lambda name: without[name])
     return (
         f"What would help most: {_HELPS[best]}. Without it {quantity_text(plus_minus(without[best], 'mm'))} "

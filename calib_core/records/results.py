@@ -1,7 +1,7 @@
 """What the results of all stages share."""
 
 from importlib import import_module
-from typing import Final
+from typing import Final, Literal
 
 from pydantic import Field
 
@@ -87,6 +87,24 @@ class ScannerFound(Record):
     covariance_with_table: Rows | None = None
     half_width_mm: float | None = None
     facing: int = 1
+
+
+class OpticsShift(Record):
+    """What one standard deviation of camera or plane of light, along one direction, does to an answer.
+
+    It moves the tool by `tool` (rx ry rz tx ty tz), base_from_turntable by `turntable`, what was found of the
+    scanner by `scanner` (in the order of its names), and a point that is measured at `at_mm` in L by `point_mm`,
+    which changes with the place by `by_place` (3, 3).  Directions are independent, and in the covariances.
+    `source` is "plane" for what the camera's error leaves open of the plane.
+    """
+
+    source: Literal["camera", "plane"]
+    tool: list[float]
+    turntable: list[float] | None = None
+    scanner: list[float]
+    at_mm: Vector3
+    point_mm: Vector3
+    by_place: Rows
 
 
 class AtPoint(Record):

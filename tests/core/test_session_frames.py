@@ -8,10 +8,12 @@ import pytest
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.solved_optics import remembered
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
+from calib_core.guidance.at_part import budget_at
 from calib_core.records import Session
 from calib_core.simulation import SimulatedSession
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
 
 SHIFT_MM = 5.0
 
@@ -87,3 +89,15 @@ def test_bands_of_depth_are_kept_in_the_cell() -> None:
     pixels = np.array([[100.0, 50.0], [500.0, 400.0]])
     again = calibration.camera.project(calibration.camera_from_laser.apply(calibration.points(pixels)))
     assert np.allclose(again, pixels, atol=1e-6)
+
+
+def test_a_tool_from_frames_tells_what_camera_and_plane_are_not_known_to(cell: SimulatedSession) -> None:
+    result = solve_stage(cell.session, "tcp", cell.files.__getitem__)
+    assert isinstance(result, TcpResult)
+    assert [shift.source for shift in result.optics].count("plane") == 3
+    assert {part.name for part in budget_at(cell.session, {"tcp": result.to_json()}).parts} >= {"camera", "plane"}
+    # They are in the tool's covariance, and are no more than that.
+    moves = np.array([shift.tool for shift in result.optics])
+    assert np.linalg.eigvalsh(np.array(result.covariance) - moves.T @ moves)[0] > 0
+    known = result.model_dump() | {"optics": []}
+    assert {part.name for part in budget_at(cell.session, {"tcp": known}).parts}.isdisjoint({"camera", "plane"})

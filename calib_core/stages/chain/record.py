@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.records.base import Matrix4, Rows, Vector3
-from calib_core.records.results import AtPoint, Result, ScannerFound, Undetermined, VarianceComponents
+from calib_core.records.results import AtPoint, OpticsShift, Result, ScannerFound, Undetermined, VarianceComponents
 from calib_core.stages.tcp.record import TcpResidual, TwoStep
 from calib_core.stages.turntable.record import TableFields, TurntableResidual
 
@@ -31,6 +31,7 @@ class ChainResult(Result, TableFields):
     two_step: TwoStep
     variance_components: VarianceComponents
     scanner: ScannerFound | None = None
+    optics: list[OpticsShift] = Field(default_factory=list[OpticsShift])
     workpiece: AtPoint | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
     residuals: list[TcpResidual | TurntableResidual]

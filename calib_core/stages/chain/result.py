@@ -5,11 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.chain.observations import TableObservation
+from calib_core.chain.table_judging import TABLE_COLUMN
 from calib_core.chain.table_reasons import remounted
 from calib_core.chain.whole import ChainSolution
 from calib_core.frames import FloatArray
 from calib_core.records import Verdict
+from calib_core.records.results import OpticsShift
 from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.result import tcp_result
 from calib_core.stages.tcp.verdict import doubts_about_two_steps
 from calib_core.stages.turntable.result import table_fields, table_rows, variance_components
@@ -72,6 +75,7 @@ def chain_result(
         variance_components=variance_components(table.sigmas, table.point_sigma_mm, table.options),
         scanner=tcp.scanner
         and tcp.scanner.model_copy(update={"covariance_with_table": solution.scanner_with_table.tolist()}),
+        optics=_optics(solution, tcp),
         workpiece=tcp.workpiece,
         confidence_95=tcp.confidence_95,
         residuals=[*tcp.residuals, *rows],
@@ -87,6 +91,14 @@ def chain_result(
             table.encoder,
         ),
     )
+
+
+def _optics(solution: ChainSolution, tcp: TcpResult) -> list[OpticsShift]:
+    """Return what camera and plane of light do to the tool, with what they do to the table."""
+    table = slice(TABLE_COLUMN, TABLE_COLUMN + solution.turntable.covariance.pose_by_unknowns.shape[1])
+    moves = [solution.turntable.covariance.pose_by_unknowns @ e.step[table] for e in solution.tcp.optics]
+    pairs = zip(tcp.optics, moves, strict=True)
+    return [shift.model_copy(update={"turntable": move.tolist()}) for shift, move in pairs]
 
 
 def _disagreements(solution: ChainSolution) -> list[str]:

@@ -42,6 +42,10 @@ def solve_chain_stage(given: StageInput) -> ChainResult:
         table_options(given.session.cell),
         part_of(given.progress, _TABLE_SHARE, 1.0),
     )
+    if any(capture.kind in ("frame", "sweep") for capture in given.captures):
+        from calib_core.captures.frame_uncertainty import chain_with_calibration_uncertainty
+
+        solution = chain_with_calibration_uncertainty(given.session, given.read, solution)
     result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
     result = with_repeats(result, solved.observations, solution.tcp.sigmas)
     if given.session.cell.turntable.angles != "unknown":

@@ -8,6 +8,7 @@ from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import (
     AtPoint,
     CaptureResidual,
+    OpticsShift,
     Result,
     ScannerFound,
     Undetermined,
@@ -73,6 +74,7 @@ class TcpResult(Result):
     two_step: TwoStep
     variance_components: VarianceComponents
     scanner: ScannerFound | None = None
+    optics: list[OpticsShift] = Field(default_factory=list[OpticsShift])
     workpiece: AtPoint | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
     residuals: list[TcpResidual]

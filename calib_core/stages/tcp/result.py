@@ -5,11 +5,12 @@ import numpy as np
 from calib_core.arms.alike import REACH_MM, REACH_RAD
 from calib_core.chain.answer import Answer
 from calib_core.chain.model import Sigmas
+from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import TcpSolution
 from calib_core.frames import FloatArray
 from calib_core.records import Undetermined, VarianceComponents
-from calib_core.records.results import AtPoint, ScannerFound
+from calib_core.records.results import AtPoint, OpticsShift, ScannerFound
 from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
 from calib_core.stages.tcp.verdict import tcp_notes, tcp_verdict
 
@@ -43,6 +44,7 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
         two_step=_two_step(solution),
         variance_components=_variance_components(solution),
         scanner=scanner_found(solution),
+        optics=[_optics_shift(solution, error) for error in solution.optics],
         workpiece=AtPoint(
             point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_point.tolist()
         ),
@@ -73,6 +75,18 @@ def scanner_found(solution: TcpSolution) -> ScannerFound:
         sphere_diameter_sigma_mm=solution.sphere.sigma_mm,
         half_width_mm=held.half_width_mm,
         facing=held.facing,
+    )
+
+
+def _optics_shift(solution: TcpSolution, error: OpticsError) -> OpticsShift:
+    some = solution.held.tool_and_scanner
+    return OpticsShift(
+        source=error.source,
+        tool=error.step[:6].tolist(),
+        scanner=error.step[some[6:]].tolist(),
+        at_mm=error.at_mm.tolist(),
+        point_mm=error.point_mm.tolist(),
+        by_place=error.by_place.tolist(),
     )
 
 

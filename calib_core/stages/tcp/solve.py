@@ -131,7 +131,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
 
-        solution = with_calibration_uncertainty(given.session, given.read, observed.observations, solution)
+        solution = with_calibration_uncertainty(given.session, given.read, solution)
     return SolvedTcp(solution, observed.observations, sphere, observed.unused)
 
 

@@ -134,6 +134,8 @@ export const texts = {
   "captures of the answer with poses that can be read": "Aufnahmen des Ergebnisses mit lesbaren Posen",
   "more captures for the tool where the guide proposes them": "mehr Aufnahmen für das Werkzeug, wo die Anleitung sie vorschlägt",
   "a sphere whose diameter is better known, and captures over the whole field of the scanner": "eine Kugel mit genauer bekanntem Durchmesser, und Aufnahmen über das ganze Feld des Scanners",
+  "more boards for the camera, over its whole field and depth": "mehr Tafeln für die Kamera, über ihr ganzes Feld und ihre ganze Tiefe",
+  "more boards with the stripe, near and far": "mehr Tafeln mit der Lichtlinie, nah und fern",
   "more angles and a second height of the sphere on the table": "mehr Winkel und eine zweite Höhe der Kugel auf dem Tisch",
   "averaging several scans from poses that differ: the arm's own scatter is alike in none": "mehrere Scans aus verschiedenen Posen mitteln: Die eigene Streuung des Arms ist in keinem gleich",
   "the arm's own calibration: its errors are alike where poses are alike": "die Kalibrierung des Arms selbst: Seine Fehler sind gleich, wo die Posen ähnlich sind",

@@ -134,6 +134,8 @@ export const texts = {
   "captures of the answer with poses that can be read": "结果所用、位姿可读的采集",
   "more captures for the tool where the guide proposes them": "在向导建议处为工具增加采集",
   "a sphere whose diameter is better known, and captures over the whole field of the scanner": "直径更精确已知的球，以及覆盖扫描仪整个视场的采集",
+  "more boards for the camera, over its whole field and depth": "为相机拍摄更多标定板，覆盖整个视场和深度",
+  "more boards with the stripe, near and far": "拍摄更多带激光条纹的标定板，远近都要有",
   "more angles and a second height of the sphere on the table": "更多角度，以及球在转台上的第二高度",
   "averaging several scans from poses that differ: the arm's own scatter is alike in none": "对多个不同位姿的扫描取平均：机械臂自身的离散各不相同",
   "the arm's own calibration: its errors are alike where poses are alike": "机械臂自身的标定：位姿相近处误差相同",
