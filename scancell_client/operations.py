@@ -414,6 +414,14 @@ class Operations(Connection):
         nothing."""
         return self.request("POST", "/api/v1/certificates", json=body)
 
+    def machines_arms(self) -> Any:
+        """List the arms that are known by name."""
+        return self.request("GET", "/api/v1/arms")
+
+    def machines_read_arm(self, body: Mapping[str, Any]) -> Any:
+        """Return an arm's joints as `cell.robot.arm` has them, from its URDF; stores nothing."""
+        return self.request("POST", "/api/v1/arms", json=body)
+
     def machines_read_controller(self, files: Mapping[str, bytes], brand: Any, as_written: Any, told: Any) -> Any:
         """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""
         return self.request("POST", "/api/v1/controller-files", files=[*_files("files", files), *_text("brand", brand), *_text("as_written", as_written), *_text("told", told)])

@@ -45,14 +45,25 @@ export interface ArmJoint {
   theta_deg?: number;
   kind?: "revolute" | "prismatic";
   sign?: 1 | -1;
+  name?: string | null;
+  previous_from_joint?: number[][] | null;
+  limits?: unknown[] | null;
 }
 
 export interface ArmTable {
   joints: ArmJoint[];
   convention?: "standard" | "modified";
   couples?: Record<string, number>;
+  source?: string | null;
   base_from_first?: number[][] | null;
   last_from_tool0?: number[][] | null;
+}
+
+export interface ArmText {
+  xml: string;
+  name?: string;
+  base?: string | null;
+  tip?: string | null;
 }
 
 export interface Arming {
@@ -61,6 +72,10 @@ export interface Arming {
   low_deg: number;
   high_deg: number;
   minutes?: number;
+}
+
+export interface Arms {
+  items: string[];
 }
 
 export interface AskedFrame {
@@ -1717,6 +1732,7 @@ export interface StageOfCell {
   after: string[];
   guided: string[];
   step: StepOfCaptures | null;
+  further_steps: StepOfCaptures[];
   settings_field: string | null;
   layers: string[];
   element: string | null;

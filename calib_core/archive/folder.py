@@ -20,6 +20,7 @@ from calib_core.records import Record, Session, parse_session
 from calib_core.stages.stage import ReadFile
 
 SESSION_FILE = "session.json"
+_URDF_ENDINGS = (".urdf", ".xacro", ".xml")
 MAX_SESSION_BYTES = 32_000_000
 
 
@@ -47,9 +48,26 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     if not isinstance(data, dict):
         raise InputError("a JSON object {…}", f"a {type(data).__name__}", "Write the session's record.", str(file))
     record = to_present_format(cast("dict[str, Any]", data), str(file))
+    record = _with_arm(record, folder)
     session = parse_session(record, str(file))
     require_plain(record, str(file))
     return session, KeepingReader(_reader(folder), KeptObservations(folder / OWN_FOLDER))
+
+
+def _with_arm(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a session's record with the joints of the URDF that its arm names, a file in the folder."""
+    cell = record.get("cell")
+    robot = cast("dict[str, Any]", cell).get("robot") if isinstance(cell, dict) else None
+    arm = cast("dict[str, Any]", robot).get("arm") if isinstance(robot, dict) else None
+    if not isinstance(arm, str) or not arm.lower().endswith(_URDF_ENDINGS):
+        return record
+    from calib_core.arms.urdf import arm_from_urdf
+
+    table = arm_from_urdf(_reader(folder)(arm), arm).to_json()
+    return {
+        **record,
+        "cell": {**cast("dict[str, Any]", cell), "robot": {**cast("dict[str, Any]", robot), "arm": table}},
+    }
 
 
 def folder_of(path: Path) -> Path:

@@ -81,7 +81,10 @@ def links_mm(
     flange = flange_of_joints(arm, joints_deg, joints_mm)
     corners: list[FloatArray] = []
     frames = _frames(arm, joints_deg, joints_mm)
-    for joint, before, after in zip(arm.joints, frames[:-1], frames[1:], strict=True):
+    for joint, last, after in zip(arm.joints, frames[:-1], frames[1:], strict=True):
+        before = _at_joint(last, joint)
+        if joint.previous_from_joint is not None:
+            corners.append(last[:3, 3])
         # Along x of the frame that follows in the standard convention, of the frame before in the modified one.
         x = after[:3, 0] if arm.convention == "standard" else before[:3, 0]
         bend = after[:3, 3] - joint.a_mm * x if arm.convention == "standard" else before[:3, 3] + joint.a_mm * x
@@ -106,11 +109,16 @@ def _frames(
         theta = np.deg2rad(joint.theta_deg + (reading if turns else 0.0))
         d_mm = joint.d_mm + (0.0 if turns else reading)
         alpha = np.deg2rad(joint.alpha_deg)
-        matrix = matrix @ (_standard if arm.convention == "standard" else _modified)(
+        matrix = _at_joint(matrix, joint) @ (_standard if arm.convention == "standard" else _modified)(
             theta, d_mm, joint.a_mm, alpha
         )
         frames.append(matrix)
     return frames
+
+
+def _at_joint(last: FloatArray, joint: ArmJoint) -> FloatArray:
+    """Return the frame (4, 4) in which a joint's row begins."""
+    return last if joint.previous_from_joint is None else last @ np.array(joint.previous_from_joint)
 
 
 def _reading(

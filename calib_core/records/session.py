@@ -45,7 +45,8 @@ class Scanner(Record):
 class ArmJoint(Record):
     """One row of a Denavit–Hartenberg table; `theta_deg` (or `d_mm` of a prismatic joint) is added to the reading.
 
-    `sign` is −1 where the controller counts the joint the other way.
+    `sign` is −1 where the controller counts the joint the other way.  `previous_from_joint` stands before the row:
+    a joint as a URDF has it, which turns or slides along its own z.  `limits` are in degrees or mm.
     """
 
     a_mm: Finite = 0.0
@@ -54,18 +55,22 @@ class ArmJoint(Record):
     theta_deg: Finite = 0.0
     kind: Literal["revolute", "prismatic"] = "revolute"
     sign: Literal[1, -1] = 1
+    name: str | None = None
+    previous_from_joint: Matrix4 | None = None
+    limits: tuple[Finite, Finite] | None = None
 
 
 class ArmTable(Record):
     """An arm's joints from the base to the flange, in the standard or the modified (Craig) convention.
 
     `couples` has, for a joint that moves along with another (Fanuc's third with its second), the other's place,
-    both from 0.
+    both from 0.  `source` says where the table is from, such as a URDF and the links it was read between.
     """
 
     joints: Annotated[list[ArmJoint], Field(min_length=1, max_length=12)]
     convention: Literal["standard", "modified"] = "standard"
     couples: dict[int, int] = Field(default_factory=dict)
+    source: str | None = None
     base_from_first: Matrix4 | None = None
     last_from_tool0: Matrix4 | None = None
 

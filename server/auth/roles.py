@@ -61,7 +61,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /openapi.json",
         *(
             f"GET {_API}/{what}"
-            for what in ("formats", "conventions", "exports", "sources", "stages", "brands", "jobs")
+            for what in ("formats", "conventions", "exports", "sources", "stages", "brands", "arms", "jobs")
         ),
         f"GET {_API}/robot-programs",
         f"GET {_API}/movers",
@@ -146,6 +146,7 @@ RULES: dict[Role, tuple[str, ...]] = {
     Role.CAPTURE: (
         f"POST {_API}/plan",
         f"POST {_API}/certificates",
+        f"POST {_API}/arms",
         f"POST {_API}/sessions",
         f"PATCH {_SESSION}",
         f"POST {_SESSION}/captures/batch",

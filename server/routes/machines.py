@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.captures.certificate import Certificate
 from calib_core.errors import InputError, TooLargeError
+from calib_core.records import ArmTable
 from calib_core.robots.told import Told
 from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
@@ -147,6 +148,38 @@ def read_sphere_certificate(body: CertificateText, _: IdempotencyDep) -> Certifi
     from calib_core.captures.certificate import read_certificate
 
     return read_certificate(body.xml.encode())
+
+
+class Arms(BaseModel):
+    """The arms that are known by name, as `cell.robot.arm` names them."""
+
+    items: list[str]
+
+
+@router.get("/arms", response_model=Arms)
+def arms() -> Arms:
+    """List the arms that are known by name."""
+    from calib_core.arms.kinematics import NAMED_ARMS
+
+    return Arms(items=list(NAMED_ARMS))
+
+
+class ArmText(BaseModel):
+    """An arm's URDF as it came, and the links between which the arm is, where these are not base and tool0."""
+
+    model_config = ConfigDict(extra="forbid")
+    xml: str = Field(max_length=5_000_000, examples=["<robot name='…'>"])
+    name: str = Field(default="URDF", max_length=200)
+    base: str | None = Field(default=None, max_length=200)
+    tip: str | None = Field(default=None, max_length=200)
+
+
+@router.post("/arms", response_model=ArmTable)
+def read_arm(body: ArmText, _: IdempotencyDep) -> Response:
+    """Return an arm's joints as `cell.robot.arm` has them, from its URDF; stores nothing."""
+    from calib_core.arms.urdf import arm_from_urdf
+
+    return JSONResponse(arm_from_urdf(body.xml.encode(), body.name, body.base, body.tip).to_json())
 
 
 @router.post("/controller-files", response_model=ControllerFileContent)

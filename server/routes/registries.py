@@ -77,14 +77,15 @@ class StepOfCaptures(BaseModel):
 class StageOfCell(_Entry):
     """A stage: the steps whose captures it takes, the stages that it may rest on, and the guide's steps for it.
 
-    `step` are the captures that are its own; its settings stand in the cell's field `settings_field`; `element` is
-    where the page's own elements of it lie, null where it has none.
+    `step` are the captures that are its own, `further_steps` others that it alone takes; its settings stand in the
+    cell's field `settings_field`; `element` is where the page's own elements of it lie, null where it has none.
     """
 
     steps: list[str]
     after: list[str]
     guided: list[str]
     step: StepOfCaptures | None
+    further_steps: list[StepOfCaptures]
     settings_field: str | None
     layers: list[str]
     element: str | None

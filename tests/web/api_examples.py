@@ -28,6 +28,7 @@ _TETRAHEDRON = (
     ((0, 0, 0), (0, 0, 40), (0, 40, 0)),
     ((40, 0, 0), (0, 40, 0), (0, 0, 40)),
 )
+_UNITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 _CELL = {"pose_convention": "fanuc", "sphere_diameter_mm": 40.0}
 
 
@@ -197,6 +198,7 @@ def _uploads(recorder: Recorder, names: dict[str, Any]) -> None:
 def machines(recorder: Recorder, names: dict[str, Any]) -> None:
     """Record what is looked at before it is used, and the tool read back."""
     recorder.send("GET", "/api/v1/brands")
+    recorder.send("GET", "/api/v1/arms")
     points = "DEFDAT measure\n" + "".join(
         f"DECL E6POS XP{k}={{X {800 + k}.0,Y 20.0,Z 600.0,A 0.0,B 90.0,C 0.0,S 2,T 3,E1 {45 * k}.0}}\n"
         f'DECL FDAT FP{k}={{TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " "}}\n'
@@ -267,6 +269,11 @@ def record_live(recorder: Recorder, folder: Path) -> None:
                 }
             ],
         },
+    }
+    joint = {"kind": "revolute", "name": "joint_1", "previous_from_joint": _UNITY, "limits": [-180.0, 180.0]}
+    recorder.examples["machines_read_arm"] = {
+        "request": {"xml": "<robot name='arm'> …", "name": "arm.urdf"},
+        "answer": {"joints": [joint], "last_from_tool0": _UNITY, "source": "arm.urdf: base → tool0"},
     }
     recorder.examples["live_measure_clocks"] = {
         "answer": {**measured, "shift_at_100_mm_s_mm": 0.004, "warning": ""}

@@ -93,7 +93,7 @@ function bodyOf(form) {
       scanner: { kind: /** @type {Kind} */ (form.get("kind")), point_sigma_mm: typed(form, "point_sigma"), z_axis: z === "away" || z === "toward" ? z : undefined },
       board: boardOf(form),
       turntable: form.get("turntable") ? {} : undefined,
-      robot: { position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma") },
+      robot: { position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma"), arm: form.get("arm") ? JSON.parse(String(form.get("arm"))) : undefined },
     },
   };
 }
@@ -134,6 +134,7 @@ function fill(form, { name, cell }) {
     board_kind: cell.board?.kind ?? "chessboard", board_columns: cell.board?.columns, board_rows: cell.board?.rows, board_pitch: cell.board?.pitch_mm,
     board_marker: cell.board?.marker_mm, board_dictionary: cell.board?.dictionary,
     position_sigma: cell.robot?.position_sigma_mm, orientation_sigma: cell.robot?.orientation_sigma_deg,
+    arm: cell.robot?.arm ? JSON.stringify(cell.robot.arm) : "",
   };
   const turntable = form.elements.namedItem("turntable");
   if (turntable instanceof HTMLInputElement) turntable.checked = cell.turntable !== undefined && cell.turntable !== null;
@@ -173,6 +174,8 @@ function open(conventions, session, brought) {
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
       h("button", { type: "button", class: "plain wide", onclick: async (/** @type {Event} */ { target }) => (await import("../guidance/certificate.js")).fillFromCertificate(/** @type {HTMLButtonElement} */ (target).form) }, t("new.certificate")),
       field("new-point-sigma", t("new.point_sigma"), number("point_sigma")),
+      h("input", { type: "hidden", name: "arm" }),
+      h("button", { type: "button", class: "plain wide", id: "new-arm", onclick: async (/** @type {Event} */ { currentTarget }) => (await import("../guidance/arm.js")).chooseArm(/** @type {HTMLButtonElement} */ (currentTarget)) }, t("new.arm")),
       field("new-position-sigma", t("new.position_sigma"), number("position_sigma")),
       field("new-orientation-sigma", t("new.orientation_sigma"), number("orientation_sigma")),
       field("new-z", t("new.z_axis"), h("select", { name: "z_axis" }, h("option", { value: "" }, t("new.z_data")), h("option", { value: "away" }, t("new.z_away")), h("option", { value: "toward" }, t("new.z_toward")))),

@@ -1,5 +1,6 @@
 // What was dropped: single files, or a whole session folder with its session.json.
 
+import { json, request } from "./http.js";
 import { registry } from "./registries.js";
 
 /** @import {Capture, Kind} from "./model.js" */
@@ -126,8 +127,11 @@ export async function sessionFolder(found) {
   const head = found.find(({ path }) => baseOf(path) === "session.json");
   if (!head) return null;
   const { captures = [], ...record } = JSON.parse(await head.file.text());
+  const robot = record.cell?.robot;
   const root = head.path.slice(0, head.path.length - "session.json".length);
   const byPath = new Map(found.map(({ path, file }) => [path, file]));
+  const urdf = byPath.get(`${root}${robot?.arm}`);
+  if (urdf) robot.arm = await (await request("/arms", json("POST", { xml: await urdf.text(), name: urdf.name }))).json();
   return { record, captures: /** @type {Capture[]} */ (captures).map((capture) => withFiles(capture, root, byPath)) };
 }
 

@@ -145,7 +145,7 @@ export class SessionState extends EventTarget {
 
   /** What a step's captures show: the board, the sphere, the sphere on the table, or an object. @param {string} step */
   shows(step) {
-    const own = this.stages.flatMap((stage) => [stage.step, ...(stage.further_steps ?? [])]);
+    const own = this.stages.flatMap((stage) => [stage.step, ...stage.further_steps]);
     return own.find((one) => one?.name === step)?.shows ?? "sphere";
   }
 
@@ -156,8 +156,7 @@ export class SessionState extends EventTarget {
 
   /** The stage that a step belongs to. @param {string} step */
   stageOf(step) {
-    const isOf = ({ name, guided = [], further_steps: further = [] }) => name === step || guided.includes(step) || further.some((one) => one.name === step);
-    return this.stages.find(isOf)?.name ?? step;
+    return this.stages.find(({ name, guided, further_steps: further }) => name === step || guided.includes(step) || further.some((one) => one.name === step))?.name ?? step;
   }
 
   /** @param {string} step */

@@ -11,6 +11,7 @@ export const cell = {
   "new.brand_hint": "Decides how the numbers of a pose are read.",
   "new.diameter": "Sphere diameter in mm",
   "new.certificate": "Read the sphere's digital certificate …",
+  "new.arm": "Choose the robot's arm, or give its URDF …",
   "new.diameter_hint": "From the certificate, such as 80.003",
   "new.turntable": "The part or the sphere is on a turntable",
   "new.board": "Calibration board, for raw camera frames",

@@ -25,5 +25,6 @@ export const texts = {
   "planned.pose": "Flansch in der Basis ({convention})", "planned.table": "Tisch", "planned.brand": "Steuerung", "planned.save": "Als Programm speichern", "planned.saved": "{name} ist gespeichert.",
   "planned.safety": "Das Programm fährt mit dem Flansch, langsam, von weit außen, und hält vor jeder Bewegung, bis der Bediener sie startet. Im Handbetrieb verwenden.",
 
+  "arm.title": "Arm", "arm.unknown": "nicht bekannt", "arm.urdf": "Aus einer URDF …", "arm.taken": "{source}: {count} Gelenke",
   "certificate.taken": "{name} aus Kalibrierschein {number} übernommen.", "certificate.several": "Kalibrierschein {number} hat mehrere Durchmesser; {name} ist übernommen. Prüfen, ob es der richtige ist.",
 };

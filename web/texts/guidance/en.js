@@ -25,5 +25,6 @@ export const texts = {
   "planned.pose": "Flange in base ({convention})", "planned.table": "Table", "planned.brand": "Controller", "planned.save": "Save as program", "planned.saved": "{name} is saved.",
   "planned.safety": "The program goes by the flange, slowly, from well outside, and stops before each move until the operator starts it. Use manual mode.",
 
+  "arm.title": "Arm", "arm.unknown": "not known", "arm.urdf": "From a URDF …", "arm.taken": "{source}: {count} joints",
   "certificate.taken": "{name} of certificate {number} is taken.", "certificate.several": "Certificate {number} has several diameters; {name} is taken. See that it is the right one.",
 };

@@ -25,5 +25,6 @@ export const texts = {
   "planned.pose": "法兰在基座中（{convention}）", "planned.table": "转台", "planned.brand": "控制器", "planned.save": "保存为程序", "planned.saved": "{name} 已保存。",
   "planned.safety": "程序以法兰为准，从远处缓慢接近，每次移动前停下，直到操作员启动。请使用手动模式。",
 
+  "arm.title": "机械臂", "arm.unknown": "未知", "arm.urdf": "来自 URDF ……", "arm.taken": "{source}：{count} 个关节",
   "certificate.taken": "已采用证书 {number} 的 {name}。", "certificate.several": "证书 {number} 含多个直径；已采用 {name}。请确认是否正确。",
 };

@@ -1,0 +1,46 @@
+"""The robot's arm in the cell's dialog: by its name, from a URDF, and a file that is none refused in sight."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from tests.core.test_urdf import UR5E
+from tests.web.browsing import Watch
+
+pytestmark = pytest.mark.browser
+
+
+def test_an_arm_is_given_by_its_urdf(
+    open_page: Callable[..., Any], watch: Watch, address: str, tmp_path: Path
+) -> None:
+    watch.announce("status of 422")
+    good, bad = tmp_path / "robot.urdf", tmp_path / "entities.urdf"
+    good.write_text(UR5E)
+    bad.write_text('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>')
+    with httpx.Client(base_url=f"{address}/api/v1", trust_env=False) as client:
+        cell = {"pose_convention": "ur", "sphere_diameter_mm": 40.0}
+        session = client.post("/sessions", json={"name": "with an arm", "cell": cell}).json()["id"]
+        page, _ = open_page(f"/sessions/{session}")
+        page.get_by_role("button", name="Edit cell").click()
+        page.locator("dialog summary", has_text=re.compile("^More$")).click()
+        page.get_by_role("button", name="Choose the robot's arm").click()
+        arm = page.get_by_label("Arm", exact=True)
+        expect(arm.locator("option", has_text="ur10e")).to_have_count(1)
+        with page.expect_file_chooser() as chooser:
+            arm.select_option("urdf")
+        chooser.value.set_files(bad)
+        expect(page.locator("sc-toasts")).to_contain_text("entity declaration")
+        expect(arm).to_have_value("")
+        with page.expect_file_chooser() as chooser:
+            arm.select_option("urdf")
+        chooser.value.set_files(good)
+        expect(arm.locator("option:checked")).to_have_text("robot.urdf: base → tool0: 6 joints")
+        page.get_by_role("button", name="Save").click()
+        expect(page.locator("dialog[open]")).to_have_count(0)
+        stored = client.get(f"/sessions/{session}").json()["cell"]["robot"]["arm"]
+        assert [joint["name"] for joint in stored["joints"]][:2] == ["pan", "lift"]
