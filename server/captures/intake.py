@@ -56,6 +56,10 @@ class Intake:
         self._store, self._measuring, self._writes = store, measuring, writes
         self._known: dict[str, _Known] = {}
 
+    def forget(self, session_id: str) -> None:
+        """Let go of what is remembered of a session that was removed."""
+        self._known.pop(session_id, None)
+
     async def take(
         self,
         session_id: str,

@@ -19,6 +19,7 @@ from server.http.dependencies import (
     HubDep,
     IdempotencyDep,
     IfMatch,
+    IntakeDep,
     JobsDep,
     LastEventId,
     Limit,
@@ -126,7 +127,9 @@ def change(
 
 
 @router.delete("/{session_id}", status_code=204)
-def delete(session_id: SessionId, store: StoreDep, jobs: JobsDep, if_match: IfMatch = None) -> None:
+def delete(
+    session_id: SessionId, store: StoreDep, jobs: JobsDep, intake: IntakeDep, if_match: IfMatch = None
+) -> None:
     """Remove a session with its captures and results, for good."""
     with store.write() as db:
         require_revision(locked_session(db, session_id), if_match)
@@ -134,6 +137,7 @@ def delete(session_id: SessionId, store: StoreDep, jobs: JobsDep, if_match: IfMa
         digests = delete_session(db, session_id)
     for job_id in unfinished:
         jobs.end(job_id)
+    intake.forget(session_id)
     with store.read() as db:
         digests = unused(db, digests)
     store.blobs.remove(digests)

@@ -1,6 +1,7 @@
 """One session's live scene: a viser server of its own that is kept like the session, sending only what changed."""
 
 import contextlib
+import logging
 import secrets
 import threading
 from collections.abc import Generator, Mapping
@@ -308,6 +309,15 @@ def stop_viser(server: "ViserServer") -> None:
     """Close a viser server's port and end its thread."""
     with _without_words():
         server.stop()
+    _forget_log_filters()
+
+
+def _forget_log_filters() -> None:
+    """Leave one of the filters that each viser server adds to one logger and never takes away; all are alike."""
+    logger = logging.getLogger("websockets.server")
+    added = [one for one in logger.filters if type(one).__module__ == "viser.infra._infra"]
+    for one in added[:-1]:
+        logger.removeFilter(one)
 
 
 def _refuse_sharing(*_: object, **__: object) -> NoReturn:

@@ -1,5 +1,6 @@
 """The scenes' door: who may look, what may pass, and that scenes live and die with their viewers."""
 
+import logging
 import socket as sockets
 from collections.abc import Callable, Iterator
 from errno import ECONNREFUSED
@@ -177,6 +178,17 @@ def test_around_the_bridge_viser_answers_nobody(secret: str | None) -> None:
         assert closed.value.rcvd.code == 1008
     finally:
         live.stop()
+
+
+def test_scenes_that_ended_leave_nothing_in_the_log_settings() -> None:
+    logger = logging.getLogger("websockets.server")
+    before = len(logger.filters)
+    for _ in range(3):
+        live = LiveScene(CELL.scene(count=1, solved=False))
+        httpx.get(f"http://127.0.0.1:{live.port}/", trust_env=False)
+        assert len(logger.filters) >= 1  # viser's own, which it adds with a server's first request
+        live.stop()
+    assert len(logger.filters) <= max(before, 1)
 
 
 def test_viser_says_nothing_on_standard_output(capfd: pytest.CaptureFixture[str]) -> None:
