@@ -377,6 +377,7 @@ export interface CellDrift {
   series: DriftSeries[];
   flags?: string[];
   left_out?: Record<string, string>;
+  within?: DriftWithin[];
 }
 
 export interface CellHistory {
@@ -592,21 +593,29 @@ export interface Devices {
 }
 
 export interface DriftPoint {
-  session: string;
-  name: string;
-  date: string;
-  change: number;
-  uncertainty: number;
-  limit: number | null;
-  flagged: boolean;
-  level: number;
+  capture: string;
+  at_s: number | null;
+  offset_mm: number;
+  sigma_mm: number;
+  course_mm: number;
 }
 
 export interface DriftSeries {
   figure: "tool" | "tool-orientation" | "axis" | "axis-direction" | "verification";
   title: string;
   unit: "mm" | "deg";
-  points: DriftPoint[];
+  points: calib_core__review__drift__DriftPoint[];
+}
+
+export interface DriftWithin {
+  session: string;
+  name: string;
+  date: string;
+  drift_mm: number;
+  uncertainty_mm: number;
+  found: boolean;
+  settled: boolean;
+  sentence?: string;
 }
 
 export interface EncoderScaleError {
@@ -1664,6 +1673,19 @@ export interface SessionChanges {
   cell?: Record<string, unknown> | null;
 }
 
+export interface SessionDrift {
+  moved: "scanner" | "sphere" | "scanner-or-sphere";
+  drift_mm: number;
+  uncertainty_mm: number;
+  found: boolean;
+  settled: boolean;
+  over_s?: number | null;
+  settling_s?: number | null;
+  again?: string[];
+  sentence?: string;
+  points?: calib_core__stages__tcp__record__DriftPoint[];
+}
+
 export interface SessionFrames {
   session: string;
   capture?: string | null;
@@ -2045,6 +2067,7 @@ export interface StoredTcpResult {
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
+  warm_up?: SessionDrift | null;
   residuals: TcpResidual[];
 }
 
@@ -2247,6 +2270,7 @@ export interface TcpResult {
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   confidence_95?: Record<string, number>;
+  warm_up?: SessionDrift | null;
   residuals: TcpResidual[];
 }
 
@@ -2523,4 +2547,23 @@ export interface WebhookDelivery {
 
 export interface Webhooks {
   items: Webhook[];
+}
+
+export interface calib_core__review__drift__DriftPoint {
+  session: string;
+  name: string;
+  date: string;
+  change: number;
+  uncertainty: number;
+  limit: number | null;
+  flagged: boolean;
+  level: number;
+}
+
+export interface calib_core__stages__tcp__record__DriftPoint {
+  capture: string;
+  at_s: number | null;
+  offset_mm: number;
+  sigma_mm: number;
+  course_mm: number;
 }

@@ -27,6 +27,7 @@ from calib_core.chain.start import centers_of, find_starts
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orientation_span, two_step
 from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
+from calib_core.chain.warm_up import WarmUp, warm_up_of
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray
 
@@ -42,6 +43,7 @@ class TcpOptions:
 
     `apply_scanner`: scale, shear and bow that are found are taken out of the points, and the tool is that of such
     points; otherwise it belongs to the files as they are, and the errors are in its covariance alone.
+    `taken_at_s`: when captures were taken, by their ids.
     """
 
     position_sigma_mm: float | None = None
@@ -49,6 +51,7 @@ class TcpOptions:
     point_sigma_mm: float | None = None
     priors: ScannerPriors = field(default_factory=ScannerPriors)
     apply_scanner: bool = False
+    taken_at_s: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,8 @@ class TcpSolution:
         How many of a capture's points say as much as an independent one (median).
     causes : list of Happened
         What happened to the captures, where one cause explains several.
+    warm_up : WarmUp or None
+        How far scanner or sphere drifted meanwhile.
     sphere : SphereSize
         As told or assumed.
     seen_in_laser_mm, at_point : (3,), (3, 3)
@@ -126,6 +131,7 @@ class TcpSolution:
     influence: Influence
     points_per_independent: float
     causes: list[Happened]
+    warm_up: WarmUp | None
     sphere: SphereSize
     seen_in_laser_mm: FloatArray
     at_point: FloatArray
@@ -187,6 +193,10 @@ def solve_tcp(
     tell(0.95, "Looking for causes")
     covariance = held.covariance
     point = seen_point(observations, state, judged.used)
+    warm_up = warm_up_of(observations, judged, dict(options.taken_at_s))
+    causes = named_causes(observations, judged, joint.offset_in_base_mm, given)
+    if warm_up is not None and warm_up.found:  # a drift explains them better than any sudden change
+        causes = [cause for cause in causes if cause.kind not in ("moved-sphere", "changed-tool")]
     return TcpSolution(
         joint=joint,
         covariance=covariance[:9, :9],
@@ -213,7 +223,8 @@ def solve_tcp(
         weights=data.pose_scale / judged.data.pose_scale,
         influence=influence_of(held, without, judged.used, point),
         points_per_independent=float(np.median([o.points_per_independent for o in observations])),
-        causes=named_causes(observations, judged, joint.offset_in_base_mm, given),
+        causes=causes,
+        warm_up=warm_up,
         sphere=sphere,
         seen_in_laser_mm=point,
         at_point=held.at_point(point, data.half_width_mm),

@@ -46,15 +46,29 @@ class DriftSeries(Record):
     points: list[DriftPoint]
 
 
+class DriftWithin(Record):
+    """How far scanner or sphere drifted within one session; `sentence` is empty where chance explains it."""
+
+    session: str
+    name: str
+    date: str
+    drift_mm: Finite
+    uncertainty_mm: Finite
+    found: bool
+    settled: bool
+    sentence: str = ""
+
+
 class CellDrift(Record):
     """A cell's sessions over time; `flags` has a sentence for each change that is larger than its uncertainty.
 
-    `left_out` says which sessions do not count, and why.
+    `left_out` says which sessions do not count, and why; `within` how far each drifted while it was captured.
     """
 
     series: list[DriftSeries]
     flags: list[str] = Field(default_factory=list[str])
     left_out: dict[str, str] = Field(default_factory=dict[str, str])
+    within: list[DriftWithin] = Field(default_factory=list[DriftWithin])
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +105,9 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
     """
     left_out = {s.session: why for s in sessions if (why := _unfit(s))}
     good = [s for s in sessions if s.session not in left_out]
+    within = [told for s in sessions if (told := _within(s)) is not None]
     if not good:
-        return CellDrift(series=[], left_out=left_out)
+        return CellDrift(series=[], left_out=left_out, within=within)
     answers = [(s, s.answer or {}) for s in good]
     seen = [place["point_in_laser_mm"] for _, answer in answers if (place := answer.get("workpiece"))]
     point = np.mean(seen, axis=0) if seen else np.zeros(3)
@@ -105,7 +120,8 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
         _series("verification", "Tool's error when verified", "mm", [v for s in good if (v := _verified(s))]),
     ]
     series = [one for one in found if one.points]
-    return CellDrift(series=series, flags=[said for one in series for said in _flags(one)], left_out=left_out)
+    flags = [said for one in series for said in _flags(one)]
+    return CellDrift(series=series, flags=flags, left_out=left_out, within=within)
 
 
 def charted(measured: Sequence[Measured]) -> list[tuple[float, float, float | None, bool, int]]:
@@ -184,6 +200,15 @@ def _unfit(session: SolvedSession) -> str:
     if answer.get("verdict") == "fail":
         return "its answer failed"
     return "directions of its answer are not determined" if answer.get("undetermined") else ""
+
+
+def _within(session: SolvedSession) -> DriftWithin | None:
+    """Return the drift within a session, None of one whose tool does not tell it."""
+    told = session.results.get("tcp", {}).get("warm_up")
+    if told is None:
+        return None
+    same = {name: told[name] for name in ("drift_mm", "uncertainty_mm", "found", "settled", "sentence")}
+    return DriftWithin(session=session.session, name=session.name, date=session.date, **same)
 
 
 def _tool_point(session: SolvedSession, answer: Mapping[str, Any], point: FloatArray) -> Measured:

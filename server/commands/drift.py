@@ -64,6 +64,12 @@ def _text(found: "CellDrift") -> str:
             limit = "" if point.limit is None else f"  limit {point.limit:.4f}"
             mark = "  CHANGED" if point.flagged else ""
             lines.append(f"  {point.name:<24} {point.change:10.4f} ± {point.uncertainty:.4f}{limit}{mark}")
+    if found.within:
+        lines.append("Drift within each session, mm (first capture to last, k = 2)")
+    for one in found.within:
+        mark = ("  settled" if one.settled else "  NOT SETTLED") if one.found else ""
+        lines.append(f"  {one.name:<24} {one.drift_mm:10.4f} ± {one.uncertainty_mm:.4f}{mark}")
+    lines += [f"{one.name}: {one.sentence}" for one in found.within if one.found]
     lines += found.flags or (["Nothing changed by more than its uncertainty."] if found.series else [])
     lines += [f"{session}: {why}" for session, why in found.left_out.items()]
     return "\n".join(lines)

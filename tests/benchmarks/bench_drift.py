@@ -1,12 +1,20 @@
-"""Drift over 30 sessions of a cell: a step of five sigmas of the difference found at once, and false alarms."""
+"""Drift: a step over 30 sessions of a cell, five sigmas of the difference; within one, a scanner that settles."""
 
 import numpy as np
 from cells import GIVEN, Cell
 from harness import Row
 
+from calib_core.chain.warm_up import WarmUp
+from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.review.drift import Measured, SolvedSession, charted
+from calib_core.simulation.motion import pose
+from calib_core.simulation.trouble import Trouble, all_troubles, troubled
+from calib_core.simulation.trouble.cell import Plan
+from calib_core.stages.pipeline import stage_input
+from calib_core.stages.tcp.solve import solve_tcp_captures
 
+_DRIFT_MM = 0.5
 _SESSIONS, _STEP_AT = 30, 20
 _POINT = np.array([0.0, 0.0, 190.0])
 
@@ -14,7 +22,58 @@ _POINT = np.array([0.0, 0.0, 190.0])
 def run(full: bool) -> list[Row]:
     """Return the figures: 4 cells of 30 solved sessions in full, 1 of 8 otherwise; and series drawn from those."""
     kinds = [_session(k).covariance for k in range(6)]
-    return [*solved(range(4 if full else 1), _SESSIONS if full else 8), *drawn(1000 if full else 200, kinds)]
+    return [
+        *solved(range(4 if full else 1), _SESSIONS if full else 8),
+        *drawn(1000 if full else 200, kinds),
+        *within(range(20 if full else 2)),
+    ]
+
+
+def within(seeds: range) -> list[Row]:
+    """Return the figures of drift within a session: found, its stated error, false alarms on other troubles."""
+    found, errors = 0, []
+    for seed in seeds:
+        told = warm_up(warming(_DRIFT_MM, seed), seed)
+        assert told is not None
+        found += told.found
+        errors.append((told.drift_mm - _DRIFT_MM) / (told.uncertainty_mm / 2))
+    others = [trouble for trouble in all_troubles().values() if not trouble.name.startswith("drifts")]
+    alarms, count = 0, 0
+    for seed in range(max(len(seeds) // 5, 1)):
+        for trouble in others:
+            try:
+                told = warm_up(trouble, seed)
+            except CalibrationError:
+                continue  # what cannot be solved has no drift
+            alarms += told is not None and told.found
+            count += 1
+    middle = float(np.sqrt(np.mean(np.square(errors))))
+    return [
+        Row(f"{len(seeds)} sessions whose scanner settles by {_DRIFT_MM:g} mm: found", "≥ 95 %",
+            f"{found / len(seeds):.1%}", found >= 0.95 * len(seeds)),
+        Row("error of its size, in its own sigmas, RMS", "≤ 1.3", f"{middle:.2f}", middle <= 1.3),
+        Row(f"{count} sessions with any other trouble, or none: said to drift", "≤ 1 %", f"{alarms / count:.1%}",
+            alarms <= 0.01 * count),
+    ]  # fmt: skip
+
+
+def warming(drift_mm: float, seed: int) -> Trouble:
+    """Return a scanner that shifts on the flange in a random direction and settles within the session."""
+
+    def change(plan: Plan, rng: np.random.Generator) -> None:
+        way = rng.standard_normal(3)
+        way *= drift_mm / np.linalg.norm(way)
+        last = plan.shifts + plan.tilts - 1
+        plan.mounting = lambda k: pose(np.eye(3), way * np.exp(-5 * k / last))
+
+    return Trouble(f"settles, {seed}", change)
+
+
+def warm_up(trouble: Trouble, seed: int) -> WarmUp | None:
+    """Return what the tcp's solution says of drift within a troubled session."""
+    cell = troubled(trouble, seed, told=bool(seed % 2))
+    solution = solve_tcp_captures(stage_input(cell.session, "tcp", cell.files.__getitem__)).solution
+    return solution.warm_up
 
 
 def solved(cells: range, sessions: int) -> list[Row]:

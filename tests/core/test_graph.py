@@ -156,7 +156,7 @@ CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "format_settings": ({"unit": "mm"}, PLACED),
     "joints_deg": ([1.0] * 6, ()),  # no arm is named that they would be held against
     "joints_mm": ([1.0], ()),
-    "device_time_s": (12.0, ()),
+    "device_time_s": (12.0, ("p1",)),
     "active_tool": (3, PLACED),
     "active_frame": (2, PLACED),
     "moving": (True, PLACED),

@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { h, s } from "../dom.js";
 import { small } from "../format.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 
 /** @import {DriftSeries, SessionSummary} from "../state/model.js" */
 
@@ -21,7 +21,8 @@ export function drift(sessions) {
     if (!tool || tool.points.length < 2) return;
     const last = tool.points.at(-1);
     const words = t("start.drift", { count: tool.points.length, change: small(last?.change ?? 0), limit: small(last?.limit ?? 0) });
-    const changed = found?.flags?.at(-1);
+    const within = found?.within?.find(({ session }) => session === newest.id);
+    const changed = found?.flags?.at(-1) ?? (within?.found && within.sentence ? said(within.sentence) : undefined);
     holder.replaceChildren(line(tool, changed ?? words), h("span", { class: changed ? "small number changed" : "soft small number" }, `${small(last?.change ?? 0)} ± ${small(last?.uncertainty ?? 0)}`));
   });
   return holder;

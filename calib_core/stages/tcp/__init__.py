@@ -19,7 +19,7 @@ class Tcp(Stage):
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session."
     )
     planned = True
-    takes: ClassVar = {"tcp": SPHERE_FIELDS}
+    takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
     reads = SPHERE_READS
     known = ("tool0_from_laser",)
     after = ("camera", "laser-plane")

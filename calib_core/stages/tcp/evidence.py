@@ -25,6 +25,7 @@ from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.tcp.warm_up import drift_blocks
 
 _SCANNER_LABELS: Final = {
     "radius_mm": ("Sphere's radius", "mm"),
@@ -56,6 +57,7 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
         *workpiece_table(places),
         *residual_plot(result.residuals),
         *by_turn(session, result),
+        *drift_blocks(result),
         *two_step_blocks(result),
         noise_table(result.variance_components),
         *scanner_table(result),

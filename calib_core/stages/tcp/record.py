@@ -46,6 +46,36 @@ class TcpResidual(CaptureResidual):
     profiles_used: int | None = None
 
 
+class DriftPoint(Record):
+    """One used capture: how far it lies along the drift, and what the drift says; `at_s` from the first."""
+
+    capture: str
+    at_s: float | None
+    offset_mm: float
+    sigma_mm: float
+    course_mm: float
+
+
+class SessionDrift(Record):
+    """How far scanner or sphere drifted from the first used capture to the last, ± `uncertainty_mm` (k = 2).
+
+    It is `found` where chance does not explain it, and had `settled` where it came to rest before the end; then
+    `again` names the captures that were taken before. `over_s` and `settling_s`, its time constant, are null where
+    the captures have no `device_time_s`: then their order counts.
+    """
+
+    moved: Literal["scanner", "sphere", "scanner-or-sphere"]
+    drift_mm: float
+    uncertainty_mm: float
+    found: bool
+    settled: bool
+    over_s: float | None = None
+    settling_s: float | None = None
+    again: list[str] = Field(default_factory=list[str])
+    sentence: str = ""
+    points: list[DriftPoint] = Field(default_factory=list[DriftPoint])
+
+
 class TwoStep(Record):
     """The paper's two-step answer, beside the joint one."""
 
@@ -77,4 +107,5 @@ class TcpResult(Result):
     optics: list[OpticsShift] = Field(default_factory=list[OpticsShift])
     workpiece: AtPoint | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
+    warm_up: SessionDrift | None = None
     residuals: list[TcpResidual]

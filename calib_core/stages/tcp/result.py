@@ -13,6 +13,7 @@ from calib_core.records import Undetermined, VarianceComponents
 from calib_core.records.results import AtPoint, OpticsShift, ScannerFound
 from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
 from calib_core.stages.tcp.verdict import tcp_notes, tcp_verdict
+from calib_core.stages.tcp.warm_up import is_covered, session_drift
 
 METHOD = "joint maximum likelihood over points, pose errors integrated out"
 _NAMES = ("rx_deg", "ry_deg", "rz_deg", "tx_mm", "ty_mm", "tz_mm")
@@ -23,6 +24,12 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
     verdict, warnings = tcp_verdict(solution)
     joint = solution.joint
     covariance = solution.covariance
+    notes = tcp_notes(solution)
+    drift = session_drift(solution)
+    if drift is not None and drift.found and is_covered(drift, solution):
+        notes = [drift.sentence, *notes]
+    elif drift is not None and drift.found:
+        verdict, warnings = ("warn" if verdict == "pass" else verdict), [*warnings, drift.sentence]
     return TcpResult(
         stage="tcp",
         method=METHOD,
@@ -30,7 +37,7 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
         inputs_sha256=inputs_sha256,
         verdict=verdict,
         warnings=warnings,
-        notes=tcp_notes(solution),
+        notes=notes,
         tool0_from_laser=joint.tool0_from_laser.to_rows(),
         covariance=covariance[:6, :6].tolist(),
         sphere_center_in_base_mm=joint.center_in_base_mm.tolist(),
@@ -49,6 +56,7 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
             point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_point.tolist()
         ),
         confidence_95=_confidence(covariance),
+        warm_up=drift,
         residuals=_residuals(solution),
     )
 

@@ -123,6 +123,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         orientation_sigma_rad=None if degrees is None else float(np.deg2rad(degrees)),
         point_sigma_mm=cell.scanner.point_sigma_mm,
         apply_scanner=cell.scanner.errors == "apply",
+        taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
     )
     try:
         solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))

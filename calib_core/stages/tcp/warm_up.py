@@ -1,0 +1,130 @@
+"""What the TCP's result says of drift within its session: whether all had settled, and what to take again."""
+
+from typing import Final
+
+import numpy as np
+
+from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.warm_up import WarmUp
+from calib_core.evidence.numbers import quantity
+from calib_core.evidence.words import captures_text
+from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot, Series
+from calib_core.stages.tcp.record import DriftPoint, SessionDrift, TcpResult
+
+_WHAT: Final = {
+    "scanner": "The scanner had not settled.",
+    "sphere": "The sphere, or the robot's base, had not settled.",
+    "scanner-or-sphere": "The scanner or the sphere had not settled.",
+}
+_LARGE_MM: Final = 0.5
+_MINUTE_S: Final = 60.0
+_WHOLE: Final = 3.0  # minutes from which on no tenths are told
+_SETTLED_AFTER: Final = 3.0  # time constants
+
+
+def session_drift(solution: TcpSolution) -> SessionDrift | None:
+    """Return the drift within a session as a record, None where there are too few captures to tell."""
+    found = solution.warm_up
+    if found is None:
+        return None
+    return SessionDrift(
+        moved=found.moved,
+        drift_mm=found.drift_mm,
+        uncertainty_mm=found.uncertainty_mm,
+        found=found.found,
+        settled=found.settled,
+        over_s=float(np.ptp(found.at)) if found.timed else None,
+        settling_s=found.constant if found.timed else None,
+        again=list(found.captures) if found.found and found.settled else [],
+        sentence=_sentence(found) if found.found else "",
+        points=[
+            DriftPoint(
+                capture=name,
+                at_s=float(at) if found.timed else None,
+                offset_mm=float(offset),
+                sigma_mm=float(sigma),
+                course_mm=float(course),
+            )
+            for name, at, offset, sigma, course in zip(
+                found.names, found.at, found.offset_mm, found.sigma_mm, found.course_mm, strict=True
+            )
+        ],
+    )
+
+
+def is_covered(drift: SessionDrift, solution: TcpSolution) -> bool:
+    """Return whether the answer's uncertainty may have room for it: the answer is that of the session's middle."""
+    stated_mm = 2 * float(np.sqrt(np.linalg.eigvalsh(solution.at_point)[-1]))
+    surely_mm = drift.drift_mm - drift.uncertainty_mm
+    return surely_mm <= min(2 * stated_mm, _LARGE_MM)
+
+
+def _sentence(found: WarmUp) -> str:
+    return f"{_WHAT[found.moved]} {_how_far(found)}"
+
+
+def _how_far(found: WarmUp) -> str:
+    size, far, count = f"{found.drift_mm:.2f}", f"{found.uncertainty_mm:.2f}", len(set(found.names))
+    if found.settled and found.constant is not None:
+        first = len(found.captures)
+        if not found.timed:
+            return (
+                f"It drifted by {size} ± {far} mm, most of it in the first {first} captures: take them again, or "
+                "exclude them."
+            )
+        minutes, names = _minutes(_SETTLED_AFTER * found.constant), captures_text(found.captures)
+        return (
+            f"It drifted by {size} ± {far} mm, most of it in the first {minutes} minutes: take again what was "
+            f"captured until then, or exclude it: {names}."
+        )
+    if not found.timed:
+        return (
+            f"It drifted by {size} ± {far} mm over {count} captures, to the end: let the scanner warm up, see "
+            "that the sphere stands firmly, and take the captures again."
+        )
+    minutes = _minutes(float(np.ptp(found.at)))
+    return (
+        f"It drifted by {size} ± {far} mm over {minutes} minutes, to the end: let the scanner warm up, see that "
+        "the sphere stands firmly, and take the captures again."
+    )
+
+
+def _minutes(seconds: float) -> str:
+    minutes = seconds / _MINUTE_S
+    return f"{minutes:.0f}" if minutes >= _WHOLE else f"{minutes:.1f}"
+
+
+def drift_blocks(result: TcpResult) -> list[AnyBlock]:
+    """Return the drift within the session as a figure and a plot over time."""
+    drift = result.warm_up
+    if drift is None:
+        return []
+    timed = drift.over_s is not None
+    minutes = [p.at_s / _MINUTE_S for p in drift.points if p.at_s is not None]
+    x = minutes if timed else [float(k + 1) for k in range(len(drift.points))]
+    names = [p.capture for p in drift.points]
+    remark = ""
+    if drift.found:
+        remark = "settled by the end" if drift.settled else "not settled"
+    return [
+        Figure(
+            label="Drift within the session",
+            quantity=quantity(drift.drift_mm, "mm", drift.uncertainty_mm / 2),
+            remark=remark or "none beyond doubt",
+            detail=not drift.found,
+        ),
+        Plot(
+            id="drift",
+            title="Drift within the session",
+            detail=not drift.found,
+            shape="xy",
+            caption="How far each capture lies along the drift, from where the session ends, and the drift that "
+            "explains them best: what warms up bends towards zero, what is loose goes on.",
+            x=Axis(label="Time", unit="min") if timed else Axis(label="Capture"),
+            y=Axis(label="Offset", unit="mm"),
+            series=[
+                Series(label="captures", x=x, y=[p.offset_mm for p in drift.points], captures=names),
+                Series(label="drift", x=x, y=[p.course_mm for p in drift.points]),
+            ],
+        ),
+    ]

@@ -1,0 +1,113 @@
+"""Drift within a session: found with its size and its course where there is one, and not where there is none."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.records import Session
+from calib_core.review.drift import SolvedSession, cell_drift
+from calib_core.simulation.motion import FloatArray, pose
+from calib_core.simulation.trouble import Trouble, Troubled, all_troubles, troubled
+from calib_core.stages.pipeline import run, stage_input
+from calib_core.stages.tcp.record import SessionDrift, TcpResult
+from calib_core.stages.tcp.solve import solve_tcp_captures
+from calib_core.stages.tcp.warm_up import session_drift
+
+
+def warming(drift_mm: float, constant: float | None, seed: int) -> Troubled:
+    """Return a session whose scanner shifts on the flange, with time constant in session lengths; None: a line."""
+
+    def change(plan: Any, rng: np.random.Generator) -> None:
+        way = rng.standard_normal(3)
+        way *= drift_mm / np.linalg.norm(way)
+        last = plan.shifts + plan.tilts - 1
+        share = np.arange(last + 1) / last
+        course = 1 - share if constant is None else np.exp(-share / constant)
+
+        def mounting(k: int) -> FloatArray:
+            return pose(np.eye(3), way * course[k])
+
+        plan.mounting = mounting
+
+    return troubled(Trouble("warms up", change), seed)
+
+
+@cache
+def solved(drift_mm: float, constant: float | None, seed: int, every_s: float | None = None) -> TcpResult:
+    cell = warming(drift_mm, constant, seed)
+    record = cell.session.to_json()
+    for number, capture in enumerate(record["captures"]):
+        if every_s is not None:
+            capture["device_time_s"] = 1000.0 + every_s * number
+    result = run(Session.model_validate(record), cell.files.__getitem__, "tcp")["tcp"]
+    assert isinstance(result, TcpResult)
+    return result
+
+
+def drift(result: TcpResult) -> SessionDrift:
+    assert result.warm_up is not None
+    return result.warm_up
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_scanner_that_warms_up_is_found_with_how_far_and_until_when(seed: int) -> None:
+    found = drift(solved(0.6, 0.2, seed, 60.0))
+    assert found.found
+    assert found.settled
+    true_mm = 0.6 * (1 - np.exp(-1 / 0.2))
+    assert found.drift_mm == pytest.approx(true_mm, abs=2 * found.uncertainty_mm)
+    assert found.uncertainty_mm < 0.4
+    assert found.over_s == pytest.approx(14 * 60.0)
+    assert 2 * 60 < (found.settling_s or 0) < 7 * 60
+    assert found.again[0] == "p000"
+    assert 2 <= len(found.again) <= 8
+    assert f"± {found.uncertainty_mm:.2f} mm, most of it in the first" in found.sentence
+    assert "minutes" in found.sentence
+
+
+def test_one_that_goes_on_to_the_end_has_not_settled_and_is_no_sudden_move() -> None:
+    result = solved(1.5, None, 1)
+    assert drift(result).found
+    assert not drift(result).settled
+    assert drift(result).over_s is None
+    assert "over 15 captures, to the end" in drift(result).sentence
+    assert result.verdict != "pass"
+    assert drift(result).sentence in result.warnings
+    assert [cause.kind for cause in result.causes] == []
+
+
+def test_a_drift_that_the_uncertainty_covers_is_a_note() -> None:
+    result = solved(0.3, None, 2)
+    assert drift(result).found
+    assert drift(result).sentence in result.notes
+    assert result.verdict == "pass"
+
+
+def test_its_plot_is_over_time_where_captures_have_one() -> None:
+    plots = {block.id: block for block in solved(0.6, 0.2, 0, 60.0).evidence if block.kind == "plot"}
+    assert plots["drift"].x.unit == "min"
+    assert plots["drift"].series[0].x[-1] == pytest.approx(14.0)
+    plots = {block.id: block for block in solved(0.3, None, 2).evidence if block.kind == "plot"}
+    assert plots["drift"].x.label == "Capture"
+
+
+@pytest.mark.parametrize(
+    "name", ["arms: clean", "arms: joints, gears and sag", "books: tool changed midway by 0.5 mm"]
+)
+def test_nothing_else_is_taken_for_it(name: str) -> None:
+    for seed in range(2):
+        cell = troubled(all_troubles()[name], seed, told=bool(seed % 2))
+        solution = solve_tcp_captures(stage_input(cell.session, "tcp", cell.files.__getitem__)).solution
+        told = session_drift(solution)
+        assert told is not None
+        assert not told.found
+        assert told.sentence == ""
+
+
+def test_the_drift_of_a_cell_tells_it_of_each_session() -> None:
+    results = {"tcp": solved(1.5, None, 1).to_json()}
+    told = cell_drift([SolvedSession("a", "cold start", "2026-01-01", results)])
+    assert [(one.name, one.found, one.settled) for one in told.within] == [("cold start", True, False)]
+    assert told.within[0].sentence.startswith("The scanner")
