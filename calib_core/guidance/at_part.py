@@ -8,20 +8,11 @@ import numpy as np
 from calib_core.captures.poses import middle_pose
 from calib_core.errors import ConflictError, InputError
 from calib_core.guidance.budget import Budget, Calibrated, View, budget
-from calib_core.records import Record, Session
+from calib_core.guidance.field import FieldPoint, field_over_table
+from calib_core.records import Session
 from calib_core.stages.registry import steps_that_show, tool_stages
 
 _MOST_VIEWS = 24
-_RINGS, _AROUND, _LAYERS = 4, 8, 3
-_LEAST_RADIUS_MM, _LEAST_HEIGHT_MM = 50.0, 50.0
-
-
-class FieldPoint(Record):
-    """± (k = 2) of one scan at a point of T, mm, and what any number of scans leaves."""
-
-    point_mm: list[float]
-    uncertainty_mm: float
-    shared_uncertainty_mm: float
 
 
 class BudgetAtPart(Budget):
@@ -69,18 +60,15 @@ def budget_at(
     found = budget(known, views, point_mm)
     field = None
     if with_field and known.base_from_turntable is not None:
-        field = [_at(known, views, point) for point in _grid(result)]
+        field = field_over_table(known, views, result)
     data = found.model_dump() | {"stage": stage, "stale": bool(result.get("stale")), "field": field}
     return BudgetAtPart.model_validate(data)
 
 
-def _at(known: Calibrated, views: Sequence[View], point: Sequence[float]) -> FieldPoint:
-    found = budget(known, views, point)
-    return FieldPoint(
-        point_mm=list(point),
-        uncertainty_mm=found.uncertainty_mm,
-        shared_uncertainty_mm=found.shared_uncertainty_mm,
-    )
+def field_of(session: Session, result: Mapping[str, Any]) -> list[FieldPoint]:
+    """Return the field over the table of a chain's result, JSON data; raises InputError as `budget_at`."""
+    known = Calibrated.of(result, session.cell.workpiece_in_laser_mm)
+    return field_over_table(known, _views(session, result, known), result)
 
 
 def _views(session: Session, result: Mapping[str, Any], known: Calibrated) -> list[View]:
@@ -100,18 +88,3 @@ def _views(session: Session, result: Mapping[str, Any], known: Calibrated) -> li
         to_do = "Give the captures their poses, and solve again."
         raise InputError("captures of the answer with poses that can be read", "none", to_do, str(result["stage"]))
     return views[:: max(1, len(views) // _MOST_VIEWS)]
-
-
-def _grid(result: Mapping[str, Any]) -> list[list[float]]:
-    """Return points over the table: as far out and as high as the sphere stood, and somewhat beyond."""
-    places = np.array([mount["center_in_turntable_mm"] for mount in result["mounts"]], dtype=float)
-    radius = max(1.25 * float(np.hypot(places[:, 0], places[:, 1]).max()), _LEAST_RADIUS_MM)
-    low, high = float(places[:, 2].min()), float(places[:, 2].max())
-    high = max(high, low + _LEAST_HEIGHT_MM)
-    points: list[list[float]] = []
-    for z in np.linspace(low, high, _LAYERS):
-        points.append([0.0, 0.0, float(z)])
-        for ring in np.linspace(0.0, radius, _RINGS + 1)[1:]:
-            angles = np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
-            points += [[float(ring * np.cos(a)), float(ring * np.sin(a)), float(z)] for a in angles]
-    return points

@@ -167,6 +167,11 @@ class Calibrated:
             optics=optics,
         )
 
+    @property
+    def moves_by_optics(self) -> FloatArray:
+        """By how much camera's and plane's errors move tool, table and scanner, (12 + n, m)."""
+        return _moves_by(self.optics, 12 + len(self.nuisances))
+
 
 def _moves_by(optics: Sequence[OpticsShift], size: int) -> FloatArray:
     """Return by how much each of camera's and plane's errors moves tool, table and scanner (size), (size, m)."""
@@ -217,7 +222,7 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
     # The point moves by its own, and with what they did to tool and table.
     own = [np.array(one.point_mm) + np.array(one.by_place) @ (seen - one.at_mm) for one in known.optics]
     rows[:, count:] = out @ tool.rotation @ np.array(own).reshape(-1, 3).T
-    rows[:, count:] += rows[:, :count] @ _moves_by(known.optics, count)
+    rows[:, count:] += rows[:, :count] @ known.moves_by_optics
     return rows, out
 
 

@@ -14,6 +14,7 @@ from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.registry import stages, steps_that_show, tool_stages
 from calib_core.stages.tcp.record import TcpResult
 from server.scenes.deviation import ReferenceMesh
+from server.scenes.field import TableField, table_field
 from server.scenes.merged import MergedScans, scanner_on_flange
 from server.scenes.optics import OpticsFacts, optics_facts
 from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
@@ -123,6 +124,7 @@ class SceneFacts:
     compared: "tuple[PlacedPoint, ...]" = ()
     so_far: "KnownSoFar | None" = None
     table_so_far: "TableSoFar | None" = None
+    field: TableField | None = None
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
@@ -187,7 +189,9 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     )
     from server.scenes.so_far import read_so_far, read_table_so_far
 
-    return replace(facts, so_far=read_so_far(scene), table_so_far=read_table_so_far(scene))
+    return replace(
+        facts, so_far=read_so_far(scene), table_so_far=read_table_so_far(scene), field=table_field(scene)
+    )
 
 
 def _known_how_well(results: Mapping[str, Result]) -> KnownHowWell:

@@ -12,6 +12,7 @@ from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
 from server.scenes.facts import SceneFacts
 from server.scenes.fan import fan_of_profile
+from server.scenes.field import field
 from server.scenes.ghost import ghost
 from server.scenes.look import Look
 from server.scenes.nodes import Node
@@ -142,6 +143,7 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "circles": ("Turntable: circles", table_circles),
     "places": ("Turntable: sphere at each angle", sphere_places),
     "turned": ("Turntable as it stood", table_turned),
+    "field": ("Uncertainty over the table", field),
     "camera": ("Camera: field of view", camera),
     "boards": ("Camera: boards", boards),
     "plane": ("Camera: laser plane", plane_in_camera),

@@ -58,6 +58,10 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         parts.append(_key(GHOST, "●", "uncertainty by now, k = 2, at most 25 mm drawn"))
     if facts.table_so_far is not None and told("table-so-far"):
         parts.append(_key(GHOST, "◍", f"axis by now, k = 2, ×{AXIS_TIMES}"))
+    if facts.field is not None and layers is not None and "field" in layers:
+        low, high = facts.field.range_mm
+        parts.append(f"<div><h2>One scan over the table, k = 2</h2>{_bar(VIRIDIS)}")
+        parts.append(f'<div class="ticks"><span>±{low:.3f} mm</span><span>±{high:.3f} mm</span></div></div>')
     if facts.compared and layers is not None and "answers" in layers:
         parts += [_key(FIRST, "●", "first answer"), _key(SECOND, "●", "second answer")]
         parts.append(f"<p>Ellipsoids, k = 2, and the way between them ×{answers_magnified(facts)}</p>")

@@ -34,7 +34,7 @@ _STORIES: dict[tuple[str, Side], Story] = {
     ("sphere-on-table", "measure"): _story(
         "Table", "table table-so-far circles places live", "ghost turned uncertainty frames points"
     ),
-    ("sphere-on-table", "result"): _story("Table", "table circles places", "points turned uncertainty"),
+    ("sphere-on-table", "result"): _story("Table", "table circles places", "points turned uncertainty field"),
     ("object", "measure"): _story("Table", "table scans live", "turned"),
     ("object", "result"): _story("Object", "scans"),
     ("answers", "result"): _story("Answers", "answers"),

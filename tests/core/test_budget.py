@@ -74,6 +74,10 @@ def test_a_budget_tells_shared_from_averaging_parts_and_what_helps(solved) -> No
     assert found.shared_uncertainty_mm < found.uncertainty_mm
     assert found.helps_most.startswith("What would help most")
     assert found.field is not None
+    for point in found.field[::29]:  # all at once are what each is alone
+        alone = budget_at(session, {"chain": result}, point.point_mm)
+        assert point.uncertainty_mm == pytest.approx(alone.uncertainty_mm, rel=1e-9)
+        assert point.shared_uncertainty_mm == pytest.approx(alone.shared_uncertainty_mm, rel=1e-9)
     middle = min(found.field, key=lambda point: np.hypot(*point.point_mm[:2]))
     edge = max(found.field, key=lambda point: np.hypot(*point.point_mm[:2]))
     assert middle.uncertainty_mm > 0

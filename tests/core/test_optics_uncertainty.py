@@ -17,6 +17,7 @@ from calib_core.chain.whole import ChainSolution, solve_chain
 from calib_core.chain.with_optics import chain_with_optics
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.budget import Calibrated, View, budget, calibrated_rows, covariances, together
+from calib_core.guidance.field import at_points
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import Session
@@ -189,6 +190,11 @@ def test_the_budget_tells_camera_and_plane(cell: Cell, alone: ChainSolution, who
     assert together(known, view, PLACE_MM) == pytest.approx(apart, abs=1e-9)
     told = budget(known, [view], PLACE_MM.tolist())
     assert {part.name for part in told.parts if part.shared} >= {"camera", "plane"}
+    views = [view, View(known.tool0_from_laser.rotation, -1.2)]
+    one, many = at_points(known, views, np.array([PLACE_MM, -PLACE_MM]))
+    apiece = budget(known, views, PLACE_MM.tolist())
+    assert 2 * np.sqrt(np.linalg.eigvalsh(one[0])[-1]) == pytest.approx(apiece.uncertainty_mm, rel=1e-9)
+    assert 2 * np.sqrt(np.linalg.eigvalsh(many[0])[-1]) == pytest.approx(apiece.shared_uncertainty_mm, rel=1e-9)
     # Where the sphere was seen, tool and points largely cancel.
     added = whole.tcp.at_point - alone.tcp.at_point
     tool = spread_of(whole.tcp.optics, len(whole.tcp.held.covariance))[3:6, 3:6]

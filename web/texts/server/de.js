@@ -269,6 +269,7 @@ export const texts = {
   "Turntable: axis and frame": "Drehtisch: Achse und System",
   "Turntable: circles": "Drehtisch: Kreise",
   "Turntable: sphere at each angle": "Drehtisch: Kugel bei jedem Winkel",
+  "Uncertainty over the table": "Unsicherheit über dem Tisch",
   "Turntable as it stood": "Drehtisch, wie er stand",
   "Camera: field of view": "Kamera: Sichtfeld",
   "Camera: boards": "Kamera: Tafeln",

@@ -269,6 +269,7 @@ export const texts = {
   "Turntable: axis and frame": "转台：轴与坐标系",
   "Turntable: circles": "转台：圆",
   "Turntable: sphere at each angle": "转台：各角度的球",
+  "Uncertainty over the table": "转台上方的不确定度",
   "Turntable as it stood": "转台当时位置",
   "Camera: field of view": "相机：视场",
   "Camera: boards": "相机：标定板",

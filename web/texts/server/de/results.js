@@ -416,6 +416,7 @@ export const texts = {
   "millimetres": "Millimeter",
   "micrometres": "Mikrometer",
   "camera": "Kamera",
+  "One scan over the table, k = 2": "Ein Scan über dem Tisch, k = 2",
   "Distance to the sphere": "Abstand zur Kugel",
   "Scans": "Scans",
   "Ellipsoids, k = 2, and the way between them ×{}": "Ellipsoide, k = 2, und der Weg zwischen ihnen ×{}",

@@ -416,6 +416,7 @@ export const texts = {
   "millimetres": "毫米",
   "micrometres": "微米",
   "camera": "相机",
+  "One scan over the table, k = 2": "转台上方的一次扫描，k = 2",
   "Distance to the sphere": "到球面的距离",
   "Scans": "扫描",
   "Ellipsoids, k = 2, and the way between them ×{}": "椭球，k = 2，其间位移 ×{}",
