@@ -5,8 +5,10 @@ A library of our own for PDF would lay the page out once more, and otherwise tha
 
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from calib_core.errors import InputError
@@ -20,7 +22,14 @@ _PLACES = (
     "C:/Program Files/Google/Chrome/Application/chrome.exe",
     "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
 )
-_LONGEST_S = 120
+_LONGEST_S = 120.0
+_POLICY = (
+    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
+    'img-src data:">'
+)
+"""The page runs and loads nothing, whatever a session's texts hold."""
+
+_LARGEST_BYTES = 200_000_000
 
 
 def browser() -> str | None:
@@ -29,8 +38,21 @@ def browser() -> str | None:
     return next((path for path in (*found, *(p for p in _PLACES if Path(p).exists())) if path), None)
 
 
-def pdf_of(page: str, where: str) -> bytes:
+def pdf_of(
+    page: str, where: str, longest_s: float = _LONGEST_S, instead: str = "Write .html, and print that."
+) -> bytes:
     """Return a page of HTML as PDF, on A4.
+
+    Parameters
+    ----------
+    page : str
+        It runs nothing, and the browser reaches no network.
+    where : str
+        What is asked for, for an error.
+    longest_s : float, optional
+        After that the browser and all that it started are ended.
+    instead : str, optional
+        What to do where nothing can be printed.
 
     Raises
     ------
@@ -39,22 +61,44 @@ def pdf_of(page: str, where: str) -> bytes:
     """
     program = browser()
     if program is None:
-        to_do = "Install chromium; or write .html, and print that from a browser."
+        to_do = f"Install chromium where this runs. {instead}"
         raise InputError("Chromium, Chrome or Edge, which prints the PDF", "none of them", to_do, where)
-    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
+    with tempfile.TemporaryDirectory(prefix="scancell-", ignore_cleanup_errors=True) as folder:
         source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
-        source.write_text(page, encoding="utf-8")
+        source.write_text(page.replace("<head>", f"<head>{_POLICY}", 1), encoding="utf-8")
         command = [
             program, "--headless", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer",
+            "--disable-background-networking",
+            "--host-resolver-rules=MAP * ~NOTFOUND", "--proxy-server=127.0.0.1:9",
+            "--proxy-bypass-list=<-loopback>",
             f"--user-data-dir={folder}/profile", f"--print-to-pdf={target}",
         ]  # fmt: skip
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             command.append("--no-sandbox")  # it refuses to start for root with one; the page has no scripts
         try:
-            subprocess.run([*command, source.as_uri()], capture_output=True, timeout=_LONGEST_S, check=False)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            got = f"{program}: {error}"[:200]
-            raise InputError("a browser that prints", got, "Write .html, and print that.", where) from None
+            _run([*command, source.as_uri()], longest_s)
+        except subprocess.TimeoutExpired:
+            got = f"{program}, which was not done within {longest_s:g} s"
+            raise InputError("a browser that prints", got, instead, where) from None
+        except OSError as error:
+            raise InputError("a browser that prints", f"{program}: {error}"[:200], instead, where) from None
         if not target.exists():
-            raise InputError("a browser that prints", f"{program}, which wrote no PDF", "Write .html.", where)
+            raise InputError("a browser that prints", f"{program}, which wrote no PDF", instead, where)
+        if target.stat().st_size > _LARGEST_BYTES:
+            raise InputError(f"a PDF of {_LARGEST_BYTES} bytes at most", "a larger one", instead, where)
         return target.read_bytes()
+
+
+def _run(command: list[str], longest_s: float) -> None:
+    """Run a program, and end all that it started where it takes too long; raises as `subprocess.run`."""
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    ) as process:
+        try:
+            process.wait(longest_s)
+        except BaseException:
+            if hasattr(os, "killpg"):
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+            process.kill()
+            raise

@@ -1,10 +1,11 @@
 """Archives and reports: a session out as one file, and an archive in."""
 
+import threading
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import suppress
-from typing import IO, Annotated, Any
+from typing import IO, Annotated, Any, Literal
 
-from fastapi import Depends, Query, Request, Response
+from fastapi import Depends, Header, HTTPException, Query, Request, Response
 from fastapi.responses import HTMLResponse
 from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
@@ -29,6 +30,9 @@ from server.store.sessions import load_session, session_data
 router = api_router("archives")
 
 _BYTES: dict[str, Any] = {"type": "string", "format": "binary"}
+_PDF = "application/pdf"
+_PRINTER = threading.BoundedSemaphore(1)
+_WAIT_FOR_PRINTER_S, _LONGEST_PRINT_S = 20.0, 60.0
 _ZIP: dict[str, Any] = {"schema": _BYTES}
 _FORM: dict[str, Any] = {"$ref": "#/components/schemas/ArchiveUpload"}
 _FORM_EXAMPLES: dict[str, Any] = {
@@ -131,13 +135,49 @@ def verify_archive(archive: ArchiveDep, _: IdempotencyDep) -> ArchiveFacts:
     return verify(archive, "archive")
 
 
-@router.get("/sessions/{session_id}/report", response_class=HTMLResponse)
-def get_report(session_id: SessionId, store: StoreDep) -> HTMLResponse:
-    """Return the session's report: one page that needs nothing else and can be printed."""
+@router.get(
+    "/sessions/{session_id}/report",
+    response_class=HTMLResponse,
+    responses={200: {"content": {_PDF: {"schema": _BYTES}}}},
+)
+def get_report(
+    session_id: SessionId,
+    store: StoreDep,
+    accept: Annotated[str, Header()] = "",
+    form: Annotated[
+        Literal["html", "pdf"] | None, Query(alias="format", description="Left out: as `Accept` asks for it.")
+    ] = None,
+) -> Response:
+    """Return the session's report: one page that needs nothing else and can be printed, or as PDF.
+
+    The server's own Chromium, Chrome or Edge prints the PDF; without one the answer is 422 and says so.
+    """
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         answer = _answer(db, stored)
-    return HTMLResponse(_report(stored, with_truth=True), headers=dict(_marks(answer)))
+    page, headers = _report(stored, with_truth=True), {**_marks(answer), "Vary": "Accept"}
+    if form == "pdf" or (form is None and _asks_for_pdf(accept)):
+        headers["Content-Disposition"] = f'inline; filename="{session_id}-report.pdf"'
+        return Response(_printed(page), media_type=_PDF, headers=headers)
+    return HTMLResponse(page, headers=headers)
+
+
+def _asks_for_pdf(accept: str) -> bool:
+    """Return whether a client wants PDF and takes no page."""
+    wanted = [part.partition(";")[0].strip().lower() for part in accept.split(",")]
+    return _PDF in wanted and "text/html" not in wanted
+
+
+def _printed(page: str) -> bytes:
+    """Return a page as PDF; one is printed at a time, as each takes a browser."""
+    from server.render.pdf import pdf_of
+
+    if not _PRINTER.acquire(timeout=_WAIT_FOR_PRINTER_S):
+        raise HTTPException(503, "other reports are being printed")
+    try:
+        return pdf_of(page, "report", _LONGEST_PRINT_S, "Get the report as HTML, and print that from a browser.")
+    finally:
+        _PRINTER.release()
 
 
 def _answer(db: Transaction, stored: SessionOfStore) -> Answer | None:

@@ -2,7 +2,9 @@
 
 import json
 import re
+import time
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from calib_core.robots import CONVENTIONS
 from server.cli import main
+from server.render.pdf import pdf_of
 from server.render.report.report import report_html
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}
@@ -267,3 +270,15 @@ def test_the_report_is_printed_as_pdf_by_a_browser_that_is_there(solved_folder, 
     assert main(["report", str(solved_folder), "--out", str(tmp_path / "none.pdf")]) == 2
     assert "Chromium, Chrome or Edge" in capsys.readouterr().err
     assert not (tmp_path / "none.pdf").exists()
+
+
+def test_a_browser_that_does_not_end_is_ended_with_all_that_it_started(tmp_path, monkeypatch):
+    (tmp_path / "chromium").write_text(f"#!/bin/sh\nsleep 60 &\necho $! > {tmp_path / 'pid'}\nwait\n")
+    (tmp_path / "chromium").chmod(0o700)
+    monkeypatch.setattr("server.render.pdf.browser", lambda: str(tmp_path / "chromium"))
+    with pytest.raises(InputError, match=r"not done within 0.5 s"):
+        pdf_of("<p>", "here", longest_s=0.5)
+    state = Path(f"/proc/{(tmp_path / 'pid').read_text().strip()}/stat")
+    until = time.monotonic() + 10
+    while state.exists() and state.read_text().rpartition(")")[2].split()[0] not in "ZX":
+        assert time.monotonic() < until

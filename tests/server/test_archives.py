@@ -11,6 +11,7 @@ import httpx
 import pytest
 
 from calib_core.archive.archive import verify
+from server.render.pdf import browser
 from tests.core.archives import changed, entries_of, resealed, with_entry, without, zipped
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload, wait_for
 
@@ -233,6 +234,23 @@ def test_an_unsolved_session_has_an_archive_and_a_report(client: httpx.Client) -
     assert "Nothing is solved yet" in client.get(f"/sessions/{session}/report").text
     assert_problem(client.get("/sessions/none/archive"), 404)
     assert_problem(client.get("/sessions/none/report"), 404)
+
+
+def test_a_report_is_printed_as_pdf_or_says_why_not(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    address = f"/sessions/{make_session(client)}/report"
+    both = client.get(address, headers={"Accept": "text/html,application/pdf"})
+    assert both.headers["content-type"].startswith("text/html")
+    assert "accept" in both.headers["vary"].lower()
+    asked = [({}, {"Accept": "application/pdf"}), ({"format": "pdf"}, {})]
+    for query, headers in asked[: 1 if browser() else 0]:
+        printed = client.get(address, params=query, headers=headers)
+        assert printed.headers["content-type"] == "application/pdf"
+        assert printed.content.startswith(b"%PDF-")
+    monkeypatch.setattr("server.render.pdf.browser", lambda: None)
+    for query, headers in asked:
+        told = assert_problem(client.get(address, params=query, headers=headers), 422)
+        assert "Get the report as HTML" in told["to_do"]
+    assert_problem(client.get(address, params={"format": "doc"}), 422)
 
 
 def test_two_files_that_would_be_one_in_a_folder_are_told(client: httpx.Client) -> None:

@@ -45,6 +45,7 @@ export function resultLinks(sessionId, stage) {
   const id = encodeURIComponent(sessionId);
   return h("nav", { class: "result-links row", "aria-label": t("result.links") },
     h("a", { class: "button", href: api.reportAddress(sessionId), target: "_blank", rel: "noopener" }, t("result.report")),
+    h("a", { class: "button", href: api.pdfAddress(sessionId), target: "_blank", rel: "noopener" }, t("result.pdf")),
     h("a", { class: "button", href: `/sessions/${id}/review` }, t("result.review")),
     h("a", { class: "button", href: `/compare?${new URLSearchParams({ stage, left: sessionId })}` }, t("result.compare")),
     h("a", { class: "button", href: api.archiveAddress(sessionId), download: "" }, t("review.archive")), exportMenu(sessionId),

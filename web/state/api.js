@@ -228,6 +228,7 @@ export const api = {
 
   /** @param {string} id */
   reportAddress: (id) => `${ROOT}${session(id)}/report`,
+  pdfAddress: (id) => `${ROOT}${session(id)}/report?format=pdf`,
 
   /** @param {string} id */
   archiveAddress: (id) => `${ROOT}${session(id)}/archive`,

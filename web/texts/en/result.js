@@ -5,6 +5,7 @@ export const result = {
   "result.stale_words": "Inputs changed since this was solved. Solve again.",
   "result.verdict": "Verdict",
   "result.report": "Report",
+  "result.pdf": "PDF",
   "result.review": "Review",
   "result.compare": "Compare",
   "result.links": "More about this result",
