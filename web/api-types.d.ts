@@ -714,6 +714,11 @@ export interface Findings {
   blocks_solving: boolean;
 }
 
+export interface FlangeReading {
+  tool0_from_tool?: number[][] | null;
+  base_from_frame?: number[][] | null;
+}
+
 export interface FolderState {
   available: boolean;
   folders: string[];
@@ -1566,6 +1571,7 @@ export interface RootCause {
   poses_from?: Record<string, string>;
   table_reading?: TableReading | null;
   point_settings?: Record<string, unknown>;
+  flange_reading?: FlangeReading | null;
 }
 
 export interface RootCauses {

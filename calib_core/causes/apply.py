@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from calib_core.causes.flange import brought_back
 from calib_core.causes.readings import Reading, changes_of, moved_poses
 from calib_core.causes.table import angles_of
 from calib_core.errors import InputError
@@ -85,6 +86,8 @@ def changes_for(session: Session, cause: RootCause) -> Changes:
         return moved_poses(cause.poses_from, lost, session.captures)
     if cause.table_reading is not None:
         return angles_of(cause.table_reading, session.captures)
+    if cause.flange_reading is not None:
+        return brought_back(cause.flange_reading, session.cell, session.captures)
     if cause.point_settings:
         return settings_of(cause.point_settings, session.captures)
     return cause.changes

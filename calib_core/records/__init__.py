@@ -21,7 +21,15 @@ from calib_core.records.base import (
     Vector3,
     Verdict,
 )
-from calib_core.records.causes import BeforeAfter, CauseKind, Changes, PoseReading, RootCause, TableReading
+from calib_core.records.causes import (
+    BeforeAfter,
+    CauseKind,
+    Changes,
+    FlangeReading,
+    PoseReading,
+    RootCause,
+    TableReading,
+)
 from calib_core.records.guidance import (
     Finding,
     Guide,
@@ -75,6 +83,7 @@ __all__ = [
     "Changes",
     "Finding",
     "Finite",
+    "FlangeReading",
     "Guide",
     "GuideLast",
     "GuideNow",

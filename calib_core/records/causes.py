@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from calib_core.records.base import Finite, Identifier, Record
+from calib_core.records.base import Finite, Identifier, Matrix4, Record
 
 CauseKind = Literal[
     "pose-reading", "swapped-poses", "shifted-poses", "moved-sphere", "changed-tool", "sphere-diameter",
@@ -51,13 +51,21 @@ class TableReading(Record):
     since: Identifier | None = None
 
 
+class FlangeReading(Record):
+    """Whose all poses are: a tool on the flange, in a frame; null where it is the flange, or the base."""
+
+    tool0_from_tool: Matrix4 | None = None
+    base_from_frame: Matrix4 | None = None
+
+
 class RootCause(Record):
     """One root cause: what it is, as title and sentence, what speaks for it, and exactly what Apply changes.
 
     `id` names it among the causes of its result.  `changes` is null where nothing but other captures mends it;
     in a stage's result they name the stage's own captures.  Applied they change all of the session: by
     `pose_reading` where every pose is rewritten, by `poses_from`, the capture whose pose each one gets, by
-    `table_reading` where every angle of the table is, by `point_settings` where every file of points is read anew.
+    `table_reading` where every angle of the table is, by `point_settings` where every file of points is read anew,
+    by `flange_reading` where every pose is brought back to the flange.
     """
 
     id: Identifier
@@ -71,3 +79,4 @@ class RootCause(Record):
     poses_from: dict[str, str] = Field(default_factory=dict[str, str])
     table_reading: TableReading | None = None
     point_settings: dict[str, Any] = Field(default_factory=dict[str, Any])
+    flange_reading: FlangeReading | None = None

@@ -51,7 +51,11 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
     result = _with_causes(with_unused(result, given.captures, solved.unused), given, solved)
     if whose := told_by_joints(given.session.cell, [c for c in given.captures if c.id not in solved.unused]):
         verdict = "warn" if result.verdict == "pass" else result.verdict
-        result = result.model_copy(update={"verdict": verdict, "warnings": [whose, *result.warnings]})
+        from calib_core.causes.flange import flange_causes
+
+        causes = flange_causes(given.session.cell, [c for c in given.captures if c.id not in solved.unused])
+        told = {"verdict": verdict, "warnings": [whose, *result.warnings], "causes": [*result.causes, *causes]}
+        result = result.model_copy(update=told)
     doubt = _doubt_of_pitch(given) if result.verdict == "fail" else None
     return result.model_copy(update={"warnings": [*result.warnings, doubt]}) if doubt else result
 

@@ -505,4 +505,9 @@ export const texts = {
   "settled by the end": "am Ende zur Ruhe gekommen",
   "not settled": "nicht zur Ruhe gekommen",
   "Offset": "Abweichung",
+  "Poses are in another frame, not in the base": "Posen gelten in einem anderen Koordinatensystem, nicht in der Basis",
+  "Poses are of a tool in another frame, not of the flange": "Posen sind die eines Werkzeugs in einem anderen Koordinatensystem, nicht die des Flansches",
+  "Poses are of a tool, not of the flange": "Posen sind die eines Werkzeugs, nicht die des Flansches",
+  "Poses off those of the joints, median": "Abstand der Posen von denen der Gelenke, Median",
+  "{} Applied, all poses become those of the flange in the base.": "{} Angewendet, werden alle Posen die des Flansches in der Basis.",
 };

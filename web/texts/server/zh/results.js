@@ -505,4 +505,9 @@ export const texts = {
   "settled by the end": "结束时已稳定",
   "not settled": "未稳定",
   "Offset": "偏移",
+  "Poses are in another frame, not in the base": "位姿属于另一坐标系，而非基座",
+  "Poses are of a tool in another frame, not of the flange": "位姿属于另一坐标系中的工具，而非法兰",
+  "Poses are of a tool, not of the flange": "位姿属于工具，而非法兰",
+  "Poses off those of the joints, median": "位姿与关节推算位姿之差，中位数",
+  "{} Applied, all poses become those of the flange in the base.": "{} 应用后，所有位姿都变为法兰在基座中的位姿。",
 };
