@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from harness import Row
@@ -21,6 +21,10 @@ from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Session, parse_session
 from calib_core.stages.stage import ReadFile
+
+if TYPE_CHECKING:
+    from calib_core.optics.camera_model import CameraModel
+    from calib_core.optics.laser_plane_solve import PlaneView
 
 T = TypeVar("T")
 
@@ -39,7 +43,8 @@ def run(full: bool) -> list[Row]:
         return [Row("real sets beside the project (../shared/data)", "", "not there")]
     tools = [row for name in SETS for row in (*halves(name, 12 if full else 4), diameter(name))]
     count = 40 if full else 8
-    return [*tools, *(camera_halves(n, count) for n in CAMERAS), *(plane_halves(n, count) for n in PLANES)]
+    halves_of_optics = [*(camera_halves(n, count) for n in CAMERAS), *(plane_halves(n, count) for n in PLANES)]
+    return [*tools, *halves_of_optics, *(lines_row(n) for n in PLANES)]
 
 
 @cache
@@ -154,21 +159,46 @@ def camera_halves(name: str, count: int) -> Row:
     return factor_row(f"{name}: camera", squares, 4)
 
 
-def plane_halves(name: str, count: int) -> Row:
-    """The same of the plane of light by halves of the boards that carry it, the camera being that of all."""
+def plane_views(name: str) -> "tuple[CameraModel, list[PlaneView]]":
+    """Return a set's camera and its boards that carry the line."""
     from calib_core.captures.camera_source import camera_of
     from calib_core.captures.dark_boards import PlaneViews
     from calib_core.optics.laser_plane_solve import solve_plane
 
     session, read = opened(name)
     camera, _ = camera_of(session, read)
-    boards, views = PlaneViews(session, camera, read), []
+    boards, views = PlaneViews(session, camera, read), list["PlaneView"]()
     for capture in session.captures:
         if capture.step == "laser-plane":
             with suppress(CalibrationError):
                 views.append(boards.of(capture))
     used = {view.name for view in solve_plane(camera, views).views if view.reason is None}
-    views = [view for view in views if view.name in used]
+    return camera, [view for view in views if view.name in used]
+
+
+def lines_row(name: str) -> Row:
+    """How far each board's line lies beside the final plane on average, by what its centres' scatter makes of it.
+
+    A centre's own sigma, times the factor by which runs of centres scatter more; the board's pose is not counted.
+    """
+    from calib_core.optics.laser_plane_solve import solve_plane
+
+    solution = solve_plane(*plane_views(name))
+    off: dict[str, float] = {}
+    for line in solution.lines:
+        mean_mm = float(np.mean(line.points_in_camera_mm @ solution.normal)) - solution.distance_mm
+        sigma_mm = solution.noise_factor * float(np.sqrt(np.sum(line.sigma_mm**2))) / len(line.sigma_mm)
+        off[line.name] = abs(mean_mm) / sigma_mm
+    worst = max(off, key=off.__getitem__)
+    told = f"{off[worst]:.1f} ({worst}) of {len(off)}; next {sorted(off.values())[-2]:.1f}"
+    return Row(f"{name}: boards' lines, mean beside the plane by its sigma", "≤ 3", told, off[worst] <= 3)
+
+
+def plane_halves(name: str, count: int) -> Row:
+    """The same of the plane of light by halves of the boards that carry it, the camera being that of all."""
+    from calib_core.optics.laser_plane_solve import solve_plane
+
+    camera, views = plane_views(name)
     squares: list[float] = []
     for pair in random_halves(views, count):
         with suppress(CalibrationError):  # lines of three boards may lie too close to one another
