@@ -73,12 +73,14 @@ def soaked(server: ServerProcess, watch: Watch, archive: bytes, seconds: float, 
 
 
 def memory_rows(samples: list[Sample], first_s: float, judged: bool) -> Iterator[Row]:
-    """Yield how memory grew."""
-    slope, low, high = slope_mb_per_h(samples)
+    """Yield how memory grew: of the server, which stays, and with its workers, which are warm by turns."""
+    for who, workers in (("the server", False), ("server and workers", True)):
+        slope, low, high = slope_mb_per_h(samples, workers)
+        told = f"{slope:+.1f} ({low:+.1f} to {high:+.1f}) MB/h"
+        what = f"memory of {who} after the first {first_s / 60:.0f} min"
+        yield Row(what, "≤ 1 MB/h", told, slope <= 1.0 if judged else None)
     after, _, _ = slope_mb_per_h(samples[len(samples) // 2 :])
     peak_mb = max((sample.server_mb + sample.others_mb for sample in samples), default=float("nan"))
-    told = f"{slope:+.1f} ({low:+.1f} to {high:+.1f}) MB/h"
-    yield Row(f"memory after the first {first_s / 60:.0f} min", "≤ 1 MB/h", told, slope <= 1.0 if judged else None)
     yield Row("the same, its second half; most", "", f"{after:+.1f} MB/h; {peak_mb:.0f} MB")
 
 

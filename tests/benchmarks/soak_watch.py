@@ -104,14 +104,16 @@ def _kind(target: str) -> str:
     return path.name if path.suffix.startswith((".db", ".sqlite")) else str(path.parent)
 
 
-def slope_mb_per_h(samples: list[Sample]) -> tuple[float, float, float]:
+def slope_mb_per_h(samples: list[Sample], workers: bool = True) -> tuple[float, float, float]:
     """Return how fast memory grows, and the ends of its 95 % interval: Theil's and Sen's line.
+
+    Of the server and its `workers`, or of the server alone.
 
     The median of the slopes of all pairs: neither a solve under way nor a worker that was replaced moves it.  The
     interval is Kendall's (Hollander and Wolfe, Nonparametric Statistical Methods, 9.3).
     """
     at_h = np.array([sample.at_s for sample in samples]) / 3600
-    held_mb = np.array([sample.server_mb + sample.others_mb for sample in samples])
+    held_mb = np.array([sample.server_mb + workers * sample.others_mb for sample in samples])
     if len(at_h) < 3:
         return float("nan"), float("nan"), float("nan")
     first, second = np.triu_indices(len(at_h), 1)
