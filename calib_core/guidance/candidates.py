@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.sight import LEAST_OFFSET, MOST_OFFSET, Sight
 from calib_core.records.planning import Box, Limits
 
@@ -141,15 +141,15 @@ def _places(sight: Sight, radius_mm: float, count: int, rng: np.random.Generator
 
 def _leans(room: Room, count: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
     """Return turns of the scanner (count, 3, 3), in L: a lean about an axis across z, then a turn about z."""
+    from scipy.spatial.transform import Rotation
+
     unit = _spread(count, 2, rng, at_edge)
     about = rng.uniform(0, 2 * np.pi, count)
     lean = room.tilt_rad * np.sqrt(unit[:, 0])
     turn = room.turn_rad * (2 * unit[:, 1] - 1)
     across = np.column_stack([np.cos(about) * lean, np.sin(about) * lean, np.zeros(count)])
     along = np.column_stack([np.zeros(count), np.zeros(count), turn])
-    return np.array(
-        [rotation_from_vector(a) @ rotation_from_vector(b) for a, b in zip(across, along, strict=True)]
-    )
+    return Rotation.from_rotvec(across).as_matrix() @ Rotation.from_rotvec(along).as_matrix()
 
 
 def _spread(count: int, size: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
