@@ -190,6 +190,26 @@ class _Seen:
             found.append(arc_observation(self.cell, capture, pose, points * [x, z], fit))
         return found
 
+    def circle_centers(self, scales: FloatArray) -> FloatArray:
+        """Return about where the circles' centres are (N, K, 3) with x and z multiplied by each of `scales` (N, 2).
+
+        Algebraic circles, from sums of powers that are taken once an arc: near enough to search by.
+        """
+        found = np.zeros((len(scales), len(self.arcs), 3))
+        sx, sz = scales.T
+        for k, (points, _) in enumerate(self.arcs):
+            middle = points.mean(axis=0)
+            x, z = (points - middle).T
+            xx, xz, zz = float(x @ x), float(x @ z), float(z @ z)
+            right_x = (sx**3 * float(x @ x**2) + sx * sz**2 * float(x @ z**2)) / 2
+            right_z = (sz**3 * float(z @ z**2) + sz * sx**2 * float(z @ x**2)) / 2
+            det = (sx * sz) ** 2 * (xx * zz - xz**2)
+            off_x = (right_x * sz**2 * zz - right_z * sx * sz * xz) / det
+            off_z = (right_z * sx**2 * xx - right_x * sx * sz * xz) / det
+            found[:, k, 0] = middle[0] * sx + off_x
+            found[:, k, 2] = middle[1] * sz + off_z
+        return found
+
     def scatter_mm(self, x: float, z: float, sphere: SphereSize, near: FloatArray | None = None) -> float:
         """Return how far apart the sphere's centres lie; without end where most circles are larger than it."""
         some = [o for o in self.observed(x, z) if (o.circle_radius_mm or 0.0) < _TOO_LARGE * sphere.radius_mm]
@@ -228,7 +248,7 @@ def _closest(
 
     The search leaves out y, whose sign a profile does not tell.
     """
-    measured = np.array([[o.center_in_laser_mm for o in seen.observed(x, z)] for x, z in scales.tolist()])
+    measured = seen.circle_centers(scales)
     count = len(turned)
     shape = (len(scales) * count, len(seen.poses))
     rotations = np.broadcast_to(np.array([pose.rotation for pose in seen.poses]), (*shape, 3, 3))
