@@ -42,6 +42,7 @@ _NEAR, _FINE, _FINEST = np.linspace(-0.2, 0.2, 9), np.linspace(-0.05, 0.05, 11),
 _STARTS, _ITERATIONS = 36, 12
 _ENOUGH, _TOO_LARGE = 0.7, 1.01
 _MUCH_CLOSER = 0.5
+_DISAGREES = 4  # the power of the share of circles that are no larger than the sphere
 _RIVAL, _PRICE_OF_TWO = 1.5, 1.5
 _LARGEST_SCATTER_MM = 3.0
 _MOST_ROUNDER = 0.7
@@ -89,9 +90,9 @@ def scale_causes(
         return []
     points = {c.id: read_points(c, read) for c in profiles}
     ratio = _ratio(list(points.values())[:: max(1, len(points) // _ASKED)])
-    as_told = _Seen.of(session, profiles, points, 1.0)
+    as_told = SeenArcs.of(session, profiles, points, 1.0)
     now = as_told.scatter_mm(1.0, 1.0, told) if as_told is not None else np.inf
-    seen = as_told if ratio == 1 else _Seen.of(session, profiles, points, ratio)
+    seen = as_told if ratio == 1 else SeenArcs.of(session, profiles, points, ratio)
     if seen is None:
         return []
     found = [*_factors(seen, ratio, told), *(_diameters(seen, told) if ratio == 1 else [])]
@@ -156,7 +157,7 @@ def _rounded(arcs: Sequence[FloatArray], near: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class SeenArcs:
     """Arcs of whatever radius, x multiplied by `ratio`."""
 
     cell: Cell
@@ -167,7 +168,7 @@ class _Seen:
     @classmethod
     def of(
         cls, session: Session, captures: Sequence[Capture], points: dict[str, FloatArray], ratio: float
-    ) -> "_Seen | None":
+    ) -> "SeenArcs | None":
         """Return what profiles show; None where most show no arc."""
         found: list[tuple[Capture, FloatArray, ArcFit]] = []
         for capture in captures:
@@ -191,7 +192,7 @@ class _Seen:
         return found
 
     def circle_centers(self, scales: FloatArray) -> FloatArray:
-        """Return about where the circles' centres are (N, K, 3) with x and z multiplied by each of `scales` (N, 2).
+        """Return about where the circles' centres are (N, K, 3), x and z multiplied by each of `scales` (N, 2).
 
         Algebraic circles, from sums of powers that are taken once an arc: near enough to search by.
         """
@@ -222,7 +223,7 @@ class _Seen:
         return started(posed, centers, [near]).scatter_mm
 
 
-def _factors(seen: _Seen, ratio: float, told: SphereSize) -> list[_Lengths]:
+def _factors(seen: SeenArcs, ratio: float, told: SphereSize) -> list[_Lengths]:
     """Return by what x alone, z alone or both are to be multiplied so that the sphere's centres lie closest."""
     families: list[tuple[FloatArray, FloatArray, FloatArray]] = [
         (np.array([1.0, 1.0]), np.array([1.0, 0.0]), _NEAR),
@@ -242,7 +243,7 @@ def _factors(seen: _Seen, ratio: float, told: SphereSize) -> list[_Lengths]:
 
 
 def _closest(
-    seen: _Seen, told: SphereSize, scales: FloatArray, turned: FloatArray
+    seen: SeenArcs, told: SphereSize, scales: FloatArray, turned: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the scales, of (N, 2), by which centres lie closest together, and the scanner's rotation (1, 3, 3).
 
@@ -261,7 +262,7 @@ def _closest(
     return scales[best // count], found[best][None]
 
 
-def _diameters(seen: _Seen, told: SphereSize) -> list[_Lengths]:
+def _diameters(seen: SeenArcs, told: SphereSize) -> list[_Lengths]:
     """Return the diameter at which the sphere's centres lie closest together: x and z do not depend on it."""
     from scipy.optimize import minimize_scalar
 
@@ -270,11 +271,17 @@ def _diameters(seen: _Seen, told: SphereSize) -> list[_Lengths]:
     least = float(np.quantile(radii, _ENOUGH)) / _TOO_LARGE  # no circle is larger than its sphere
 
     def at(logarithm: float) -> float:
-        return seen.scatter_mm(1.0, 1.0, SphereSize(float(np.exp(logarithm)) * told.diameter_mm), turned[0])
+        factor = float(np.exp(logarithm))
+        fitting = float(np.mean(radii < _TOO_LARGE * factor))  # few captures agree by chance
+        scatter = seen.scatter_mm(1.0, 1.0, SphereSize(factor * told.diameter_mm), turned[0])
+        return scatter / fitting**_DISAGREES
 
-    tried = np.linspace(np.log(least), np.log(max(_LARGEST, 1.5 * least)), 16)
-    k = int(np.argmin([at(float(one)) for one in tried]))
-    ends = tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)]
+    # The scatter jumps where a circle becomes larger than the sphere: no descent leads past that.
+    tried = np.linspace(np.log(least), np.log(max(_LARGEST, 1.5 * least)), 32)
+    for finer in (True, False):
+        k = int(np.argmin([at(float(one)) for one in tried]))
+        ends = tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)]
+        tried = np.linspace(*ends, 13) if finer else tried
     found: Any = minimize_scalar(at, bounds=ends, method="bounded", options={"xatol": 1e-3})
     if abs(found.x) < _LEAST_DIAMETER:
         return []
