@@ -46,7 +46,6 @@ async function pageOf(place) {
 // What one may do decides what the page offers, so this comes first; the page's code is on its way meanwhile.
 const { page: asked } = placeAsked();
 if (asked === "start" || asked === "session") void import(`./pages/${asked}.js`);
-const sentences = learnSentences();
 await learn();
 document.body.append(
   h("a", { class: "skip", href: "#main" }, t("skip")),
@@ -59,7 +58,7 @@ let shown = 0;
 route(async (place) => {
   const turn = ++shown;
   const page = await pageOf(place);
-  if (place.page !== "start") await sentences;
+  if (place.page === "review" || place.page === "compare") await learnSentences();
   if (turn !== shown) return; // another address was taken meanwhile
   middle.replaceChildren();
   document.title = "scancell";

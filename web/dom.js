@@ -73,9 +73,11 @@ export function make(type, properties = {}) {
   return Object.assign(new type(), properties);
 }
 
-/** The styles of a part that is loaded when it is asked for. @param {string} name */
+/** The styles of a part that is loaded when it is asked for; answers once they are there. @param {string} name @returns {Promise<unknown>} */
 export function style(name) {
-  document.head.append(h("link", { rel: "stylesheet", href: new URL(`./styles/${name}.css`, import.meta.url).href }));
+  return new Promise((resolve) => {
+    document.head.append(h("link", { rel: "stylesheet", href: new URL(`./styles/${name}.css`, import.meta.url).href, onload: resolve, onerror: resolve }));
+  });
 }
 
 /**

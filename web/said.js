@@ -10,6 +10,8 @@ const LIST = /^(\S+(?:, \S+)*) and (\S+|\d+ more)$/;
 const FEW = 4, JOINED = / (?:and|or) |[.] /;
 /** What is added to a sentence in brackets. */
 const ADDED = /^(.*)( \([^()]*\)\.?)$/;
+/** Words, and no name of a capture, a file or a place. */
+const ENGLISH = /^[A-Za-z][a-z]+[ ,] ?[a-z]/;
 const BETWEEN_SENTENCES = /(?<=[.!?]) (?=[A-Z±"])/;
 
 /** How a language joins what English joins by spaces, commas and "and". */
@@ -22,6 +24,8 @@ export class Sayings {
   /** @type {Map<string, string>} */ #known = new Map();
   /** @type {{ few: boolean, pattern: RegExp, words: string }[] | null} made when first asked: the longest first, as it says most */ #patterns = null;
   /** @type {Map<string, string>} */ #said = new Map();
+  /** Said, and not known in this language yet. @type {Set<string>} */ #lacking = new Set();
+  /** Whether something in the text that is being said is not known. */ #unknown = false;
   #joins;
 
   /** @param {"de" | "zh"} language */
@@ -36,12 +40,34 @@ export class Sayings {
     this.#said.clear();
   }
 
+  /** Whether something was said that is in no table so far. */
+  get lacking() {
+    return this.#lacking.size > 0;
+  }
+
+  /** The same, once a table was added. */
+  lacks() {
+    const asked = [...this.#lacking];
+    this.#lacking.clear();
+    for (const text of asked) this.say(text);
+    return this.#lacking.size > 0;
+  }
+
   /** A text of the server, as far as it is known; the rest stays as it is. @param {string} text @returns {string} */
   say(text) {
     const before = this.#said.get(text);
     if (before !== undefined) return before;
-    const words = this.#whole(text) ?? this.#sentences(text);
+    this.#unknown = false;
+    const words = this.#say(text);
+    if (this.#unknown) this.#lacking.add(text);
     this.#said.set(text, words);
+    return words;
+  }
+
+  /** The same for a part of a text. @param {string} text @returns {string} */
+  #say(text) {
+    const words = this.#whole(text) ?? this.#sentences(text);
+    if (words === text && ENGLISH.test(text)) this.#unknown = true;
     return words;
   }
 
@@ -81,8 +107,8 @@ export class Sayings {
   /** What a hole holds: a number or a name, a text again, or a list of them. @param {string} text @returns {string} */
   #part(text) {
     if (!/[a-z]{2}/i.test(text)) return text;
-    const words = this.say(text);
-    return words === text ? text.split(/( and | or )/).map((one) => (one === " and " ? this.#joins.and : one === " or " ? this.#joins.or : this.say(one))).join("") : words;
+    const words = this.#say(text);
+    return words === text ? text.split(/( and | or )/).map((one) => (one === " and " ? this.#joins.and : one === " or " ? this.#joins.or : this.#say(one))).join("") : words;
   }
 
   /** A list of names, or what is put together of several: each by itself. @param {string} text @returns {string} */
@@ -91,13 +117,13 @@ export class Sayings {
     if (list) return `${list[1]?.replaceAll(", ", this.#joins.comma)}${this.#joins.and}${list[2]?.replace(/ more$/, ` ${this.#joins.more}`)}`;
     const [, before, added] = ADDED.exec(text) ?? [];
     const words = added && this.#whole(added);
-    if (before && words) return `${this.say(before)}${words}`;
+    if (before && words) return `${this.#say(before)}${words}`;
     const parts = text.split(BETWEEN_SENTENCES);
-    if (parts.length > 1) return parts.map((part) => this.say(part)).join(this.#joins.sentences);
+    if (parts.length > 1) return parts.map((part) => this.#say(part)).join(this.#joins.sentences);
     const colon = text.indexOf(": ");
     if (colon < 0) return text;
     const head = this.#whole(text.slice(0, colon + 1));
-    if (head !== null) return `${head}${this.#joins.sentences}${this.say(text.slice(colon + 2))}`;
-    return `${this.say(text.slice(0, colon))}${this.#joins.colon}${this.say(text.slice(colon + 2))}`;
+    if (head !== null) return `${head}${this.#joins.sentences}${this.#say(text.slice(colon + 2))}`;
+    return `${this.#say(text.slice(0, colon))}${this.#joins.colon}${this.#say(text.slice(colon + 2))}`;
   }
 }

@@ -1,6 +1,6 @@
 // Every text of the page comes from one catalogue, in the language that the browser asks for.
 
-/** @typedef {typeof import("./texts/en.js").texts & typeof import("./texts/live/en.js").texts & typeof import("./texts/guidance/en.js").texts & typeof import("./texts/access/en.js").texts & typeof import("./texts/compare/en.js").texts} Texts */
+/** @typedef {typeof import("./texts/en.js").texts & typeof import("./texts/live/en.js").texts & typeof import("./texts/guidance/en.js").texts & typeof import("./texts/access/en.js").texts & typeof import("./texts/compare/en.js").texts & typeof import("./texts/start/en.js").texts & typeof import("./texts/merged/en.js").texts & typeof import("./texts/timeline/en.js").texts & typeof import("./texts/cell/en.js").texts & typeof import("./texts/dialogs/en.js").texts & typeof import("./texts/settings/en.js").texts & typeof import("./texts/plots/en.js").texts} Texts */
 /** @typedef {keyof Texts} Text */
 
 export const LANGUAGES = /** @type {const} */ (["en", "de", "zh"]);
@@ -36,22 +36,39 @@ export function t(key, values = {}) {
   return catalogue[key].replace(/\{(\w+)\}/g, (_, name) => String(values[name] ?? ""));
 }
 
-/** What the server says in English, in the chosen language: its labels at once, its sentences when a page asks for them. */
+/** What the server says in English, in the chosen language: what a first view needs at once, the rest once something is said that it lacks. */
 const sayings = language === "en" ? null : new (await import("./said.js")).Sayings(language);
 sayings?.add((await import(`./texts/server/${language}.js`)).texts);
+/** In the order in which they are looked through. */
+const LATER = ["sphere", "guide", "captures", "stages", "results", "labels"];
 /** @type {Promise<void> | null} */
 let learning = null;
 
-/** The sentences of results, captures and guides; English needs none. */
-export function learnSentences() {
-  return learning ??= (async () => {
-    if (!sayings) return;
-    for (const { texts } of await Promise.all(["captures", "results", "stages"].map((part) => import(`./texts/server/${language}/${part}.js`)))) sayings.add(texts);
-  })();
+/** Told once more is known of what was said before. */
+export const SAID = "scancell-said";
+
+/** Everything that the server says; English needs none. */
+export async function learnSentences() {
+  while (sayings && LATER.length) await learnNext();
+}
+
+async function learnNext() {
+  const part = LATER.shift();
+  if (part) sayings?.add((await import(`./texts/server/${language}/${part}.js`)).texts);
+}
+
+async function learnWhatLacks() {
+  do await learnNext(); while (LATER.length && sayings?.lacks());
+  learning = null;
+  window.dispatchEvent(new Event(SAID));
 }
 
 /** What the server says, in the chosen language as far as the catalogue has it. @param {string} text @returns {string} */
-export const said = (text) => sayings?.say(text) ?? text;
+export function said(text) {
+  const words = sayings?.say(text) ?? text;
+  if (LATER.length && sayings?.lacking) learning ??= learnWhatLacks();
+  return words;
+}
 
 /**
  * A text whose key is put together from data; `otherwise` where the catalogue has none.

@@ -136,16 +136,17 @@
       const bare = text.data.trim();
       const words = bare && state.translated.get(text) !== text.data ? state.say(bare) : bare;
       if (words !== bare) text.data = text.data.replace(bare, () => words);
-      state.translated.set(text, text.data);
+      if (words !== bare) state.translated.set(text, text.data);
     }
   }
 
   function speak(say) {
     const legend = document.getElementById("scancell-legend");
-    if (state.say || !legend) return;
+    if (!legend) return;
+    const first = !state.say;
     state.say = say;
     translate(legend);
-    new MutationObserver(() => translate(legend)).observe(legend, { childList: true });
+    if (first) new MutationObserver(() => translate(legend)).observe(legend, { childList: true });
   }
 
   // The page around the scene has the same origin, and calls this.

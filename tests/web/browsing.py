@@ -217,3 +217,9 @@ def take_one(page: Page) -> int:
     # The first one waits for the kernels; asked in every frame, for `expect` looks but once a second.
     page.wait_for_function(_ROWS, arg=before + 1, timeout=120_000)
     return before + 1
+
+
+def in_language(page: Page, language: str) -> None:
+    """Have a page's browser ask for a language, such as `de-DE`, from its next address on."""
+    agent = {"userAgent": page.evaluate("navigator.userAgent"), "acceptLanguage": language}
+    page.context.new_cdp_session(page).send("Emulation.setUserAgentOverride", agent)

@@ -1,14 +1,14 @@
 """axe finds nothing to object to, in both themes; and the page weighs little."""
 
-from collections.abc import Callable, Iterator
-from typing import Any
+import re
+from collections.abc import Iterator
 
 import httpx
 import pytest
 from playwright.sync_api import FilePayload, Page, expect
 
 from tests.server.live_server import make_session, simulated_session
-from tests.web.browsing import SharedProfile, Watch
+from tests.web.browsing import SharedProfile, Watch, in_language
 
 pytestmark = pytest.mark.browser
 
@@ -115,12 +115,16 @@ _LOADED = """() => {
 }"""
 
 
-def test_weight(open_page: Callable[..., Any], api: httpx.Client) -> None:
+@pytest.mark.parametrize("language", ["en-GB", "de-DE", "zh-CN"])
+def test_weight(profile: SharedProfile, api: httpx.Client, language: str) -> None:
     """Each page, without data and scene, stays below 300 kB unpacked; it travels in less than half of that."""
     session = simulated_session(api, captures=2)
     for path, ready in (("/", "sc-session-cards section"), (f"/sessions/{session}", ".captures tbody tr")):
-        page, _ = open_page(path)
+        page = profile.open()
+        in_language(page, language)
+        page.goto(path)
         expect(page.locator(ready).first).to_be_visible()
+        expect(page.locator("html")).to_have_attribute("lang", re.compile(f"^{language[:2]}"))
         size, travelled = page.evaluate(_LOADED)
         assert 20_000 < size < 300_000, path
         assert travelled < 150_000, path

@@ -146,7 +146,8 @@ def test_the_page_recognises_each_sentence_of_the_server() -> None:
     const answers = {};
     for (const language of ["de", "zh"]) {
       const sayings = new Sayings(language);
-      for (const file of [language, ...["captures", "results", "stages"].map((one) => `${language}/${one}`)]) {
+      const later = ["sphere", "guide", "captures", "stages", "results", "labels"];
+      for (const file of [language, ...later.map((one) => `${language}/${one}`)]) {
         sayings.add((await import(`./texts/server/${file}.js`)).texts);
       }
       answers[language] = %s.map((one) => sayings.say(one));

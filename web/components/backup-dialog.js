@@ -6,8 +6,10 @@ import { h } from "../dom.js";
 import { backupOf, remember } from "../state/backups.js";
 import { chosen } from "../state/files.js";
 import { registry } from "../state/registries.js";
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
 import { attempt, notify } from "./toasts.js";
+
+await learnTexts("dialogs");
 
 /** @import {Backup} from "../state/backups.js" */
 

@@ -166,7 +166,7 @@ export class CapturesElement extends StateElement {
    */
   #differs(row, capture, residual) {
     const shown = this.#shown.get(row);
-    return shown?.capture !== capture || shown.told !== JSON.stringify(residual ?? null);
+    return shown?.capture !== capture || shown.told !== toldOf(capture, residual);
   }
 
   /**
@@ -175,7 +175,7 @@ export class CapturesElement extends StateElement {
    * @param {Residual | undefined} residual
    */
   #fill(row, capture, residual) {
-    this.#shown.set(row, { capture, told: JSON.stringify(residual ?? null) });
+    this.#shown.set(row, { capture, told: toldOf(capture, residual) });
     const focused = row.contains(document.activeElement) ? document.activeElement?.className : "";
     row.classList.toggle("out", capture.excluded === true || residual?.used === false);
     row.replaceChildren(...this.#cells(capture, residual));
@@ -271,3 +271,6 @@ function deed(what, act) {
 }
 
 customElements.define("sc-captures", CapturesElement);
+
+/** What a row says beside the capture's own record, in the page's language as far as it is known by now. @param {CaptureOut} capture @param {Residual | undefined} residual */
+const toldOf = ({ measured }, residual) => JSON.stringify([residual ?? null, said(residual?.reason ?? ""), said(measured.reason ?? "")]);

@@ -6,11 +6,13 @@ import { h } from "../dom.js";
 import { when } from "../format.js";
 import { go } from "../router.js";
 import { conventions } from "../state/registries.js";
-import { maybe, t } from "../texts.js";
+import { learnTexts, maybe, t } from "../texts.js";
 import { did, patchBack } from "../state/undo.js";
 import { bring } from "../state/upload.js";
 import { conventionWords } from "./pose-columns.js";
 import { attempt } from "./toasts.js";
+
+await learnTexts("cell");
 
 /** @import {Cell} from "../api-types.js" */
 /** @import {Found} from "../state/files.js" */

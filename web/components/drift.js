@@ -3,7 +3,9 @@
 import { api } from "../state/api.js";
 import { h, s } from "../dom.js";
 import { small } from "../format.js";
-import { said, t } from "../texts.js";
+import { learnTexts, said, t } from "../texts.js";
+
+await learnTexts("start");
 
 /** @import {DriftSeries, SessionSummary} from "../state/model.js" */
 

@@ -7,7 +7,9 @@ import { mark } from "../icons.js";
 import { kindOf } from "../state/files.js";
 import { profilePlot } from "./profile-plot.js";
 import { registry } from "../state/registries.js";
-import { said, t } from "../texts.js";
+import { learnTexts, said, t } from "../texts.js";
+
+await learnTexts("dialogs");
 
 /** @import {Found} from "../state/files.js" */
 /** @import {Capture, FileReading, Measured, SessionOut} from "../state/model.js" */

@@ -1,7 +1,9 @@
 // The keys that the session page knows.
 
 import { h } from "../dom.js";
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
+
+await learnTexts("plots");
 
 /** @import {Text} from "../texts.js" */
 

@@ -1,6 +1,8 @@
 // What of a plot is shown: its dots in sigmas, in millimetres or in parts along axes; and which piece of it, once it is zoomed.
 
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
+
+await learnTexts("plots");
 
 /** @import {PlotBlock, Residual, SeriesOf} from "../state/model.js" */
 /** @typedef {{ x: [number, number], y: [number, number] }} Range */

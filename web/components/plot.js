@@ -3,11 +3,13 @@
 
 import { h, make, s } from "../dom.js";
 import { fixed, significant } from "../format.js";
-import { said, t } from "../texts.js";
+import { learnTexts, said, t } from "../texts.js";
 import { excludeCapture } from "./exclude.js";
 import { piece, viewsOf, widened } from "./plot-view.js";
 import { thumbnail } from "./thumbnail.js";
 import { withoutWords } from "./without.js";
+
+await learnTexts("plots");
 
 /** @import {Range} from "./plot-view.js" */
 /** @import {AxisOf, PlotBlock, Residual, SeriesOf} from "../state/model.js" */

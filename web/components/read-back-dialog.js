@@ -7,9 +7,11 @@ import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { chosen } from "../state/files.js";
 import { conventions } from "../state/registries.js";
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
 import { conventionWords } from "./pose-columns.js";
 import { attempt } from "./toasts.js";
+
+await learnTexts("dialogs");
 
 /** @import {ToolComparison} from "../state/model.js" */
 

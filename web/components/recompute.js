@@ -12,7 +12,7 @@ import { attempt, say } from "./toasts.js";
 
 const ASK_MS = 300;
 
-await learnTexts("compare");
+await Promise.all([learnTexts("compare"), learnTexts("timeline")]);
 
 export class RecomputeElement extends HTMLElement {
   sessionId = "";

@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
-import { language, said, t } from "../texts.js";
+import { language, SAID, said, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -57,12 +57,14 @@ export class SceneElement extends StateElement {
     super.connectedCallback();
     this.#stopTheme = whenThemeChanges(() => this.#show());
     window.addEventListener("storage", this.#picked);
+    window.addEventListener(SAID, this.#speak);
   }
 
   disconnectedCallback() {
     super.disconnectedCallback();
     this.#stopTheme?.();
     window.removeEventListener("storage", this.#picked);
+    window.removeEventListener(SAID, this.#speak);
     window.clearInterval(this.#timer);
   }
 
@@ -111,12 +113,17 @@ export class SceneElement extends StateElement {
     return /** @type {SceneWindow | null} */ (/** @type {unknown} */ (this.#frame.contentWindow))?.scancellScene;
   }
 
+  /** The legend in the page's language, as far as it is known by now. */
+  #speak = () => {
+    if (language !== "en") this.#drawn?.speak?.(said);
+  };
+
   /** Which layers this page's scene shows; answers whether the scene is there to hear it. @param {Record<string, boolean>} layers */
   #showLayers(layers) {
     if (!this.#drawn) return false;
     this.#shownLayers = layers;
     this.#drawn.show(layers);
-    if (language !== "en") this.#drawn.speak(said);
+    this.#speak();
     for (const box of this.#layers.querySelectorAll("input")) box.checked = layers[box.name] ?? true;
     return true;
   }

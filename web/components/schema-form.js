@@ -1,7 +1,9 @@
 // A form from a JSON Schema, as the registries give it: a field for each plain property, with what the schema says of it.
 
 import { h } from "../dom.js";
-import { maybe, t } from "../texts.js";
+import { learnTexts, maybe, t } from "../texts.js";
+
+await learnTexts("settings");
 
 /** @typedef {{ type?: string, title?: string, description?: string, default?: unknown, enum?: unknown[], anyOf?: Schema[], items?: Schema, properties?: Record<string, Schema>, exclusiveMinimum?: number, minimum?: number }} Schema */
 

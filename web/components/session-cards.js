@@ -5,9 +5,11 @@ import { cellWords } from "./cell-words.js";
 import { h, keyed, make } from "../dom.js";
 import { when } from "../format.js";
 import { icon, mark } from "../icons.js";
-import { maybe, plural, t } from "../texts.js";
+import { learnTexts, maybe, plural, t } from "../texts.js";
 import { DrawingElement } from "./drawing.js";
 import { drift } from "./drift.js";
+
+await learnTexts("start");
 
 /** @import {SessionSummary} from "../state/model.js" */
 

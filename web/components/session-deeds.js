@@ -3,9 +3,11 @@
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { did } from "../state/undo.js";
-import { plural, t } from "../texts.js";
+import { learnTexts, plural, t } from "../texts.js";
 import "./undo.js";
 import { attempt, notify } from "./toasts.js";
+
+await Promise.all([learnTexts("start"), learnTexts("cell")]);
 
 /** @import {SessionSummary} from "../state/model.js" */
 

@@ -4,9 +4,11 @@ import { h, s } from "../dom.js";
 import { when } from "../format.js";
 import { icon } from "../icons.js";
 import { ReviewState } from "../state/review.js";
-import { maybe, t } from "../texts.js";
+import { learnTexts, maybe, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { attempt } from "./toasts.js";
+
+await learnTexts("timeline");
 
 /** @import {TimelineItem} from "../state/model.js" */
 

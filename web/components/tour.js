@@ -1,7 +1,9 @@
 // A short tour: one card beside one part of the page at a time. Arrow keys walk it, Escape ends it; nothing moves by itself.
 
 import { h } from "../dom.js";
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
+
+await learnTexts("start");
 
 /** @typedef {{ at: string, text: import("../texts.js").Text }} Stop `at` is the selector of what the text is about */
 

@@ -13,8 +13,10 @@ import { attempt } from "../components/toasts.js";
 import { h, make, style } from "../dom.js";
 import { mark } from "../icons.js";
 import { ReviewState } from "../state/review.js";
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
 import { cellWords } from "../components/cell-words.js";
+
+await learnTexts("timeline");
 
 style("review");
 

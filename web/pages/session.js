@@ -13,7 +13,7 @@ import { attempt } from "../components/toasts.js";
 import { h, make } from "../dom.js";
 import { allowed } from "../state/me.js";
 import { SessionState } from "../state/session.js";
-import { t } from "../texts.js";
+import { SAID, t } from "../texts.js";
 import { cellWords } from "../components/cell-words.js";
 import { forgetDeeds } from "../state/undo.js";
 import { redoLast, undoLast } from "../components/undo.js";
@@ -45,6 +45,7 @@ export class SessionPage extends HTMLElement {
     this.#actions = make(ActionsElement, { state, intake, watch, devices: () => void this.#follow(state) });
     this.#build(state, [intake, watch], this.#actions);
     document.addEventListener("keydown", this.#key);
+    window.addEventListener(SAID, this.#said);
     window.addEventListener("hashchange", this.#hash);
     state.watch(["session", "problem"], () => this.#update(state));
     state.watch(["view", "step"], () => this.#address(state));
@@ -62,6 +63,7 @@ export class SessionPage extends HTMLElement {
     this.#state?.stop();
     forgetDeeds();
     document.removeEventListener("keydown", this.#key);
+    window.removeEventListener(SAID, this.#said);
     window.removeEventListener("hashchange", this.#hash);
   }
 
@@ -147,6 +149,9 @@ export class SessionPage extends HTMLElement {
     const hash = words && `#${words}`;
     if (window.location.hash !== hash) window.history.replaceState(null, "", window.location.pathname + hash);
   }
+
+  /** What was said before its language had it is said again. */
+  #said = () => this.#state?.tell("session", "captures", "guide", "results", "selection");
 
   #hash = () => {
     const { chosen, view } = placeIn(window.location.hash);

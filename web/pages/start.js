@@ -8,12 +8,14 @@ import { ProgressElement } from "../components/progress.js";
 import { SessionCardsElement } from "../components/session-cards.js";
 import { attempt, notify } from "../components/toasts.js";
 import { isFirstVisit, noteVisit } from "../components/tour.js";
-import { h, make } from "../dom.js";
+import { h, make, style } from "../dom.js";
 import { chosen, controllerFiles, dropped, isArchive, isMeasurement, knowFormats, sessionFolder } from "../state/files.js";
 import { allowed, me } from "../state/me.js";
 import { go } from "../router.js";
-import { t } from "../texts.js";
+import { learnTexts, t } from "../texts.js";
 import { createFromFolder } from "../state/upload.js";
+
+await Promise.all([learnTexts("start"), style("start")]);
 
 /** @import {Found} from "../state/files.js" */
 

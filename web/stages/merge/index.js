@@ -3,9 +3,11 @@
 import { api } from "../../state/api.js";
 import { h, make, style } from "../../dom.js";
 import { registry } from "../../state/registries.js";
-import { t } from "../../texts.js";
+import { learnTexts, t } from "../../texts.js";
 import { attempt } from "../../components/toasts.js";
 import { MergedElement } from "./merged.js";
+
+await learnTexts("merged");
 
 /** @import {Context} from "../../blocks/index.js" */
 /** @import {MergeResult} from "../../state/model.js" */

@@ -6,10 +6,12 @@ import { h } from "../../dom.js";
 import { fixed, integer, small } from "../../format.js";
 import { mark } from "../../icons.js";
 import { may } from "../../state/me.js";
-import { t } from "../../texts.js";
+import { learnTexts, t } from "../../texts.js";
 import { StateElement } from "../../components/base.js";
 import { histogramPlot, sectionPlot } from "./section-plot.js";
 import { attempt, say } from "../../components/toasts.js";
+
+await learnTexts("merged");
 
 /** @import {CloudView, MergeResult} from "../../state/model.js" */
 

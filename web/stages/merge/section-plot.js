@@ -2,7 +2,9 @@
 
 import { s } from "../../dom.js";
 import { fixed } from "../../format.js";
-import { t } from "../../texts.js";
+import { learnTexts, t } from "../../texts.js";
+
+await learnTexts("merged");
 
 /** @import {CloudSection} from "../../state/model.js" */
 

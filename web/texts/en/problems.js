@@ -9,13 +9,6 @@ export const problems = {
   "problem.login_ended": "Your login has expired. Log in again to continue where you were. Poses that you typed are still there.",
   "problem.lacking": "{capture}: the folder lacks {files}. Add the files, then drop the folder again.",
 
-  "new.need_convention": "The robot decides how a pose is read. Choose one, or one of the neutral conventions.",
-  "new.need_diameter": "Profiles need the sphere diameter. Enter it in millimetres.",
-  "new.need_number": "Enter a length above zero, such as 80.003.",
-  "new.metres": "{diameter} mm looks like metres. Enter {millimetres}.",
-  "new.need_markers": "A ChArUco board needs its marker size, smaller than the pitch, and its dictionary.",
-  "new.need_board": "Camera frames need the board. Enter columns, rows and pitch.",
-
   "place.need_angle": "Enter an angle in degrees, such as 45.",
 
   "intake.bad_json": "The file session.json is not valid JSON. Fix it in an editor, then drop the folder again.",
@@ -37,4 +30,10 @@ export const problems = {
 
   "lost.title": "Page not found",
   "lost.words": "The link may be old, or the session was deleted.",
+  "new.need_convention": "The robot decides how a pose is read. Choose one, or one of the neutral conventions.",
+  "new.need_diameter": "Profiles need the sphere diameter. Enter it in millimetres.",
+  "new.need_number": "Enter a length above zero, such as 80.003.",
+  "new.metres": "{diameter} mm looks like metres. Enter {millimetres}.",
+  "new.need_markers": "A ChArUco board needs its marker size, smaller than the pitch, and its dictionary.",
+  "new.need_board": "Camera frames need the board. Enter columns, rows and pitch.",
 };

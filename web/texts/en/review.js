@@ -1,10 +1,6 @@
 // English. Review, time line, recomputing.
 
 export const review = {
-  "review.title": "Review of {name} · scancell",
-  "review.read_only": "read-only",
-  "review.links": "This session",
-  "review.session": "Open the session",
   "review.archive": "Archive",
   "review.print": "Print",
   "review.log": "Log",
@@ -13,31 +9,4 @@ export const review = {
   "kept.what": "Files of the imported archive, exactly as they came. They were not made by this server.",
   "kept.open": "Open",
   "kept.open_what": "Open {name} in a new window",
-
-  "timeline.label": "Timeline of captures and solves",
-  "timeline.words": "{at} of {all} · {what} · {when}",
-  "timeline.capture": "Capture {capture}, {verdict}",
-  "timeline.removed": "Capture {capture}, deleted later",
-  "timeline.result": "{stage} solved, {verdict}",
-  "timeline.failed": "{stage} could not be solved",
-  "timeline.cancelled": "Solve of {stage} cancelled",
-  "timeline.now": "As it is now",
-  "timeline.back": "One step back",
-  "timeline.forward": "One step forward",
-  "timeline.play": "Play",
-  "timeline.pause": "Pause",
-
-  "recompute.title": "Recompute",
-  "recompute.what": "Solves every stage again from the stored captures and compares all numbers. Nothing stored is changed.",
-  "recompute.go": "Recompute and compare",
-  "recompute.running": "Recomputing",
-  "recompute.cancelled": "Cancelled. Nothing was compared.",
-  "recompute.equal": "All numbers are reproduced within {tolerance} (relative), with {software}.",
-  "recompute.differs": "Some numbers differ by more than {tolerance} (relative), with {software}. Differences and reasons are listed below.",
-  "recompute.stage_equal": "{numbers} numbers equal, largest difference {largest} relative",
-  "recompute.stage_differs": "{count} values differ, largest difference {largest} relative",
-  "recompute.side_by_side": "{stage}: stored and new side by side",
-  "recompute.where": "Value",
-  "recompute.stored": "Stored",
-  "recompute.fresh": "New",
 };

@@ -1,22 +1,12 @@
-// English. The merged cloud and looking into it.
+// English: the merged cloud.
 
-export const merge = {
+export const texts = Object.freeze({
   "merge.cloud": "Merged cloud",
-  "settings.merge.mesh": "Mesh",
   "merge.files": "Download",
   "merge.no_cloud": "The point cloud is missing. Merge again to get it.",
   "merge.in_table": "In the turntable frame.",
   "merge.in_base": "In the robot base frame.",
   "merge.units": "Millimetres; E57 uses metres, as its standard requires.",
-  "settings.merge.voxel_mm": "Voxel size in mm",
-  "settings.merge.mesh_poisson": "closed surface (Poisson)",
-  "settings.merge.mesh_grid": "each scan's own grid",
-  "settings.merge.mesh_none": "none",
-  "settings.merge.self_calibration": "Refine tool and table from the scans' overlap",
-  "settings.merge.self_calibration_hint": "Moves what all scans share, not single scans. The shift and its uncertainty are in the result.",
-  "settings.merge.registration": "Fine registration of the scans",
-  "settings.merge.registration_hint": "The shift is listed for each scan. The distance between scans is always measured before it.",
-
   "merged.title": "Inspect the cloud",
   "merged.what": "Also changes the scene, for everyone who is viewing it.",
   "merged.colors": "Colours",
@@ -48,6 +38,5 @@ export const merge = {
   "merged.other_side": "Show the other side in the scene",
   "merged.section_label": "Section across {axis} at {at} mm: {points} points, {u} to the right, {v} upwards",
   "merged.slice": "Slice of {width} mm, {points} points, to scale.",
-
   "merge.mesh_file": "Mesh",
-};
+});

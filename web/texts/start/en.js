@@ -1,6 +1,6 @@
-// English. The start page: ways to begin, the list of sessions, the tour.
+// English: the first page and the tour.
 
-export const start = {
+export const texts = Object.freeze({
   "start.simulating": "Setting up the simulated cell …",
   "start.title": "Calibrate a scanning cell",
   "start.lead": "Scanner, robot and turntable, with one sphere. Start in one of three ways, or drop a session folder or an archive anywhere:",
@@ -31,13 +31,6 @@ export const start = {
   "start.remove_words": "This permanently deletes the session with {captures} and all results.",
   "start.remove_go": "Delete",
   "start.removed": "Session {name} deleted",
-
-  "filter.all": "all sessions",
-  "filter.pass": "accepted",
-  "filter.warn": "usable",
-  "filter.fail": "failed",
-  "filter.unsolved": "not solved yet",
-
   "tour.offer": "New here?",
   "tour.start": "Take the tour",
   "start.plan": "Plan a cell",
@@ -52,7 +45,20 @@ export const start = {
   "tour.scene": "The cell as measured. Select a capture here, in the table or in a plot: it is highlighted everywhere.",
   "tour.rail": "The steps with their state and their result. Click one to open it.",
   "tour.result": "After solving, the result appears here: the frame as your controller needs it, and how far to trust it.",
-
+  "start.archive": "Move session {name} to the archived ones",
+  "start.unarchive": "Bring back session {name}",
+  "start.archive_go": "Move to archived",
+  "start.unarchive_go": "Bring back",
+  "start.archived_one": "{count} session archived",
+  "start.archived_many": "{count} sessions archived",
+  "start.unarchived_one": "{count} session brought back",
+  "start.unarchived_many": "{count} sessions brought back",
+  "start.recheck": "Recheck",
+  "filter.all": "all sessions",
+  "filter.pass": "accepted",
+  "filter.warn": "usable",
+  "filter.fail": "failed",
+  "filter.unsolved": "not solved yet",
   "way.simulated": "Try the simulated cell",
   "way.simulated_words": "A robot, a profile scanner and a sphere whose truth is known. Nothing can break.",
   "way.simulated_go": "Start the simulated cell",
@@ -69,14 +75,5 @@ export const start = {
   "way.rest_go": "Copy the program",
   "way.rest_docs": "API",
   "way.rest_snippet": "Shell commands that create a session, add a capture and solve",
-  "start.archive": "Move session {name} to the archived ones",
-  "start.unarchive": "Bring back session {name}",
-  "start.archive_go": "Move to archived",
-  "start.unarchive_go": "Bring back",
-  "start.archived_one": "{count} session archived",
-  "start.archived_many": "{count} sessions archived",
-  "start.unarchived_one": "{count} session brought back",
-  "start.unarchived_many": "{count} sessions brought back",
   "filter.archived": "archived",
-  "start.recheck": "Recheck",
-};
+});

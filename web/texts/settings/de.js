@@ -1,0 +1,26 @@
+// German: the fields of settings.
+
+export const texts = Object.freeze({
+  "settings.merge.mesh": "Netz",
+  "settings.merge.voxel_mm": "Voxelgröße in mm",
+  "settings.merge.mesh_poisson": "geschlossene Fläche (Poisson)",
+  "settings.merge.mesh_grid": "das Raster jedes Scans",
+  "settings.merge.mesh_none": "keines",
+  "settings.merge.self_calibration": "Werkzeug und Tisch aus der Überlappung verbessern",
+  "settings.merge.self_calibration_hint": "Verschiebt, was alle Scans gemeinsam haben, nicht einzelne Scans. Verschiebung und Unsicherheit stehen im Ergebnis.",
+  "settings.merge.registration": "Feinregistrierung der Scans",
+  "settings.merge.registration_hint": "Die Verschiebung steht bei jedem Scan. Der Abstand der Scans wird immer davor gemessen.",
+  "settings.usual": "wie üblich",
+  "settings.export.tool": "Werkzeug in der Steuerung",
+  "settings.export.frame": "Benutzerkoordinatensystem in der Steuerung",
+  "settings.export.part": "Was geschrieben wird",
+  "settings.export.part_tool": "Werkzeug",
+  "settings.export.part_table": "Drehtisch",
+  "settings.export.part_both": "beides",
+  "settings.export.approach_mm": "Anfahrt beginnt so weit außerhalb, in mm",
+  "settings.export.speed_mm_s": "Geschwindigkeit in mm/s",
+  "settings.export.speed_percent": "Geschwindigkeit in %",
+  "settings.export.position_register": "Positionsregister, das überschrieben wird",
+  "settings.title": "Mit anderen Einstellungen lösen",
+  "settings.go": "Noch einmal lösen",
+});

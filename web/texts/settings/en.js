@@ -1,0 +1,26 @@
+// English: the fields of settings.
+
+export const texts = Object.freeze({
+  "settings.merge.mesh": "Mesh",
+  "settings.merge.voxel_mm": "Voxel size in mm",
+  "settings.merge.mesh_poisson": "closed surface (Poisson)",
+  "settings.merge.mesh_grid": "each scan's own grid",
+  "settings.merge.mesh_none": "none",
+  "settings.merge.self_calibration": "Refine tool and table from the scans' overlap",
+  "settings.merge.self_calibration_hint": "Moves what all scans share, not single scans. The shift and its uncertainty are in the result.",
+  "settings.merge.registration": "Fine registration of the scans",
+  "settings.merge.registration_hint": "The shift is listed for each scan. The distance between scans is always measured before it.",
+  "settings.title": "Solve with other settings",
+  "settings.go": "Solve again",
+  "settings.usual": "as usual",
+  "settings.export.tool": "Tool in the controller",
+  "settings.export.frame": "User frame in the controller",
+  "settings.export.part": "What is written",
+  "settings.export.part_tool": "tool",
+  "settings.export.part_table": "turntable",
+  "settings.export.part_both": "both",
+  "settings.export.approach_mm": "Approach begins so far outside, in mm",
+  "settings.export.speed_mm_s": "Speed in mm/s",
+  "settings.export.speed_percent": "Speed in %",
+  "settings.export.position_register": "Position register that is overwritten",
+});

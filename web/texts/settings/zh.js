@@ -1,0 +1,26 @@
+// Simplified Chinese: the fields of settings.
+
+export const texts = Object.freeze({
+  "settings.merge.mesh": "网格",
+  "settings.merge.voxel_mm": "体素尺寸（mm）",
+  "settings.merge.mesh_poisson": "封闭曲面（Poisson）",
+  "settings.merge.mesh_grid": "各次扫描自身的网格",
+  "settings.merge.mesh_none": "无",
+  "settings.merge.self_calibration": "根据扫描重叠改进工具和转台",
+  "settings.merge.self_calibration_hint": "只移动所有扫描共有的部分，不移动单次扫描。移动量及其不确定度见结果。",
+  "settings.merge.registration": "扫描精配准",
+  "settings.merge.registration_hint": "每次扫描都列出移动量。扫描之间的距离总在配准之前测量。",
+  "settings.usual": "默认",
+  "settings.export.tool": "控制器中的工具",
+  "settings.export.frame": "控制器中的用户坐标系",
+  "settings.export.part": "写入内容",
+  "settings.export.part_tool": "工具",
+  "settings.export.part_table": "转台",
+  "settings.export.part_both": "两者",
+  "settings.export.approach_mm": "接近起点的距离（mm）",
+  "settings.export.speed_mm_s": "速度（mm/s）",
+  "settings.export.speed_percent": "速度（%）",
+  "settings.export.position_register": "将被覆盖的位置寄存器",
+  "settings.title": "用其他设置求解",
+  "settings.go": "重新求解",
+});
