@@ -228,6 +228,7 @@ export const api = {
 
   /** @param {string} id */
   reportAddress: (id) => `${ROOT}${session(id)}/report`,
+  /** @param {string} id */
   pdfAddress: (id) => `${ROOT}${session(id)}/report?format=pdf`,
 
   /** @param {string} id */
