@@ -85,7 +85,8 @@ def mended(page: Page, client: httpx.Client, name: str) -> tuple[int, str]:
     while apply.is_visible() and actions < MOST_ACTIONS:
         actions += 1
         apply.click()
-        expect(page.locator("sc-actions .job")).to_be_visible()
+        # Looked for in every frame: a quick solve is over before `expect` looks again.
+        page.wait_for_function("() => document.querySelector('sc-actions .job')?.checkVisibility()")
         expect(page.locator("sc-actions .job")).to_be_hidden(timeout=120_000)
         page.wait_for_timeout(500)
     return actions, client.get(f"/sessions/{session}/results/tcp").json()["verdict"]

@@ -134,7 +134,8 @@ class SharedProfile:
         self.context.set_default_timeout(30_000)
         page = self.context.new_page()
         page.set_viewport_size({"width": size[0], "height": size[1]})
-        page.emulate_media(**{"color_scheme": "light", **media})
+        emulated: dict[str, Any] = {"color_scheme": "light", **media}
+        page.emulate_media(**emulated)
         if not scene:
             leave_out_the_scene(page)
         if path:
