@@ -153,6 +153,7 @@ class LiveScene:
 
     def move(self, viewer: str, name: str) -> None:
         """Move one page's camera to a view; raises NotFoundError where that page does not look."""
+        self.viewers.has_arrived(viewer)
         self.viewers.move(viewer, self._view(name))
 
     @property
@@ -260,7 +261,8 @@ class LiveScene:
             with client.atomic():
                 take(client.camera, self._first_view_of(client))
             if self._stories.get(name) == told:  # else a story was told meanwhile, whose view this one undid
-                return
+                break
+        self.viewers.keep_at_first(client, lambda: self._first_view_of(client))
 
     def _show(self, view: View) -> None:
         """Let newcomers start at a view and take those who are there along."""

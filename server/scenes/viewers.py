@@ -1,6 +1,8 @@
 """Who looks at a scene: each page's own camera, its picture, and what was clicked in it."""
 
 import secrets
+import time
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,7 +14,7 @@ from server.scenes.panel import take
 from server.scenes.views import View
 
 if TYPE_CHECKING:
-    from viser import ClientHandle, ViserServer
+    from viser import CameraHandle, ClientHandle, ViserServer
 
 VIEWER_HEADER: Final = "x-scancell-viewer"
 """In this header the bridge names the page that a connection belongs to."""
@@ -22,6 +24,7 @@ PICKED_KEY: Final = "scancell-picked"
 
 _CLICKABLE: Final = ("frames", "light", "places")  # layers whose nodes are named by captures
 _PICTURE_S: Final = 30.0
+_ARRIVES_S: Final = 15.0
 
 
 class Viewers:
@@ -34,6 +37,36 @@ class Viewers:
 
     def __init__(self, server: "ViserServer") -> None:
         self._server = server
+        self._arriving: dict[int, float] = {}  # until when, by monotonic clock
+
+    def keep_at_first(self, client: "ClientHandle", wanted: Callable[[], View]) -> None:
+        """Take a newcomer back to its view where viser's first camera, the same for all, undoes it.
+
+        A browser may apply that camera after the one that it was told later, position and direction apart, within
+        the seconds in which it draws its first picture.
+        """
+        until_s = time.monotonic() + _ARRIVES_S
+        now_s = until_s - _ARRIVES_S
+        self._arriving = {one: end_s for one, end_s in self._arriving.items() if end_s > now_s}
+        self._arriving[client.client_id] = until_s
+
+        def look(camera: "CameraHandle") -> None:
+            if self._arriving.get(client.client_id) != until_s or time.monotonic() > until_s:
+                return
+            first, seen = self._server.initial_camera, wanted().seen_in(camera.aspect)
+            now = (
+                (camera.position, first.position, seen.position_m),
+                (camera.look_at, first.look_at, seen.look_at_m),
+            )
+            if any(np.allclose(is_at, of_all) and not np.allclose(is_at, own) for is_at, of_all, own in now):
+                with client.atomic():
+                    take(camera, wanted())
+
+        client.camera.on_update(look)
+
+    def has_arrived(self, viewer: str) -> None:
+        """Leave a page's camera to its user from now on; raises NotFoundError where it does not look."""
+        self._arriving.pop(self._client(viewer).client_id, None)
 
     def move(self, viewer: str, view: View) -> None:
         """Move one page's camera; raises NotFoundError where it does not look."""

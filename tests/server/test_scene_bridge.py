@@ -2,11 +2,12 @@
 
 import logging
 import socket as sockets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from errno import ECONNREFUSED
 
 import httpx
 import msgspec
+import numpy as np
 import pytest
 import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -16,9 +17,10 @@ from websockets.typing import Subprotocol
 from server.http.same_origin import is_same_origin
 from server.scenes.bridge import MAX_MESSAGE_BYTES, refusal
 from server.scenes.facts import SceneInput
-from server.scenes.live import LiveScene
+from server.scenes.live import SECRET_HEADER, LiveScene
 from server.scenes.manager import SceneManager
 from server.scenes.offline import scene_html
+from server.scenes.viewers import VIEWER_HEADER
 from tests.server.scene_cell import make_cell, serve_scenes, wait_until
 
 PROTOCOL = f"viser-v{viser.__version__}"
@@ -178,6 +180,48 @@ def test_around_the_bridge_viser_answers_nobody(secret: str | None) -> None:
         assert closed.value.rcvd.code == 1008
     finally:
         live.stop()
+
+
+def test_a_newcomer_whose_browser_applies_the_first_camera_late_is_taken_back_to_its_view() -> None:
+    live = LiveScene(CELL.scene(count=6, solved=True))
+    live.tell("page", "sphere", "result")
+    headers = {SECRET_HEADER: live.secret, VIEWER_HEADER: "page"}
+    address, protocols = f"ws://127.0.0.1:{live.port}", [Subprotocol(PROTOCOL)]
+
+    def position(height_px: int) -> np.ndarray | None:
+        """Where the page's camera is for the server, once the page has told of a picture so high."""
+        (camera,) = [client.camera for client in live._server.get_clients().values()] or [None]
+        return camera.position if camera is not None and camera.image_height == height_px else None
+
+    def is_at(place: object, height_px: int) -> bool:
+        found = position(height_px)
+        return found is not None and np.allclose(found, place)
+
+    try:
+        with connect(address, subprotocols=protocols, additional_headers=headers, proxy=None) as socket:
+            first = live._server.initial_camera
+            socket.send(camera([3, 3, 3], [0, 0, 0], 500))  # viser's own: the scene's has not been applied yet
+            wait_until(lambda: position(500) is not None and not is_at([3, 3, 3], 500))
+            wanted = position(500)
+            assert not np.allclose(wanted, first.position)
+            socket.send(camera(first.position, first.look_at, 501))
+            wait_until(lambda: position(501) is not None and not is_at(first.position, 501))
+            # Its user who looks from elsewhere is left there, and so is who has chosen a view.
+            socket.send(camera([1, 2, 3], [0, 0, 0], 502))
+            live.move("page", "Captures")
+            socket.send(camera(first.position, first.look_at, 503))
+            socket.send(camera([1, 2, 3], [0, 0, 0], 504))
+            wait_until(lambda: is_at([1, 2, 3], 504))
+    finally:
+        live.stop()
+
+
+def camera(position: Sequence[float], look_at: Sequence[float], height_px: int) -> bytes:
+    """Return what a page's browser tells of its camera."""
+    where = {"position": [float(x) for x in position], "look_at": [float(x) for x in look_at]}
+    lens = {"fov": 1.0, "near": 0.01, "far": 1000.0, "image_height": height_px, "image_width": 450}
+    turned = {"wxyz": [1.0, 0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0]}
+    return message("ViewerCameraMessage", **where, **lens, **turned)
 
 
 def test_scenes_that_ended_leave_nothing_in_the_log_settings() -> None:
