@@ -1493,6 +1493,8 @@ export interface Release {
   created: string;
   verdict: "pass" | "warn" | "fail";
   solved: string | null;
+  inputs_sha256: Record<string, string>;
+  workpiece_sigma_mm: number | null;
 }
 
 export interface RepeatedPose {
@@ -1671,6 +1673,7 @@ export interface SessionAnswer {
   rotation_sigma_deg: number;
   budget?: unknown;
   decision?: string | null;
+  workpiece_sigma_mm?: number | null;
 }
 
 export interface SessionChanges {

@@ -2,6 +2,7 @@
 
 const THIN = "\u202f";
 const MINUS = "\u2212";
+const NANOMETRE_MM = 1e-6;
 
 /**
  * @param {number} value
@@ -74,6 +75,7 @@ export function significant(value, digits) {
  */
 export function small(value_mm) {
   if (value_mm === null || value_mm === undefined || !Number.isFinite(value_mm)) return "–";
+  if (Math.abs(value_mm) < NANOMETRE_MM) return `0${THIN}µm`; // what is left of a difference that is none
   const digits = /^[0.]*1/.test(String(Math.abs(value_mm))) ? 3 : 2;
   if (Math.abs(value_mm) < 0.9995) return `${significant(value_mm * 1000, digits)}${THIN}µm`;
   return `${significant(value_mm, digits)}${THIN}mm`;

@@ -7,6 +7,7 @@ from typing import Any, Final
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
+from calib_core.exports.workpiece import at_workpiece
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Finite, Matrix4, Record, Session, Verdict
 from calib_core.records.base import Rows
@@ -37,7 +38,8 @@ class SessionAnswer(Record):
 
     `faults` says what speaks against using it: `stale`, `fail`, both or nothing; `inputs_sha256` are the hashes of
     what its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
-    error contributes, where the stage says it; `decision` that of the latest verification.
+    error contributes, where the stage says it; `decision` that of the latest verification;
+    `workpiece_sigma_mm` how well a point at the workpiece is known in its worst direction (one sigma).
     """
 
     format: str = _FORMAT
@@ -61,6 +63,7 @@ class SessionAnswer(Record):
     rotation_sigma_deg: float
     budget: Any = None
     decision: str | None = None
+    workpiece_sigma_mm: float | None = None
 
 
 def cell_id(session: Session) -> str:
@@ -101,6 +104,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         rotation_sigma_deg=answer.rotation_sigma_deg,
         budget=_budget(answer),
         decision=answer.results.get("verify", {}).get("decision"),
+        workpiece_sigma_mm=_workpiece_sigma_mm(answer),
     )
 
 
@@ -128,6 +132,18 @@ def _budget(answer: Answer) -> Any:
         return budget_at(answer.session, answer.results).to_json()
     except (InputError, KeyError, TypeError, ValueError):
         return None
+
+
+def _workpiece_sigma_mm(answer: Answer) -> float | None:
+    """Return the standard deviation at the workpiece in its worst direction; None where a budget would be none."""
+    if answer.stale:
+        return None
+    try:
+        places = at_workpiece(answer.session, answer.results[answer.stage])
+    except (InputError, KeyError, TypeError, ValueError):
+        return None
+    sigmas = {of: [place.worst_sigma_mm for place in places if place.of == of] for of in ("both", "tool")}
+    return max(sigmas["both"] or sigmas["tool"], default=None)
 
 
 def _verdict(answer: Answer) -> Verdict:

@@ -37,7 +37,11 @@ CellId = Annotated[str, Path(description="A cell's `id`.", max_length=64, exampl
 
 
 class Release(BaseModel):
-    """An answer that was put in force for a cell: which, by whom, when and why."""
+    """An answer that was put in force for a cell: which, by whom, when and why.
+
+    `solved` and `inputs_sha256` tell it from others of the session; `workpiece_sigma_mm` is null of those
+    released before it was kept.
+    """
 
     number: int
     cell: str
@@ -48,6 +52,8 @@ class Release(BaseModel):
     created: str
     verdict: Verdict
     solved: str | None
+    inputs_sha256: dict[str, str]
+    workpiece_sigma_mm: float | None
 
 
 class CellSummary(BaseModel):

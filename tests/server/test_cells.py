@@ -20,6 +20,11 @@ def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: h
     first = client.post(f"/sessions/{session}/release", json={"why": "set up"})
     assert first.status_code == 201, first.text
     assert (first.json()["cell"], first.json()["who"]) == (cell, "this machine")
+    answer, result = (client.get(f"/sessions/{session}/{what}").json() for what in ("answer", "results/tcp"))
+    (headline,) = (block for block in result["evidence"] if block.get("headline"))
+    told = first.json()
+    assert told["workpiece_sigma_mm"] == pytest.approx(headline["quantity"]["uncertainty"] / 2)
+    assert (told["solved"], told["inputs_sha256"]) == (answer["solved"], answer["inputs_sha256"])
     there = client.get(first.headers["Location"].removeprefix("/api/v1"))
     assert there.headers["ETag"] == first.headers["ETag"]
     in_force = there.json()

@@ -1,9 +1,10 @@
 // The result of the step that is open: the answer, then how we know, drawn from its evidence.
 
-import { h } from "../dom.js";
+import { h, make } from "../dom.js";
 import { learnSentences, t } from "../texts.js";
 import { figures } from "../blocks/figure.js";
 import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
+import { ApprovalElement } from "./approval.js";
 import { StateElement } from "./base.js";
 import { historySection, resultLinks } from "./history.js";
 import { causeCards } from "./remedy.js";
@@ -92,6 +93,7 @@ export class ResultElement extends StateElement {
       if (own.settings) yield own.settings;
     }
     if ("timeline" in state) return; // the review itself has these
+    if (tellsTheAnswer(state, stage)) yield make(ApprovalElement, { sessionId: state.id });
     yield resultLinks(state.id, stage);
     yield historySection(state.id, stage);
   }
@@ -99,6 +101,12 @@ export class ResultElement extends StateElement {
   #markPicked() {
     for (const row of this.querySelectorAll("tr[data-capture]")) row.classList.toggle("picked", row.getAttribute("data-capture") === this.state.selected);
   }
+}
+
+/** Whether a stage's result is the session's one answer, or its verification. @param {SessionState} state @param {string} stage */
+function tellsTheAnswer({ results }, stage) {
+  const of = (/** @type {const} */ (["chain", "tcp"])).find((one) => results[one]);
+  return of !== undefined && (stage === of || stage === "verify");
 }
 
 /** What a stage draws itself, and the form of its settings; most have neither. @param {SessionState} state @param {string} stage @returns {Promise<StageElements>} */

@@ -10,11 +10,11 @@ await learnTexts("settings");
 /**
  * @param {Schema} schema
  * @param {Record<string, unknown>} values what is set now
- * @param {{ prefix: string, go: string, submit: (values: Record<string, unknown>) => Promise<unknown>, needs?: string }} options `prefix` begins the keys of labels and the fields' ids
+ * @param {{ prefix: string, go: string, submit: (values: Record<string, unknown>) => Promise<unknown>, needs?: string, ids?: string }} options `prefix` begins the keys of labels, `ids` the fields' ids
  */
-export function schemaForm(schema, values, { prefix, go, submit, needs = "capture" }) {
+export function schemaForm(schema, values, { prefix, go, submit, needs = "capture", ids = prefix }) {
   const fields = Object.entries(schema.properties ?? {}).flatMap(([name, one]) => {
-    const made = field(name, plainOf(one), values[name] ?? one.default, prefix);
+    const made = field(name, plainOf(one), values[name] ?? one.default, prefix, ids);
     return made ? [{ name, ...made }] : [];
   });
   const send = async (/** @type {Event} */ event) => {
@@ -35,9 +35,10 @@ const plainOf = (schema) => ({ ...schema.anyOf?.find(({ type }) => type !== "nul
  * @param {Schema} schema
  * @param {unknown} value
  * @param {string} prefix
+ * @param {string} ids
  */
-function field(name, { type, items, enum: choices, title, description, exclusiveMinimum, minimum }, value, prefix) {
-  const id = `${prefix}-${name.replaceAll("_", "-")}`;
+function field(name, { type, items, enum: choices, title, description, exclusiveMinimum, minimum }, value, prefix, ids) {
+  const id = `${ids}-${name.replaceAll("_", "-")}`;
   const label = maybe(`settings.${prefix}.${name}`, title ?? name);
   const hint = maybe(`settings.${prefix}.${name}_hint`, description ?? "");
   const said = hint ? { "aria-describedby": `${id}-hint` } : {};

@@ -11,13 +11,15 @@ import { drift } from "./drift.js";
 
 await learnTexts("start");
 
-/** @import {SessionSummary} from "../state/model.js" */
+/** @import {Release, SessionSummary} from "../state/model.js" */
 
 const FILTERS = /** @type {const} */ (["all", "pass", "warn", "fail", "unsolved", "archived"]);
 const AT_ONCE = 48;
 
 export class SessionCardsElement extends HTMLElement {
   /** @type {SessionSummary[]} */ #sessions = [];
+  /** What is in force, by cell. @type {Map<string, Release>} */ #inForce = new Map();
+  /** The list does not wait for it, and does without it where it cannot be had. @type {Promise<void>} */ #told = Promise.resolve();
   #most = AT_ONCE;
   /** @type {Set<string>} */ #chosen = new Set();
   #several = h("div", { class: "several row", role: "group", "aria-label": t("start.several"), hidden: true });
@@ -48,6 +50,14 @@ export class SessionCardsElement extends HTMLElement {
     this.#chosen = new Set(this.#sessions.map(({ id }) => id).filter((id) => this.#chosen.has(id)));
     this.#show();
     this.dispatchEvent(new CustomEvent("loaded", { detail: this.#sessions.length }));
+    this.#told = this.#sessions.length ? this.#loadInForce() : Promise.resolve();
+  }
+
+  async #loadInForce() {
+    const cells = await api.cells().catch(() => []);
+    this.#inForce = new Map(cells.flatMap(({ id, released }) => (released ? [[id, released]] : [])));
+    if (this.#inForce.size) drawInForce ??= (await import("./in-force.js")).inForce;
+    this.#show();
   }
 
   get #searching() {
@@ -76,7 +86,7 @@ export class SessionCardsElement extends HTMLElement {
       return words.every((word) => text.includes(word)) && standsThere;
     });
     const cells = this.#cells(found);
-    keyed(this.#list, cells.slice(0, this.#most), (cell) => cell.map((session) => `${session.id} ${session.name} ${version(session)}`).join(), (cell) => this.#card(cell), () => undefined);
+    keyed(this.#list, cells.slice(0, this.#most), (cell) => cell.map((session) => `${session.id} ${session.name} ${version(session)}`).join(), (cell) => this.#card(cell), (card, cell) => this.#tellInForce(card, cell));
     this.#none.hidden = found.length > 0;
     this.#more.hidden = cells.length <= this.#most;
     this.#offerSeveral();
@@ -105,9 +115,30 @@ export class SessionCardsElement extends HTMLElement {
       h("p", { class: "verdicts" }, ...verdictsOf(session), drift(sessions)),
       solved(session) && h("p", { class: "recheck" }, h("a", { href: `${address(session)}#recheck` }, t("start.recheck"))),
       this.#deeds(session),
+      h("div", { class: "in-force-place" }),
       earlier.length > 0 && h("details", { class: "earlier" }, h("summary", { class: "small" }, plural(earlier.length, "start.earlier_one", "start.earlier_many")),
         h("ul", {}, ...earlier.map((one) => h("li", {}, h("a", { href: address(one) }, when(one.created)), h("span", { class: "verdicts small" }, ...verdictsOf(one)), this.#deeds(one))))),
     );
+  }
+
+  /** At a cell what is in force for it; where single sessions are found, at the one that it is of. @param {Element} card @param {SessionSummary[]} sessions */
+  #tellInForce(card, [session]) {
+    const holder = card.querySelector(".in-force-place");
+    const found = session && this.#inForce.get(session.cell_id);
+    const release = found && (!this.#searching || found.session === session.id) ? found : undefined;
+    const number = String(release?.number ?? "");
+    if (!(holder instanceof HTMLElement) || (holder.dataset["number"] ?? "") === number) return; // what is open there stays open
+    holder.dataset["number"] = number;
+    const nameOfId = (/** @type {string} */ id) => this.#sessions.filter((one) => one.id === id).map(nameOf)[0];
+    holder.replaceChildren(...(release && drawInForce ? [drawInForce(release, nameOfId, () => this.#rolledBack(release.cell))] : []));
+  }
+
+  /** @param {string} cell */
+  async #rolledBack(cell) {
+    await this.load();
+    await this.#told;
+    const card = [...this.#list.querySelectorAll(".in-force")].find((one) => one.getAttribute("data-cell") === cell);
+    card?.querySelector("summary")?.focus();
   }
 
   /** @param {SessionSummary} session */
@@ -139,6 +170,9 @@ export class SessionCardsElement extends HTMLElement {
       h("button", { type: "button", needs: "admin", class: "danger", onclick: async () => (await deeds()).removeSessions(chosen, () => this.load()) }, t("start.remove_go")));
   }
 }
+
+/** Loaded with the first cell that has something in force. @type {typeof import("./in-force.js").inForce | null} */
+let drawInForce = null;
 
 const deeds = () => import("./session-deeds.js");
 

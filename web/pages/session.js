@@ -73,8 +73,16 @@ export class SessionPage extends HTMLElement {
    * @param {ActionsElement} actions
    */
   #build(state, sources, actions) {
+    const limits = h("div", { class: "limits-place" });
+    let limited = false;
+    state.watch(["step", "session"], () => {
+      // A form that only a verification has is loaded with its step.
+      if (limited || state.stageOf(state.step) !== "verify") return;
+      limited = true;
+      void import("../components/limits.js").then(({ LimitsElement }) => limits.replaceChildren(make(LimitsElement, { state })));
+    });
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
-      make(GuideElement, { state }), this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
+      make(GuideElement, { state }), limits, this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
     const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" });
     let drawn = false;
     state.watch(["view"], () => {

@@ -2,7 +2,7 @@
 
 import { all, get, json, LOGIN, madeAgainst, request, ROOT, sendFile } from "./http.js";
 
-/** @import {CellDrift, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
+/** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
 /** @param {string} id */
 export const session = (id) => `/sessions/${encodeURIComponent(id)}`;
@@ -186,6 +186,21 @@ export const api = {
 
   /** How a cell's answers moved over its sessions. @param {string} cell @returns {Promise<CellDrift>} */
   drift: (cell) => get(`/cells/${encodeURIComponent(cell)}/drift`),
+
+  /** All cells, with what is in force for each. @returns {Promise<CellSummary[]>} */
+  cells: async () => (await get("/cells")).items,
+
+  /** Its releases, the newest first: that one is in force. @param {string} cell @returns {Promise<Release[]>} */
+  releases: async (cell) => (await get(`/cells/${encodeURIComponent(cell)}/history`)).releases,
+
+  /** The session's one answer that counts. @param {string} id @returns {Promise<SessionAnswer>} */
+  answer: (id) => get(`${session(id)}/answer`),
+
+  /** Put the session's answer in force for its cell. @param {string} id @param {string} why @returns {Promise<Release>} */
+  release: async (id, why) => (await request(`${session(id)}/release`, json("POST", { why }))).json(),
+
+  /** @param {string} cell @param {number} number of the release that is put in force again @param {string} why @returns {Promise<Release>} */
+  rollBack: async (cell, number, why) => (await request(`/cells/${encodeURIComponent(cell)}/rollback`, json("POST", { number, why }))).json(),
 
   /** How far a simulated cell's result lies from the truth. @param {string} id @param {string} stage @returns {Promise<OffTheTruth>} */
   truth: (id, stage) => get(`${session(id)}/truth/${encodeURIComponent(stage)}`),

@@ -3,7 +3,7 @@
 import type {
   AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord,
   CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
-  CameraResult as CameraRecord, Capture, Cell, CellDrift, DriftSeries, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResult as CameraRecord, Capture, Cell, CellDrift, CellSummary, DriftSeries, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, Release, SessionAnswer, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile, ToolComparison,
@@ -14,7 +14,7 @@ import type {
 export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
 export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, Meter, SessionSummary, TcpResidual, TurntableResidual };
 export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
-export type { CellDrift, DriftSeries };
+export type { CellDrift, CellSummary, DriftSeries, Release, SessionAnswer };
 export type { FileReading, ToolComparison };
 export type ControllerFile = ControllerFileContent;
 export type FilePose = PoseOfFile;

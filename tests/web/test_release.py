@@ -1,0 +1,132 @@
+"""An answer is approved on its page, stands at its cell, is rolled back; who may not is offered nothing of it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.server.access import bearer, guarded, site_of
+from tests.server.live_server import simulated_session
+from tests.web.browsing import SharedProfile
+from tests.web.test_accessible import violations
+
+pytestmark = pytest.mark.browser
+
+NAME = "Cell of approvals"
+SOLVED = Path(__file__).resolve().parents[1] / "releases" / "0.1.0" / "archive.zip"
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Client, dict[str, str]]]:
+    with guarded(tmp_path_factory.mktemp("release")) as (client, tokens):
+        client.headers.update(bearer(tokens["admin"]))
+        yield client, tokens
+
+
+@pytest.fixture(scope="module")
+def sessions(served: tuple[httpx.Client, dict[str, str]]) -> list[str]:
+    """Two solved sessions of one cell: one archive, brought in twice."""
+    client, _ = served
+
+    def brought_in() -> str:
+        made = client.post("/archives", content=SOLVED.read_bytes(), headers={"Content-Type": "application/zip"})
+        assert made.status_code == 201, made.text
+        client.patch(f"/sessions/{made.json()['id']}", json={"name": NAME})
+        return made.json()["id"]
+
+    return [brought_in(), brought_in()]
+
+
+def log_in(page: Page, client: httpx.Client, token: str, path: str) -> None:
+    page.goto(f"{site_of(client)}/login?next={path}")
+    page.get_by_label("Token").fill(token)
+    page.get_by_role("button", name="Log in").click()
+
+
+def approve(page: Page, why: str) -> None:
+    """Approve the answer that is shown, by keyboard."""
+    page.get_by_role("button", name="Approve this answer").press("Enter")
+    expect(page.get_by_label("Why")).to_be_focused()
+    page.keyboard.type(why)
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+
+
+def test_an_answer_is_approved_stands_at_its_cell_and_is_rolled_back(
+    profile: SharedProfile, served: tuple[httpx.Client, dict[str, str]], sessions: list[str], axe: str
+) -> None:
+    client, tokens = served
+    first, second = sessions
+    site = site_of(client)
+    page = profile.open(reduced_motion="reduce")
+    log_in(page, client, tokens["admin"], f"/sessions/{first}%23tcp.result")
+    approval = page.get_by_role("region", name="Approval")
+    expect(approval).to_contain_text("Not approved yet.")
+    page.get_by_role("button", name="Approve this answer").click()
+    assert violations(page, axe, "dialog") == []
+    page.get_by_role("button", name="Cancel").click()
+    approve(page, "set up after the move")
+    expect(approval).to_contain_text("Approved by one who may admin")
+    expect(approval).to_contain_text(": set up after the move")
+    expect(approval).to_contain_text("the current answer of cell cell-of-approvals")
+    expect(approval.get_by_role("heading")).to_be_focused()
+    expect(approval.get_by_role("button")).to_have_count(0)
+    assert violations(page, axe, ".approval") == []
+
+    page.goto(f"{site}/sessions/{second}#tcp.result")
+    expect(approval).to_contain_text("Its current answer is of another session: Approved by one who may admin")
+    approve(page, "new tool")
+    expect(approval).to_contain_text(": new tool")
+
+    page.goto(f"{site}/")
+    at_cell = page.get_by_role("region", name="Current answer of cell cell-of-approvals")
+    expect(at_cell).to_contain_text("at the workpiece")
+    expect(at_cell).to_contain_text(": new tool")
+    expect(at_cell.get_by_role("link")).to_have_attribute("href", f"/sessions/{second}")
+    at_cell.get_by_text("Earlier approvals").press("Enter")
+    expect(at_cell).to_contain_text("set up after the move")
+    assert violations(page, axe, ".in-force") == []
+    at_cell.get_by_role("button", name=f"Roll back to the answer of {NAME}, solved ").press("Enter")
+    page.keyboard.type("scans are off")
+    page.keyboard.press("Enter")
+    expect(at_cell).to_contain_text("scans are off")
+    expect(at_cell.locator("summary")).to_be_focused()
+    expect(at_cell.get_by_role("link").first).to_have_attribute("href", f"/sessions/{first}")
+    assert client.get("/cells/cell-of-approvals/history").json()["releases"][0]["action"] == "rollback"
+
+    client.patch(f"/sessions/{second}/captures/p03", json={"excluded": True})
+    page.goto(f"{site}/sessions/{second}#tcp.result")
+    expect(approval).to_contain_text("It cannot be approved: inputs changed since it was solved.")
+    expect(approval.get_by_role("button")).to_have_count(0)
+
+    page.context.clear_cookies()
+    log_in(page, client, tokens["read"], "/")
+    at_cell.get_by_text("Earlier approvals").click()
+    expect(at_cell).to_contain_text("new tool")
+    expect(at_cell.get_by_role("button")).to_have_count(0)
+    page.goto(f"{site}/sessions/{first}#tcp.result")
+    expect(approval).to_contain_text("Put in force again by one who may admin")
+    expect(approval.get_by_role("button")).to_have_count(0)
+
+
+def test_limits_are_set_before_the_first_capture(
+    profile: SharedProfile, served: tuple[httpx.Client, dict[str, str]], axe: str
+) -> None:
+    client, tokens = served
+    session = simulated_session(client, scenario="verify")
+    page = profile.open(reduced_motion="reduce")
+    log_in(page, client, tokens["capture"], f"/sessions/{session}%23verify")
+    limits = page.get_by_role("region", name="Limits")
+    limits.get_by_label("Probing form, limit in mm").fill("0.2")
+    assert violations(page, axe, "sc-limits") == []
+    limits.get_by_role("button", name="Set limits").press("Enter")
+    expect(page.locator(".toast")).to_contain_text("Limits set")
+    assert client.get(f"/sessions/{session}").json()["cell"]["verification"]["form_mm"] == 0.2
+    taken = client.post(f"/sessions/{session}/sources/simulated/capture?step=verify")
+    assert taken.status_code == 201, taken.text
+    expect(limits).to_contain_text("Limits, set before:")
+    expect(limits.locator("dl > div", has_text="Probing form, limit in mm")).to_have_text(re.compile("0.2$"))
+    expect(limits.get_by_role("textbox")).to_have_count(0)

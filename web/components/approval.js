@@ -1,0 +1,83 @@
+// Approving the session's one answer: who did, when and why, and whether it is what programs get that ask the cell.
+
+import { api } from "../state/api.js";
+import { h } from "../dom.js";
+import { mark } from "../icons.js";
+import { may } from "../state/me.js";
+import { t } from "../texts.js";
+import { releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
+import { attempt, say } from "./toasts.js";
+import { whyDialog } from "./why-dialog.js";
+
+/** @import {Release, SessionAnswer} from "../state/model.js" */
+
+export class ApprovalElement extends HTMLElement {
+  /** Of a session with an answer. */ sessionId = "";
+  #title = h("h2", { id: "approval-title", tabindex: -1 }, t("release.title"));
+  #section = h("section", { class: "panel approval", "aria-labelledby": "approval-title", hidden: true });
+
+  connectedCallback() {
+    if (!this.firstChild) this.append(this.#section);
+    void attempt(() => this.load());
+  }
+
+  async load() {
+    const { sessionId } = this;
+    const answer = await api.answer(sessionId);
+    const releases = await api.releases(answer.cell);
+    this.#section.replaceChildren(this.#title, ...standing(sessionId, answer, releases), ...offer(sessionId, answer, releases));
+    this.#section.hidden = false;
+  }
+
+  /** @param {Release} release */
+  async tell(release) {
+    await attempt(() => this.load());
+    this.#title.focus();
+    say(releaseWords(release));
+  }
+}
+
+/** @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases the newest first */
+function standing(sessionId, answer, releases) {
+  const own = ownRelease(sessionId, answer, releases);
+  const current = releases[0];
+  const inForce = current && current === own;
+  return [
+    h("p", {}, own ? releaseWords(own) : t("release.none")),
+    own && h("p", {}, mark(inForce ? "pass" : "skipped", t(inForce ? "release.current" : "release.not_current", { cell: answer.cell }))),
+    current && !inForce && other(sessionId, current),
+  ].filter((part) => part instanceof Node);
+}
+
+/** @param {string} sessionId @param {Release} current */
+function other(sessionId, current) {
+  if (current.session === sessionId) return h("p", { class: "soft" }, t("release.other"), " ", releaseWords(current));
+  return h("p", { class: "soft" }, t("release.other_session"), " ", h("a", { href: sessionAddress(current.session) }, releaseWords(current)));
+}
+
+/** @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases */
+function ownRelease(sessionId, answer, releases) {
+  if (answer.stale) return undefined;
+  return releases.find((one) => sameAnswer(one, { session: sessionId, solved: answer.solved, inputs_sha256: answer.inputs_sha256 }));
+}
+
+/** The button, or why there is none. @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases */
+function offer(sessionId, answer, releases) {
+  const own = ownRelease(sessionId, answer, releases);
+  if (own && own === releases[0]) return [];
+  const [fault] = answer.faults;
+  if (fault) return [h("p", { class: "soft" }, t(fault === "stale" ? "release.no_stale" : "release.no_fail"))];
+  if (!may("admin")) return [h("p", { class: "soft" }, t("release.no_right"))];
+  const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
+  const ask = () => whyDialog({ title: t("release.approve"), words: [words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
+    act: (why) => api.release(sessionId, why), after: approved });
+  return [h("div", { class: "row" }, h("button", { type: "button", onclick: ask }, t("release.approve")))];
+}
+
+/** The result may have been drawn again while the dialog was open: what is shown now is told. @param {Release} release */
+function approved(release) {
+  const shown = document.querySelector("sc-approval");
+  return shown instanceof ApprovalElement ? shown.tell(release) : undefined;
+}
+
+customElements.define("sc-approval", ApprovalElement);

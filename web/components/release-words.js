@@ -1,0 +1,34 @@
+// What is said of a release, beside an answer and at its cell.
+
+import { h } from "../dom.js";
+import { plusMinus, when } from "../format.js";
+import { mark } from "../icons.js";
+import { learnTexts, maybe, t } from "../texts.js";
+
+await learnTexts("release");
+
+/** @import {Release} from "../state/model.js" */
+
+const K = 2;
+
+/** Who put it in force, when and why. @param {Release} release */
+export function releaseWords({ action, who, why, created }) {
+  const values = { who, when: when(created), why };
+  if (action === "rollback") return t(why ? "release.rolled_why" : "release.rolled", values);
+  return t(why ? "release.who_why" : "release.who", values);
+}
+
+/** Verdict, and how well the workpiece is known. @param {Pick<Release, "verdict" | "workpiece_sigma_mm">} answer */
+export function worth({ verdict, workpiece_sigma_mm: sigma }) {
+  return [mark(verdict, maybe(`verdict.${verdict}`, verdict)),
+    sigma ? h("span", { class: "number" }, t("release.at_workpiece", { uncertainty: plusMinus(K * sigma, "mm") })) : null];
+}
+
+/** Whether two releases, or a release and an answer, are of the same numbers. @param {Pick<Release, "session" | "solved" | "inputs_sha256">} one @param {Pick<Release, "session" | "solved" | "inputs_sha256">} other */
+export function sameAnswer(one, other) {
+  const inputs = (/** @type {Record<string, string> | null} */ hashes) => JSON.stringify(Object.entries(hashes ?? {}).sort());
+  return one.session === other.session && one.solved === other.solved && inputs(one.inputs_sha256) === inputs(other.inputs_sha256);
+}
+
+/** @param {string} id */
+export const sessionAddress = (id) => `/sessions/${encodeURIComponent(id)}`;
