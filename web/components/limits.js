@@ -1,4 +1,4 @@
-// The verification's limits where its captures are taken: a form until the first one, then what was set before.
+// The verification's limits where its captures are taken: a form until the first one, then what is set.
 
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
@@ -48,7 +48,7 @@ export class LimitsElement extends StateElement {
 function listed(limits) {
   const set = Object.entries(limits).filter(([, value]) => value !== null);
   if (!set.length) return [h("p", { class: "soft" }, t("limits.none"))];
-  return [h("p", { class: "soft" }, t("limits.set_before")), h("dl", { class: "pairs" }, ...set.map(([name, value]) => h("div", {}, h("dt", {}, maybe(`settings.${FIELD}.${name}`, name)), h("dd", { class: "number" }, String(value)))))];
+  return [h("p", { class: "soft" }, t("limits.held")), h("dl", { class: "pairs" }, ...set.map(([name, value]) => h("div", {}, h("dt", {}, maybe(`settings.${FIELD}.${name}`, name)), h("dd", { class: "number" }, String(value)))))];
 }
 
 customElements.define("sc-limits", LimitsElement);

@@ -36,6 +36,6 @@ export const texts = Object.freeze({
   "limits.words": "Vor der ersten Aufnahme festlegen: An ihnen werden die Werte gemessen. Ein Wert ohne Grenze wird genannt und nicht beurteilt.",
   "limits.go": "Grenzen festlegen",
   "limits.set": "Grenzen festgelegt",
-  "limits.set_before": "Grenzen, vorher festgelegt:",
-  "limits.none": "Vor der ersten Aufnahme wurden keine Grenzen festgelegt: Werte werden genannt und nicht beurteilt.",
+  "limits.held": "Daran werden die Werte gemessen:",
+  "limits.none": "Es sind keine Grenzen festgelegt: Werte werden genannt und nicht beurteilt.",
 });

@@ -36,6 +36,6 @@ export const texts = Object.freeze({
   "limits.words": "Set them before the first capture: the figures are held against them. A figure without a limit is told and not judged.",
   "limits.go": "Set limits",
   "limits.set": "Limits set",
-  "limits.set_before": "Limits, set before:",
-  "limits.none": "No limits were set before the first capture: figures are told and not judged.",
+  "limits.held": "The figures are held against these:",
+  "limits.none": "No limits are set: figures are told and not judged.",
 });

@@ -36,6 +36,6 @@ export const texts = Object.freeze({
   "limits.words": "请在第一次采集之前设定：各指标将以此判定。没有限值的指标只给出，不判定。",
   "limits.go": "设定限值",
   "limits.set": "已设定限值",
-  "limits.set_before": "事先设定的限值：",
-  "limits.none": "第一次采集之前未设定限值：各指标只给出，不判定。",
+  "limits.held": "各指标以此判定：",
+  "limits.none": "未设定限值：各指标只给出，不判定。",
 });
