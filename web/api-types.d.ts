@@ -593,18 +593,21 @@ export interface Devices {
 }
 
 export interface DriftPoint {
-  capture: string;
-  at_s: number | null;
-  offset_mm: number;
-  sigma_mm: number;
-  course_mm: number;
+  session: string;
+  name: string;
+  date: string;
+  change: number;
+  uncertainty: number;
+  limit: number | null;
+  flagged: boolean;
+  level: number;
 }
 
 export interface DriftSeries {
   figure: "tool" | "tool-orientation" | "axis" | "axis-direction" | "verification";
   title: string;
   unit: "mm" | "deg";
-  points: calib_core__review__drift__DriftPoint[];
+  points: DriftPoint[];
 }
 
 export interface DriftWithin {
@@ -1692,7 +1695,15 @@ export interface SessionDrift {
   settling_s?: number | null;
   again?: string[];
   sentence?: string;
-  points?: calib_core__stages__tcp__record__DriftPoint[];
+  points?: SessionDriftPoint[];
+}
+
+export interface SessionDriftPoint {
+  capture: string;
+  at_s: number | null;
+  offset_mm: number;
+  sigma_mm: number;
+  course_mm: number;
 }
 
 export interface SessionFrames {
@@ -2556,23 +2567,4 @@ export interface WebhookDelivery {
 
 export interface Webhooks {
   items: Webhook[];
-}
-
-export interface calib_core__review__drift__DriftPoint {
-  session: string;
-  name: string;
-  date: string;
-  change: number;
-  uncertainty: number;
-  limit: number | null;
-  flagged: boolean;
-  level: number;
-}
-
-export interface calib_core__stages__tcp__record__DriftPoint {
-  capture: string;
-  at_s: number | null;
-  offset_mm: number;
-  sigma_mm: number;
-  course_mm: number;
 }

@@ -106,8 +106,8 @@ def test_from_a_result_to_its_history_and_to_the_comparison(
     assert re.fullmatch(r"±0\.\d+ mm", answer)
     workpiece = page.get_by_role("region", name="At the workpiece", exact=True)
     expect(workpiece.locator("tbody tr").first).to_contain_text(answer.removesuffix(" mm"))
-    # One plot over the captures, one over the orientation; the spoiled capture is crossed in both.
-    expect(page.locator("sc-result sc-plot")).to_have_count(2)
+    # A plot over the captures, one over the orientation, one of the drift; the spoiled one is crossed in two.
+    expect(page.locator("sc-result sc-plot")).to_have_count(3)
     for shape in ("captures", "xy"):
         expect(page.locator(f".plot-{shape} .dot.out")).to_have_attribute("data-capture", "p08")
     # What excluding a capture would do is told before anything is solved again.

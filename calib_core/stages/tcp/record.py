@@ -46,7 +46,7 @@ class TcpResidual(CaptureResidual):
     profiles_used: int | None = None
 
 
-class DriftPoint(Record):
+class SessionDriftPoint(Record):
     """One used capture: how far it lies along the drift, and what the drift says; `at_s` from the first."""
 
     capture: str
@@ -73,7 +73,7 @@ class SessionDrift(Record):
     settling_s: float | None = None
     again: list[str] = Field(default_factory=list[str])
     sentence: str = ""
-    points: list[DriftPoint] = Field(default_factory=list[DriftPoint])
+    points: list[SessionDriftPoint] = Field(default_factory=list[SessionDriftPoint])
 
 
 class TwoStep(Record):

@@ -9,7 +9,7 @@ from calib_core.chain.warm_up import WarmUp
 from calib_core.evidence.numbers import quantity
 from calib_core.evidence.words import captures_text
 from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot, Series
-from calib_core.stages.tcp.record import DriftPoint, SessionDrift, TcpResult
+from calib_core.stages.tcp.record import SessionDrift, SessionDriftPoint, TcpResult
 
 _WHAT: Final = {
     "scanner": "The scanner had not settled.",
@@ -38,7 +38,7 @@ def session_drift(solution: TcpSolution) -> SessionDrift | None:
         again=list(found.captures) if found.found and found.settled else [],
         sentence=_sentence(found) if found.found else "",
         points=[
-            DriftPoint(
+            SessionDriftPoint(
                 capture=name,
                 at_s=float(at) if found.timed else None,
                 offset_mm=float(offset),
