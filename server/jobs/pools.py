@@ -9,6 +9,7 @@ from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing.queues import Queue
+from pickle import UnpicklingError
 
 from calib_core.errors import InputError
 from server.jobs import worker
@@ -33,6 +34,7 @@ class ProcessPool(Pool):
     def __init__(self, settings: Settings, listen: Listen) -> None:
         self._context = WorkerContext(settings.warm_up)
         self._initialized: set[worker.Place] = set()
+        self._closing = False
         self._queue: Queue[worker.Message | None] = self._context.Queue()
         self.executor = ProcessPoolExecutor(
             settings.workers,
@@ -84,14 +86,24 @@ class ProcessPool(Pool):
 
         Those that still get ready have nothing to let go of, and would look for what is not there any more.
         """
+        self._closing = True
         self.executor.shutdown(wait=False, cancel_futures=True)
         for process in self._context.started:
             if process.pid is not None and process.pid not in self._initialized:
                 process.kill()
         self._queue.put(None)
 
+    def _next(self) -> worker.Message | None:
+        """Return the next message, None at the end: also where a process that was killed then left half of one."""
+        try:
+            return self._queue.get()
+        except (EOFError, OSError, UnpicklingError):
+            if not self._closing:
+                raise
+            return None
+
     def _pass_on(self, listen: Listen) -> None:
-        while (message := self._queue.get()) is not None:
+        while (message := self._next()) is not None:
             if message.kind == "initialized":
                 self._initialized.add(message.value)
             else:

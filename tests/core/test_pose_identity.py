@@ -23,11 +23,11 @@ HALF = RigidTransform.of([0.0, 0.0, np.pi], [0.0, 0.0, 0.0], "base", "turntable"
 
 def given(before: RigidTransform | None, after: RigidTransform | None) -> list[RigidTransform]:
     """What a controller gives whose poses are of a tool, in a frame, off by what a calibrated arm is off."""
-    poses = []
+    chance, poses = np.random.default_rng(8), []
     for pose in FLANGE:
         matrix = (
             pose.matrix
-            @ RigidTransform.of(CHANCE.normal(0, 1e-3, 3), CHANCE.normal(0, 0.8, 3), "tool0", "tool0").matrix
+            @ RigidTransform.of(chance.normal(0, 1e-3, 3), chance.normal(0, 0.8, 3), "tool0", "tool0").matrix
         )
         matrix = matrix if before is None else np.linalg.inv(before.matrix) @ matrix
         poses.append(RigidTransform(matrix if after is None else matrix @ after.matrix, "base", "tool0"))

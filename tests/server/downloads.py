@@ -28,7 +28,7 @@ class Said:
     values: tuple[str, ...] = ()
 
 
-_TOLD = ("faults", "stale", "budget", "cell")
+_TOLD = ("faults", "stale", "budget", "workpiece_sigma_mm", "cell")
 """Of an answer: what says that it is stale, what a stale one leaves out, and the name that the cell has now."""
 
 
