@@ -70,6 +70,7 @@ class DaskCrew(Crew):
             for share, worker in zip(self._shares, self._owners, strict=True)
         ]
         self._summed = 0
+        self._busy = False
 
     def look_through(
         self, scans: Sequence[Scan], numbers: Sequence[int], task: ScanTask, tell: Tell
@@ -81,6 +82,7 @@ class DaskCrew(Crew):
         given = self._client.scatter([(scans.read_by(plain(scans.reader)), task)], hash=False)[0]
         under_way: deque[_UnderWay] = deque()
         cleaned = dict.fromkeys(self._workers, 0)
+        self._busy = True
         for done, number in enumerate(numbers):
             tell(done, names[number])
             to_clean = {worker: sum(one.waits_for(worker) for one in under_way) for worker in self._workers}
@@ -91,6 +93,7 @@ class DaskCrew(Crew):
                 yield self._ended(under_way.popleft())
         while under_way:
             yield self._ended(under_way.popleft())
+        self._busy = False
 
     def _begin(self, given: Any, number: int, fuse: bool, worker: str) -> "_UnderWay":
         """Have a scan cleaned by a worker; left to itself Dask would choose the one that has `given`."""
@@ -123,8 +126,8 @@ class DaskCrew(Crew):
 
     @property
     def spills(self) -> int:
-        """How often memory was emptied to the disk; not known before the end."""
-        return sum(self._of_each(_spills)) if self._summed else 0
+        """How often memory was emptied to the disk; 0 while scans are under way: asking would wait for them."""
+        return 0 if self._busy or not self._summed else sum(self._of_each(_spills))
 
     def extent(self) -> Extent:
         """Return how far the merged cloud reaches."""
