@@ -45,8 +45,8 @@ class Viewers:
         A browser may apply that camera after the one that it was told later, position and direction apart, within
         the seconds in which it draws its first picture.
         """
-        until_s = time.monotonic() + _ARRIVES_S
-        now_s = until_s - _ARRIVES_S
+        now_s = time.monotonic()
+        until_s = now_s + _ARRIVES_S
         self._arriving = {one: end_s for one, end_s in self._arriving.items() if end_s > now_s}
         self._arriving[client.client_id] = until_s
 
@@ -54,11 +54,11 @@ class Viewers:
             if self._arriving.get(client.client_id) != until_s or time.monotonic() > until_s:
                 return
             first, seen = self._server.initial_camera, wanted().seen_in(camera.aspect)
-            now = (
+            places = (
                 (camera.position, first.position, seen.position_m),
                 (camera.look_at, first.look_at, seen.look_at_m),
             )
-            if any(np.allclose(is_at, of_all) and not np.allclose(is_at, own) for is_at, of_all, own in now):
+            if any(np.allclose(now, of_all) and not np.allclose(now, own) for now, of_all, own in places):
                 with client.atomic():
                     take(camera, wanted())
 
