@@ -957,6 +957,15 @@ export interface LikelyConvention {
   told_spread_mm?: number | null;
 }
 
+export interface LimitChange {
+  at: string;
+  who?: string;
+  field: string;
+  before_mm?: number | null;
+  after_mm?: number | null;
+  captures: number;
+}
+
 export interface Limits {
   reach?: Box | null;
   tilt_deg?: number | null;
@@ -1676,6 +1685,7 @@ export interface SessionAnswer {
   rotation_sigma_deg: number;
   budget?: unknown;
   decision?: string | null;
+  limits_changed?: string[];
   workpiece_sigma_mm?: number | null;
 }
 
@@ -2154,6 +2164,7 @@ export interface StoredVerifyResult {
   chance: number | null;
   checks?: VerifyCheck[];
   decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
+  limits_changed?: string[];
   residuals: VerifyResidual[];
 }
 
@@ -2464,6 +2475,7 @@ export interface Verification {
   flatness_95_mm?: number | null;
   ball_bar_mm?: number | null;
   ball_bar_sigma_mm?: number | null;
+  changes?: LimitChange[] | null;
 }
 
 export interface VerifyCheck {
@@ -2515,6 +2527,7 @@ export interface VerifyResult {
   chance: number | null;
   checks?: VerifyCheck[];
   decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
+  limits_changed?: string[];
   residuals: VerifyResidual[];
 }
 

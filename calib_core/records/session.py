@@ -164,6 +164,20 @@ class MergeSettings(Record):
     memory_mb: Positive = 1000.0
 
 
+class LimitChange(Record):
+    """A limit, or a ball bar's length, that was changed after captures for the verification had been taken.
+
+    `field` is its name in `cell.verification`, `captures` how many there were then, those left out too.
+    """
+
+    at: str
+    who: str = ""
+    field: str
+    before_mm: Finite | None = None
+    after_mm: Finite | None = None
+    captures: Annotated[int, Field(ge=1)]
+
+
 class Verification(Record):
     """Limits of a verification, set before it; those left out are told and not judged.
 
@@ -173,6 +187,8 @@ class Verification(Record):
     calibrated distance is `ball_bar_mm` with the standard uncertainty `ball_bar_sigma_mm`.  `flatness_mm` is of
     the range of all points' distances from the plane of a flat plate (captures with step `plate`),
     `flatness_95_mm` of the band that holds 95 % of them.
+
+    `changes` are those that were made after the first capture for it: a server keeps them, and nobody edits them.
     """
 
     tool_mm: Positive | None = None
@@ -184,6 +200,7 @@ class Verification(Record):
     flatness_95_mm: Positive | None = None
     ball_bar_mm: Positive | None = None
     ball_bar_sigma_mm: NotNegative | None = None
+    changes: list[LimitChange] | None = None
 
 
 class Cell(Record):

@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
+from pydantic import Field
+
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
@@ -38,8 +40,9 @@ class SessionAnswer(Record):
 
     `faults` says what speaks against using it: `stale`, `fail`, both or nothing; `inputs_sha256` are the hashes of
     what its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
-    error contributes, where the stage says it; `decision` that of the latest verification;
-    `workpiece_sigma_mm` how well a point at the workpiece is known in its worst direction (one sigma).
+    error contributes, where the stage says it; `decision` that of the latest verification,
+    `limits_changed` which of its limits were changed after its first capture; `workpiece_sigma_mm` how well a
+    point at the workpiece is known in its worst direction (one sigma).
     """
 
     format: str = _FORMAT
@@ -63,6 +66,7 @@ class SessionAnswer(Record):
     rotation_sigma_deg: float
     budget: Any = None
     decision: str | None = None
+    limits_changed: list[str] = Field(default_factory=list[str])
     workpiece_sigma_mm: float | None = None
 
 
@@ -104,6 +108,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         rotation_sigma_deg=answer.rotation_sigma_deg,
         budget=_budget(answer),
         decision=answer.results.get("verify", {}).get("decision"),
+        limits_changed=answer.results.get("verify", {}).get("limits_changed") or [],
         workpiece_sigma_mm=_workpiece_sigma_mm(answer),
     )
 

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 from calib_core.causes.apply import merge_patch
 from calib_core.errors import ConflictError, DamagedError, InputError
-from calib_core.records import Capture, Measured, parse_capture, parse_session
+from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
+from calib_core.stages.registry import STAGES
+from calib_core.stages.verify.limits import changes_between
 from server.captures.known import require_rigid
 from server.captures.measurer import Measurer
 from server.captures.measuring_queue import to_wait
@@ -14,7 +16,7 @@ from server.jobs.measuring import Measure, check_poses
 from server.store.calibrations import calibrated
 from server.store.captures import capture_data, capture_row, change_capture
 from server.store.database import Store
-from server.store.models import Data
+from server.store.models import Data, now
 from server.store.sessions import (
     change_session,
     empty_session,
@@ -75,7 +77,7 @@ def corrected_capture(
 
 
 def corrected_session(
-    store: Store, measure: Measure, session_id: str, changes: Mapping[str, object], if_match: str | None
+    store: Store, measure: Measure, session_id: str, changes: Mapping[str, object], if_match: str | None, who: str
 ) -> tuple[Data, str]:
     """Change a session's name or cell, and return it with its new ETag.
 
@@ -92,6 +94,7 @@ def corrected_session(
     captures = before.session.captures
     record: Data = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
     session = parse_session({**record, "captures": [capture.to_json() for capture in captures]}, "request")
+    session = _with_limit_changes(before.session, session, who)
     require_known_fields(session, "request", {path for path, _ in unknown_fields(before.session)})
     if session.cell.known != before.session.cell.known:
         require_rigid(session.cell)
@@ -110,6 +113,28 @@ def corrected_session(
             measure_anew(db, session_id, {c.id: to_wait(c, _CHANGED) for c in captures})
         change_session(db, row, {n: v for n, v in session.to_json().items() if n != "captures"}, measured)
         return session_data(db, row), etag(row)
+
+
+def _with_limit_changes(before: Session, after: Session, who: str) -> Session:
+    """Return the changed session with what was changed of the verification's limits after its first capture.
+
+    Raises
+    ------
+    InputError
+        If the change is of what was kept of earlier ones.
+    """
+    old, new = before.cell.verification, after.cell.verification
+    if (new.changes or []) != (old.changes or []) and "verification" in after.cell.model_fields_set:
+        to_do = "Leave `changes` out: they are kept by the server."
+        raise InputError("the limits' changes as they were kept", "others", to_do, "verification.changes")
+    steps = STAGES.get("verify", "stage").steps
+    taken = sum(capture.step in steps for capture in before.captures)
+    made = changes_between(old, new, taken, now(), who)
+    kept = [*(old.changes or []), *made]
+    if not kept:
+        return after
+    limits = new.model_copy(update={"changes": kept})
+    return after.model_copy(update={"cell": after.cell.model_copy(update={"verification": limits})})
 
 
 def _changed(record: Data, changes: Mapping[str, object]) -> Capture:

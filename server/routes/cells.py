@@ -37,7 +37,7 @@ CellId = Annotated[str, Path(description="A cell's `id`.", max_length=64, exampl
 
 
 class Release(BaseModel):
-    """An answer that was put in force for a cell: which, by whom, when and why.
+    """An answer that was put in force for a cell: which, by whom, when and why; `why` is empty where nobody said.
 
     `solved` and `inputs_sha256` tell it from others of the session; `workpiece_sigma_mm` is null of those
     released before it was kept.
@@ -155,7 +155,7 @@ def release(
         answer = session_answer(db, load_session(db, store.blobs, session_id))
         answer.require_usable(allowed)
         record = plain_json(answer_record(answer).to_json())
-        return release_data(add_release(db, session_id, record, _who(request), body.why))
+        return release_data(add_release(db, session_id, record, _who(request), body.why.strip()))
 
     return _in_force(idempotency.run(store, body.to_json(), 201, act)[0])
 
@@ -168,7 +168,7 @@ def rollback(
     require_known_fields(body, "request")
 
     def act(db: Transaction) -> Data:
-        return release_data(roll_back(db, cell_id, _who(request), body.why, body.number))
+        return release_data(roll_back(db, cell_id, _who(request), body.why.strip(), body.number))
 
     return _in_force(idempotency.run(store, body.to_json(), 201, act)[0])
 

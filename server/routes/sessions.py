@@ -41,6 +41,7 @@ from server.http.schemas import (
     StoredSession,
 )
 from server.http.strict_json import plain_json
+from server.routes.tokens import IdentityDep
 from server.sources.simulated import simulated_session
 from server.store.models import Data
 from server.store.sessions import (
@@ -109,6 +110,7 @@ def get(session_id: SessionId, store: StoreDep) -> Response:
 def change(
     session_id: SessionId,
     body: SessionChanges,
+    identity: IdentityDep,
     store: StoreDep,
     queue: MeasuringQueueDep,
     measuring: MeasuringDep,
@@ -121,7 +123,7 @@ def change(
     changes = {n: v for n, v in body.model_dump(exclude_unset=True).items() if n not in STORE_FIELDS}
     if "captures" in changes:
         raise InputError("changes of the session", "captures", "Patch each capture by itself.", "captures")
-    answer, tag = corrected_session(store, measuring.measure, session_id, changes, if_match)
+    answer, tag = corrected_session(store, measuring.measure, session_id, changes, if_match, identity.name)
     queue.wake()
     return JSONResponse(answer, headers={"ETag": tag})
 

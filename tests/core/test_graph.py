@@ -94,6 +94,7 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "verification.flatness_95_mm": (0.5, {"verify"}),
     "verification.ball_bar_mm": (300.0, {"verify"}),
     "verification.ball_bar_sigma_mm": (0.005, {"verify"}),
+    "verification.changes": ([{"at": "then", "field": "tool_mm", "captures": 1}], {"verify"}),
     "merge.voxel_mm": (0.7, {"merge"}),
     "merge.mesh": ("none", {"merge"}),
     "merge.registration": (True, {"merge"}),

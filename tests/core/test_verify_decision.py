@@ -64,6 +64,47 @@ def test_a_tool_that_the_user_brings_is_decided_on_by_the_limit() -> None:
     assert bad.checks[0].value_mm == pytest.approx(2.0, abs=1.5 * bad.checks[0].uncertainty_mm)
 
 
+def with_changes(*changes: dict[str, object]) -> VerifyResult:
+    cell = simulate("tcp-centers", 4)
+    record = cell.session.to_json()
+    tool = [list(row) for row in cell.truth["tool0_from_laser"]]
+    limits = {
+        "tool_mm": 1.0,
+        "changes": [{"at": "2026-11-23T00:10:00Z", "who": "K. Ito", **one} for one in changes],
+    }
+    record["cell"] |= {"known": {"tool0_from_laser": tool}, "verification": limits}
+    for capture in record["captures"]:
+        capture["step"] = "verify"
+    result = run(Session.model_validate(record), cell.files.__getitem__, "verify")["verify"]
+    assert isinstance(result, VerifyResult)
+    return result
+
+
+def test_a_limit_that_was_widened_after_captures_is_said_and_no_pass() -> None:
+    widened = with_changes({"field": "tool_mm", "before_mm": 0.2, "after_mm": 1.0, "captures": 4})
+    said = "The limit of the tool's error at the sphere was changed after 4 captures: 0.2 → 1 mm."
+    assert (widened.decision, widened.verdict) == ("pass", "warn")
+    assert widened.warnings[0] == said
+    assert widened.limits_changed == [said]
+    decision, *_ = widened.evidence
+    assert getattr(decision, "remark", None) == "by limits changed after the first capture"
+    (table,) = (block for block in widened.evidence if getattr(block, "id", "") == "limit_changes")
+    assert "K. Ito" in table.model_dump_json()
+    late = with_changes({"field": "tool_mm", "after_mm": 1.0, "captures": 1})
+    assert late.verdict == "warn"
+    assert late.warnings[0].endswith("was set after 1 capture: 1 mm.")
+
+
+def test_a_limit_that_was_narrowed_or_put_back_is_a_note() -> None:
+    narrowed = with_changes({"field": "tool_mm", "before_mm": 2.0, "after_mm": 1.0, "captures": 4})
+    back = with_changes(
+        {"field": "tool_mm", "before_mm": 1.0, "after_mm": 3.0, "captures": 4},
+        {"field": "tool_mm", "before_mm": 3.0, "after_mm": 1.0, "captures": 9},
+    )
+    assert (narrowed.verdict, len(narrowed.notes)) == ("pass", 1)
+    assert (back.verdict, len(back.notes), back.limits_changed) == ("pass", 2, back.notes)
+
+
 def on_a_ball_bar(off_mm: float, calibrated_off_mm: float = 0.0, alone: bool = False) -> VerifyResult:
     """Verify with captures of two spheres 300 mm apart, the scanner `off_mm` from where the tool says."""
     cell = simulate("tcp-centers", 4)

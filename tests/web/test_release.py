@@ -130,3 +130,12 @@ def test_limits_are_set_before_the_first_capture(
     expect(limits).to_contain_text("The figures are held against these:")
     expect(limits.locator("dl > div", has_text="Probing form, limit in mm")).to_have_text(re.compile("0.2$"))
     expect(limits.get_by_role("textbox")).to_have_count(0)
+
+    limits.get_by_text("Change limits …").press("Enter")
+    expect(limits).to_contain_text("a change is kept with its date, name and both values")
+    limits.get_by_label("Probing form, limit in mm").fill("0.35")
+    assert violations(page, axe, "sc-limits") == []
+    limits.get_by_role("button", name="Change limits").press("Enter")
+    expect(limits.locator("dl > div", has_text="Probing form, limit in mm")).to_have_text(re.compile("0.35$"))
+    (kept,) = client.get(f"/sessions/{session}").json()["cell"]["verification"]["changes"]
+    assert (kept["field"], kept["before_mm"], kept["after_mm"], kept["captures"]) == ("form_mm", 0.2, 0.35, 1)

@@ -1,4 +1,4 @@
-// The verification's limits where its captures are taken: a form until the first one, then what is set.
+// The verification's limits where its captures are taken: a form until the first one, then what is set; a change is kept and told.
 
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
@@ -13,7 +13,7 @@ await learnTexts("settings");
 const STAGE = "verify";
 const FIELD = "verification";
 
-/** @typedef {Record<string, number | null>} Limits */
+/** Beside the limits `changes`, which the server keeps. @typedef {Record<string, unknown>} Limits */
 
 export class LimitsElement extends StateElement {
   #shown = "";
@@ -32,7 +32,13 @@ export class LimitsElement extends StateElement {
     if (this.hidden || now === this.#shown) return; // what is being typed stays
     this.#shown = now;
     this.replaceChildren(h("section", { class: "panel", "aria-labelledby": "limits-title" }, h("h2", { id: "limits-title" }, t("limits.title")),
-      ...(begun ? listed(limits) : [h("p", { class: "soft" }, t("limits.words")), schemaForm(stage?.settings ?? {}, limits, { prefix: FIELD, ids: "limits", go: t("limits.go"), submit: (chosen) => this.#set(limits, chosen) })])));
+      ...(begun ? [...listed(limits), h("details", {}, h("summary", {}, t("limits.change")), h("p", { class: "soft" }, t("limits.late_words")), this.#form(stage, limits, t("limits.change_go")))]
+        : [h("p", { class: "soft" }, t("limits.words")), this.#form(stage, limits, t("limits.go"))])));
+  }
+
+  /** @param {{ settings?: unknown } | undefined} stage @param {Limits} limits @param {string} go */
+  #form(stage, limits, go) {
+    return schemaForm(stage?.settings ?? {}, limits, { prefix: FIELD, ids: "limits", go, submit: (chosen) => this.#set(limits, chosen) });
   }
 
   /** @param {Limits} before @param {Record<string, unknown>} chosen */
@@ -46,7 +52,7 @@ export class LimitsElement extends StateElement {
 
 /** @param {Limits} limits */
 function listed(limits) {
-  const set = Object.entries(limits).filter(([, value]) => value !== null);
+  const set = Object.entries(limits).filter(([, value]) => typeof value === "number");
   if (!set.length) return [h("p", { class: "soft" }, t("limits.none"))];
   return [h("p", { class: "soft" }, t("limits.held")), h("dl", { class: "pairs" }, ...set.map(([name, value]) => h("div", {}, h("dt", {}, maybe(`settings.${FIELD}.${name}`, name)), h("dd", { class: "number" }, String(value)))))];
 }

@@ -6,6 +6,7 @@ from calib_core.evidence.numbers import fixed, quantity
 from calib_core.evidence.parts import captures_used, left_out, provenance, residual_plot, residual_table
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
+from calib_core.stages.verify.limits import changes_table
 from calib_core.stages.verify.record import VerifyResult
 
 _COLUMNS: Final = (
@@ -19,7 +20,7 @@ _COLUMNS: Final = (
 )
 
 
-def evidence(_session: Session, result: VerifyResult) -> list[AnyBlock]:
+def evidence(session: Session, result: VerifyResult) -> list[AnyBlock]:
     """Return the verification told in blocks, the answer first."""
     expected = result.expected_scatter_rms_mm
     return [
@@ -35,6 +36,7 @@ def evidence(_session: Session, result: VerifyResult) -> list[AnyBlock]:
         captures_used(result),
         *_chance(result),
         *_checks(result),
+        *changes_table(session.cell.verification),
         *residual_plot(result.residuals),
         *left_out(result.residuals),
         *residual_table(result.residuals, _COLUMNS),
@@ -45,7 +47,8 @@ def evidence(_session: Session, result: VerifyResult) -> list[AnyBlock]:
 def _decision(result: VerifyResult) -> list[AnyBlock]:
     if result.decision is None:
         return []
-    return [Figure(label="Decision", text=result.decision.replace("-", " "), headline=True)]
+    remark = "by limits changed after the first capture" if result.limits_changed else None
+    return [Figure(label="Decision", text=result.decision.replace("-", " "), remark=remark, headline=True)]
 
 
 def _checks(result: VerifyResult) -> list[AnyBlock]:

@@ -53,7 +53,8 @@ class VerifyResult(Result):
     shows as large a one.  `verified` names the stage whose answer it is, or "known".
 
     `checks` are the figures that limits may be set for (`cell.verification`), 2634-style; `decision` is the worst
-    of theirs, null where no limit was set.
+    of theirs, null where no limit was set; `limits_changed` says in sentences which limits were changed after the
+    first capture: where they let more pass now, a decision of `pass` has the verdict `warn`.
     """
 
     stage: Literal["verify"] = "verify"
@@ -69,4 +70,5 @@ class VerifyResult(Result):
     chance: float | None
     checks: list[VerifyCheck] = Field(default_factory=list[VerifyCheck])
     decision: Decision | None = None
+    limits_changed: list[str] = Field(default_factory=list[str])
     residuals: list[VerifyResidual]

@@ -18,6 +18,7 @@ from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.decision import checked, overall, probing, tool_error
 from calib_core.stages.verify.flatness import Plate, plate
 from calib_core.stages.verify.held_out import HeldOut, Tool, held_out, together
+from calib_core.stages.verify.limits import late_limits
 from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
 
@@ -74,6 +75,8 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
         warnings = [*reasons, *(said for said in warnings if knows_uncertainty)]
     doubts = [*doubts, *_unchecked(given.session.cell.verification, checks, flat)]
     doubts += flat.doubts if flat is not None else []
+    late = late_limits(given.session.cell.verification)
+    doubts += late.doubts
     if doubts and verdict == "pass":
         verdict = "warn"
     surfaces = found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
@@ -83,7 +86,7 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
         inputs_sha256=given.inputs_sha256,
         verdict=verdict,
         warnings=[*doubts, *warnings],
-        notes=flat.notes if flat is not None else [],
+        notes=[*(flat.notes if flat is not None else []), *late.notes],
         verified=verified,
         tool0_from_laser=tool.tool0_from_laser.to_rows(),
         sphere_center_in_base_mm=found.center_in_base_mm.tolist(),
@@ -96,6 +99,7 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
         chance=found.chance if knows_uncertainty else None,
         checks=checks,
         decision=None if judged is None else judged[0],
+        limits_changed=late.sentences,
         residuals=[
             *_rows(of_sphere, observed.observations, observed.unused, found, sphere.radius_mm),
             *(flat.residuals if flat is not None else []),

@@ -107,6 +107,7 @@ def _answer(session: Session, results: Mapping[str, Data], blocks: Mapping[str, 
         "value": figure_text(headline) if headline else "",
         "stale": any(result["stale"] for result in results.values()),
         "decision": decision or "",
+        "limits_changed": results.get("verify", {}).get("limits_changed") or [],
     }
 
 

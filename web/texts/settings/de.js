@@ -38,4 +38,7 @@ export const texts = Object.freeze({
   "limits.set": "Grenzen festgelegt",
   "limits.held": "Daran werden die Werte gemessen:",
   "limits.none": "Es sind keine Grenzen festgelegt: Werte werden genannt und nicht beurteilt.",
+  "limits.change": "Grenzen ändern …",
+  "limits.late_words": "Für diese Grenzen wurden Aufnahmen gemacht: Eine Änderung wird mit Datum, Namen und beiden Werten festgehalten und bei der Entscheidung und im Bericht genannt.",
+  "limits.change_go": "Grenzen ändern",
 });

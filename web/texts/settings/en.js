@@ -38,4 +38,7 @@ export const texts = Object.freeze({
   "limits.set": "Limits set",
   "limits.held": "The figures are held against these:",
   "limits.none": "No limits are set: figures are told and not judged.",
+  "limits.change": "Change limits …",
+  "limits.late_words": "Captures were taken for these limits: a change is kept with its date, name and both values, and told with the decision and in the report.",
+  "limits.change_go": "Change limits",
 });

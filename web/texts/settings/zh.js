@@ -38,4 +38,7 @@ export const texts = Object.freeze({
   "limits.set": "已设定限值",
   "limits.held": "各指标以此判定：",
   "limits.none": "未设定限值：各指标只给出，不判定。",
+  "limits.change": "更改限值…",
+  "limits.late_words": "已按这些限值采集：更改会连同日期、姓名和前后数值一并保存，并在判定处和报告中说明。",
+  "limits.change_go": "更改限值",
 });

@@ -1,0 +1,110 @@
+"""Limits of a verification that were changed after its first capture: which, when, and what is said of it.
+
+Who sets a limit and knows the captures can set it so that they pass.  A change is therefore not refused, since
+limits are told wrongly too, but kept with the session and said wherever the decision stands.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from calib_core.evidence.numbers import fixed
+from calib_core.records import LimitChange, Verification
+from calib_core.records.evidence import AnyBlock, Column, Row, Table
+
+_NAMES: Final = {
+    "tool_mm": "limit of the tool's error at the sphere",
+    "form_mm": "limit of the probing form",
+    "form_95_mm": "limit of the probing form of 95 %",
+    "size_mm": "limit of the probing size",
+    "spacing_mm": "limit of the sphere spacing",
+    "flatness_mm": "limit of the flatness",
+    "flatness_95_mm": "limit of the flatness of 95 %",
+    "ball_bar_mm": "ball bar's calibrated length",
+    "ball_bar_sigma_mm": "uncertainty of the ball bar's length",
+}
+_REFERENCES: Final = ("ball_bar_mm", "ball_bar_sigma_mm")
+
+
+def changes_between(
+    before: Verification, after: Verification, captures: int, at: str, who: str
+) -> list[LimitChange]:
+    """Return what differs between two settings of the limits, `captures` having been taken for them."""
+    if not captures:
+        return []
+    pairs = {name: (getattr(before, name), getattr(after, name)) for name in _NAMES}
+    return [
+        LimitChange(at=at, who=who, field=name, before_mm=old, after_mm=new, captures=captures)
+        for name, (old, new) in pairs.items()
+        if old != new
+    ]
+
+
+@dataclass(frozen=True)
+class LateLimits:
+    """What is said of limits that were changed late.
+
+    `doubts` are of limits that let more pass now than before the first capture, or that were not there then;
+    `notes` of the others.
+    """
+
+    doubts: list[str]
+    notes: list[str]
+
+    @property
+    def sentences(self) -> list[str]:
+        """All of them."""
+        return [*self.doubts, *self.notes]
+
+
+def late_limits(limits: Verification) -> LateLimits:
+    """Return what is said of the changes that were kept with the limits."""
+    changes = limits.changes or []
+    easier = {change.field for change in changes if _is_easier(change.field, changes)}
+    doubts = [_sentence(change) for change in changes if change.field in easier]
+    return LateLimits(doubts, [_sentence(change) for change in changes if change.field not in easier])
+
+
+def changes_table(limits: Verification) -> list[AnyBlock]:
+    """Return the changes as a table, nothing where there were none."""
+    if not limits.changes:
+        return []
+    rows = [
+        Row(
+            cells=[
+                change.at,
+                change.who,
+                _name(change.field),
+                *(None if value is None else f"{value:g} mm" for value in (change.before_mm, change.after_mm)),
+                fixed(change.captures, 0),
+            ]
+        )
+        for change in limits.changes
+    ]
+    texts = [Column(label=label, align="left") for label in ("When", "By", "What")]
+    numbers = [Column(label=label) for label in ("Before", "After", "Captures then")]
+    title = "Limits changed after the first capture"
+    return [Table(id="limit_changes", title=title, columns=[*texts, *numbers], rows=rows)]
+
+
+def _is_easier(field: str, changes: Sequence[LimitChange]) -> bool:
+    """Return whether a limit lets more pass now than before the first capture, or judges what it did not."""
+    own = [change for change in changes if change.field == field]
+    first, last = own[0].before_mm, own[-1].after_mm
+    if first == last or field in _REFERENCES:
+        return False
+    return first is None or last is None or last > first
+
+
+def _sentence(change: LimitChange) -> str:
+    name = _name(change.field)
+    after = "1 capture" if change.captures == 1 else f"{change.captures} captures"
+    if change.before_mm is None:
+        return f"The {name} was set after {after}: {change.after_mm or 0.0:g} mm."
+    if change.after_mm is None:
+        return f"The {name} was removed after {after}: it was {change.before_mm:g} mm."
+    return f"The {name} was changed after {after}: {change.before_mm:g} → {change.after_mm:g} mm."
+
+
+def _name(field: str) -> str:
+    return _NAMES.get(field, field)
