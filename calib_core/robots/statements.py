@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.phrases import require_count
 from calib_core.robots.text import numbers, source_of, without_comments
 
 Kind = Literal["pose", "joints", "tool", "frame", "use-tool", "use-frame", "move"]
@@ -94,8 +95,7 @@ def _taken(kind: str, groups: dict[str, str], convention: str, line: int, found:
     """Take a pose, joints, tool or frame; return the tool or frame where the line makes it the active one."""
     values = numbers(groups["values"].strip().rstrip(","))
     name = (groups.get("name") or f"line {line}").strip()
-    if len(values) < 6:
-        raise ValueError(f"{len(values)} numbers instead of 6")
+    require_count(values[:6], 6)
     if kind in ("tool", "frame"):
         given = groups.get("number")
         number: Reference = int(given) if given else f"{kind} of line {line}"

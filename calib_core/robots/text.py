@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from calib_core.errors import InputError
+from calib_core.robots.phrases import CUT_LINE, require_count
 
 NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = re.compile(NUMBER)
@@ -30,7 +31,7 @@ class Source:
     def require_ended(self, line: int) -> None:
         """Raise ValueError for a line that the file ends in: where it is cut, its last number may be too."""
         if line >= len(self.starts) and not self.text.endswith("\n"):
-            raise ValueError("the file ends in this line, without an end of line: is it cut?")
+            raise ValueError(CUT_LINE)
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield every line with its number."""
@@ -84,8 +85,8 @@ def numbers(text: str, count: int | None = None, separator: str = ",") -> tuple[
     """Return numbers between separators; raises ValueError with a phrase where they are not `count` numbers."""
     parts = text.split(separator) if separator.strip() else text.split()
     values = tuple(number(part) for part in parts)
-    if count is not None and len(values) != count:
-        raise ValueError(f"{len(values)} numbers instead of {count}")
+    if count is not None:
+        require_count(values, count)
     return values
 
 

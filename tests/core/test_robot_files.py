@@ -81,7 +81,7 @@ def test_krl() -> None:
     expected = base.matrix @ parse_pose("kuka", (1, 2, 3, 0, 0, 0)).matrix @ tool.inverse().matrix
     np.testing.assert_allclose(parse_pose("kuka", pose(found, "XP2").pose).matrix, expected, atol=1e-9)
     assert found.tools[0].name == "GUN"
-    assert "braces" in reasons(found, 8)
+    assert "brackets" in reasons(found, 8)
     assert "TOOL_TYPE[2] is #TCP" in reasons(found, 9)
     assert "#TCP" in reasons(found, 11)
     alone = read(style1__dat=DAT)

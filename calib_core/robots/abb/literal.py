@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from calib_core.robots.phrases import UNMATCHED
 from calib_core.robots.text import closing, split_top
 
 
@@ -41,6 +42,6 @@ def literal(text: str, begin: int, end: int) -> Value:
             raise ValueError(f"'{' '.join(raw.split())[:40]}' cannot be read")
         return Value(begin, raw, None)
     if closing(raw, 0, ";") != len(raw):
-        raise ValueError("its brackets do not match: is the file cut or damaged?")
+        raise ValueError(UNMATCHED)
     items = tuple(literal(text, begin + 1 + p, begin + 1 + p + len(s)) for p, s in split_top(raw[1:-1]))
     return Value(begin, raw, items)

@@ -12,6 +12,7 @@ from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.robots.abb.literal import Value, blanked, literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.phrases import CALCULATED, CUT, changed
 from calib_core.robots.poses import parse_pose, to_pose
 from calib_core.robots.text import Source, number, source_of, split_top
 
@@ -70,7 +71,7 @@ class _Module:
             end = self._text.find(";", found.end())
             try:
                 if end < 0:
-                    raise ValueError("the declaration has no end (;): is the file cut?")
+                    raise ValueError(f"it has no end (;): {CUT}")
                 yield found.start(1), kind, name, literal(self._text, found.end(), end)
             except ValueError as error:
                 if kind in _KINDS:
@@ -180,7 +181,7 @@ class _Module:
             elif text.startswith("["):
                 self._inline(kind, text, found.end() + position, tool, frame)
             else:
-                self._found.skip(line, f"{found[1]} {text[:60]}: a calculated position has no value in the file")
+                self._found.skip(line, f"{found[1]} {text[:60]}: {CALCULATED}")
 
     def _inline(self, kind: str, text: str, position: int, tool: Reference, frame: Reference) -> None:
         position = self._text.index("[", position)
@@ -206,8 +207,7 @@ class _Module:
         for i, taught in enumerate(self._found.poses):
             line = assigned.get(taught.name.partition("{")[0].lower())
             if line is not None:
-                doubt = f"The program reassigns it (line {line}): the value here may be another."
-                self._found.poses[i] = replace(taught, doubt=doubt)
+                self._found.poses[i] = replace(taught, doubt=changed(line))
         for what, entries in (("tool", self._found.tools), ("work object", self._found.frames)):
             for i, entry in enumerate(entries):
                 line = assigned.get(str(entry.number).partition("{")[0].lower())

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.phrases import CUT, CUT_LINE, TWICE
 from calib_core.robots.text import NUMBER, Source, number, source_of
 
 _POSITION = re.compile(r'^\s*P\[\s*(\d+)\s*(?::\s*"?([^"\]]*)"?)?\s*\]\s*\{', re.MULTILINE)
@@ -48,7 +49,7 @@ def _program(source: Source, found: Found) -> None:
         name = f"P[{position[1]}]"
         try:
             if end < 0:
-                raise ValueError("it has no end (}): is the file cut?")
+                raise ValueError(f"it has no end (}}): {CUT}")
             body = source.text[position.end() : end]
             taught = _position(name, body, line, source.name, found)
             if int(position[1]) in incremental:
@@ -108,7 +109,7 @@ def _position(name: str, body: str, line: int, file: str, found: Found) -> Taugh
         fields = _fields(text)
         if group[1] == "1":
             if robot:
-                raise ValueError("group 1 stands there twice")
+                raise ValueError(f"group 1: {TWICE}")
             robot = fields, text
         elif "X" in fields:
             found.skip(line, f"{name}: group {group[1]} is another robot's pose")
@@ -134,7 +135,7 @@ def _fields(text: str) -> dict[str, float]:
     fields: dict[str, float] = {}
     for axis, value, unit in _FIELD.findall(text):
         if axis in fields:
-            raise ValueError(f"{axis} stands there twice")
+            raise ValueError(f"{axis}: {TWICE}")
         if value.startswith("*"):
             raise ValueError("it is not taught (********)")
         fields[axis] = number(value)
@@ -177,7 +178,7 @@ def _entry(what: str, entry: re.Match[str], body: str, source: Source, found: Fo
         if re.search(r"Uninitialized|\*{4,}", body, re.IGNORECASE):
             raise ValueError("it is not set (Uninitialized)")
         if source.text.endswith(body) and not body.endswith("\n"):
-            raise ValueError("the file ends in it, without an end of line: is it cut?")
+            raise ValueError(CUT_LINE)
         stated = re.search(r"Group\s*:\s*(\d+)", body, re.IGNORECASE)
         if stated and int(stated[1]) != group:
             raise ValueError(f"its group is {stated[1]}, but its index says {group}")
@@ -209,7 +210,7 @@ def _components(body: str) -> dict[str, float]:
     fields: dict[str, float] = {}
     for axis, value, unit in _COMPONENT.findall(text):
         if axis in fields:
-            raise ValueError(f"{axis} stands there twice")
+            raise ValueError(f"{axis}: {TWICE}")
         fields[axis] = number(value)
         if unit and unit not in _UNITS.get(axis, ("mm", "deg")):
             raise ValueError(f"{axis} is in '{unit}'")

@@ -3,6 +3,7 @@
 import re
 
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.phrases import CALCULATED, CUT, require_count
 from calib_core.robots.text import numbers, source_of, without_comments
 
 _SECTION = re.compile(r"^\s*\.(TRANS|JOINTS|REALS|STRINGS|INTEGER|PROGRAM|END|[A-Z_]+)\b(.*)$", re.IGNORECASE)
@@ -48,7 +49,7 @@ class _Saved:
             elif section == "PROGRAM":
                 self._step(content, line)
         if section in ("TRANS", "JOINTS"):
-            self._found.skip(opened, f".{section} has no .END: is the file cut?")
+            self._found.skip(opened, f".{section} has no .END: {CUT}")
         self._sort_out_frames()
         return self._found
 
@@ -62,8 +63,7 @@ class _Saved:
             self._source.require_ended(line)
             if section == "JOINTS" or name.startswith("#"):
                 joints = numbers(values, separator=" ")
-                if len(joints) < 6:
-                    raise ValueError(f"{len(joints)} joints instead of 6")
+                require_count(joints[:6], 6)
                 external = {f"JT{i}": v for i, v in enumerate(joints[6:], start=7)} or None
                 taught = Taught(name, None, "kawasaki", line, joints[:6], external, file=self._source.name)
             else:
@@ -73,8 +73,7 @@ class _Saved:
             self._found.skip(line, f"{name}: {error}")
 
     def _transformation(self, name: str, values: tuple[float, ...], line: int) -> Taught:
-        if len(values) < 6:
-            raise ValueError(f"{len(values)} numbers instead of 6")
+        require_count(values[:6], 6)
         external = {f"JT{i}": v for i, v in enumerate(values[6:], start=7)} or None
         return Taught(name, values[:6], "kawasaki", line, None, external, file=self._source.name)
 
@@ -114,7 +113,7 @@ class _Saved:
         literal = re.fullmatch(_TRANS, value, re.IGNORECASE)
         try:
             if not literal:
-                raise ValueError("a calculated position has no value in the file")
+                raise ValueError(CALCULATED)
             self._found.poses.append(self._transformation(name, numbers(literal[1]), line))
         except ValueError as error:
             self._found.skip(line, f"{name}: {error}")

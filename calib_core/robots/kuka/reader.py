@@ -8,6 +8,7 @@ import re
 from dataclasses import replace
 
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.phrases import CALCULATED, TWICE, UNMATCHED
 from calib_core.robots.text import closing, number, source_of, split_top, without_comments
 
 _TYPES = "E6POS|POS|E3POS|FRAME|E6AXIS|E3AXIS|AXIS"
@@ -86,7 +87,7 @@ class _Program:
             return
         try:
             if end < 0:
-                raise ValueError("its braces do not match: is the file cut or damaged?")
+                raise ValueError(UNMATCHED)
             if content[end:].strip(" \t,"):
                 raise ValueError(f"'{content[end:].strip()[:40]}' stands behind it")
             fields = _fields(content[assigned.end() : end])
@@ -158,7 +159,7 @@ class _Program:
         elif value.startswith("{"):
             try:
                 if closing(value, 0) != len(value):
-                    raise ValueError("its braces do not match")
+                    raise ValueError(UNMATCHED)
                 pose = _numbers(_fields(value), _POSE)
             except ValueError as error:
                 self._set(what, f"${what} of line {line}")
@@ -189,7 +190,7 @@ class _Program:
             elif named := _TARGET.match(target):
                 name = named[1].replace(" ", "")
                 if named[2] in _CALCULATES:
-                    self._found.skip(line, f"{kind} {target[:60]}: a calculated position has no value in the file")
+                    self._found.skip(line, f"{kind} {target[:60]}: {CALCULATED}")
                     continue
                 self._found.want(name, line)
                 if "F" + name.upper()[1:] not in self._motion and (self._tool, self._base) != (None, None):
@@ -199,9 +200,9 @@ class _Program:
         end = closing(target, 0)
         try:
             if end < 0:
-                raise ValueError("its braces do not match: is the file cut or damaged?")
+                raise ValueError(UNMATCHED)
             if target[end:].lstrip().startswith(":"):
-                raise ValueError("a calculated position has no value in the file")
+                raise ValueError(CALCULATED)
             taught = self._position(f"line {line}", _fields(target[:end]), line)
         except ValueError as error:
             self._found.skip(line, f"{kind} {target[:60]}: {error}")
@@ -218,7 +219,7 @@ def _fields(text: str) -> dict[str, str]:
         if not named:
             raise ValueError(f"'{part.strip()[:40]}' is no name with a value")
         if named[1].upper() in fields:
-            raise ValueError(f"{named[1]} stands there twice")
+            raise ValueError(f"{named[1]}: {TWICE}")
         fields[named[1].upper()] = named[2]
     return fields
 

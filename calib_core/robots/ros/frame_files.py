@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from calib_core.frames import RigidTransform
 from calib_core.robots.controller_file import Found
+from calib_core.robots.phrases import CALCULATED, require_count
 from calib_core.robots.poses import to_pose
 from calib_core.robots.rotations import rotation_from_angles
 from calib_core.robots.text import Source, number
@@ -18,7 +19,6 @@ _WORD = re.compile(
     r"--(x|y|z|qx|qy|qz|qw|roll|pitch|yaw|frame-id|child-frame-id)['\"]?[\s,=]+['\"]?([^\s'\",\]]+)"
 )
 _ORDER = ("x", "y", "z", "qx", "qy", "qz", "qw")
-_NOT_HERE = "a variable or a calculation has no value in the file"
 
 
 def is_urdf(text: str) -> bool:
@@ -51,7 +51,7 @@ def launch_edges(source: Source, found: Found) -> Iterator[Edge]:
         line = source.line(begin)
         parent, child = words.get("frame-id"), words.get("child-frame-id")
         if parent is None or child is None:
-            found.skip(line, f"static_transform_publisher without --frame-id and --child-frame-id: {_NOT_HERE}")
+            found.skip(line, f"static_transform_publisher without --frame-id and --child-frame-id: {CALCULATED}")
             continue
         try:
             values = {name: _value(words[name]) for name in words if "frame" not in name}
@@ -69,9 +69,8 @@ def launch_edges(source: Source, found: Found) -> Iterator[Edge]:
 def _three(text: str) -> tuple[float, ...]:
     parts = text.split()
     if "$" in text:
-        raise ValueError(_NOT_HERE)
-    if len(parts) != 3:
-        raise ValueError(f"{len(parts)} numbers instead of 3")
+        raise ValueError(CALCULATED)
+    require_count(parts, 3)
     return tuple(map(number, parts))
 
 
@@ -79,7 +78,7 @@ def _value(text: str) -> float:
     try:
         return number(text)
     except ValueError:
-        raise ValueError(f"'{text[:40]}': {_NOT_HERE}") from None
+        raise ValueError(f"'{text[:40]}': {CALCULATED}") from None
 
 
 def _numbers(place_m: tuple[float, ...], roll: float, pitch: float, yaw: float) -> tuple[float, ...]:

@@ -9,6 +9,7 @@ from calib_core.errors import InputError
 from calib_core.formats.ros_bags import bag_messages, is_bag
 from calib_core.frames import RigidTransform
 from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.phrases import CUT
 from calib_core.robots.poses import parse_pose, to_pose
 from calib_core.robots.ros.frame_files import is_urdf, launch_edges, urdf_edges
 from calib_core.robots.ros.joints import in_order
@@ -142,7 +143,7 @@ class _Recorder:
 
     def refuse(self, line: int, text: str) -> None:
         """Note a line that cannot be read."""
-        self._found.skip(line, f"'{text.strip()[:60]}' cannot be read: is the file cut or damaged?")
+        self._found.skip(line, f"'{text.strip()[:60]}' cannot be read: {CUT}")
 
     def _edge(self, parent: str, child: str, numbers: tuple[float, ...], line: int) -> None:
         try:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from calib_core.errors import InputError
 from calib_core.robots.controller_file import Found
+from calib_core.robots.phrases import CUT_LINE
 from calib_core.robots.text import Source, number
 
 Numbers = tuple[float, ...]
@@ -191,5 +192,5 @@ def _named(node: _Node | None, names: Sequence[str], what: str) -> Numbers:
     if missing:
         raise ValueError(f"{what} without {', '.join(missing)}")
     if any(fields[name].cut for name in names):
-        raise ValueError("the file ends in this line, without an end of line: is it cut?")
+        raise ValueError(CUT_LINE)
     return tuple(number(fields[name].text) for name in names)

@@ -10,6 +10,7 @@ import re
 from dataclasses import replace
 
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.phrases import UNMATCHED, changed, require_count
 from calib_core.robots.text import Source, closing, number, numbers, source_of, split_top, without_comments
 from calib_core.robots.ur.packed import found_in, scripts_in
 from calib_core.robots.ur.values import degrees, plausible
@@ -64,8 +65,7 @@ class _Script:
         lines = {m[1]: self._source.line(m.start(1)) for m in _ASSIGNED.finditer(self._text)}
         for i, taught in enumerate(self._found.poses):
             if taught.name in lines:
-                doubt = f"The script changes it (line {lines[taught.name]}): the value here may be another."
-                self._found.poses[i] = replace(taught, doubt=doubt)
+                self._found.poses[i] = replace(taught, doubt=changed(lines[taught.name]))
 
     def _literal(self, match: re.Match[str]) -> None:
         position = match.end()
@@ -75,7 +75,7 @@ class _Script:
         try:
             end = closing(self._text, position, "\n")
             if end < 0:
-                raise ValueError("its brackets do not match: is the file cut or damaged?")
+                raise ValueError(UNMATCHED)
             pose = _pose(self._text[position + 1 : end - 1])
         except ValueError as error:
             self._found.skip(line, f"{name}: {error}", name)
@@ -124,7 +124,7 @@ class _Script:
         end = closing(self._text, match.end(), "\n")
         try:
             if end < 0:
-                raise ValueError("its brackets do not match: is the file cut or damaged?")
+                raise ValueError(UNMATCHED)
             joints = degrees(numbers(self._text[match.end() + 1 : end - 1], 6))
         except ValueError as error:
             self._found.skip(line, f"{match[1]}: {error}", match[1])
@@ -140,8 +140,7 @@ class _Script:
 
 def _pose(text: str) -> tuple[float, ...]:
     parts = [part for _, part in split_top(text)]
-    if len(parts) != 6:
-        raise ValueError(f"{len(parts)} numbers instead of 6")
+    require_count(parts, 6)
     return plausible(tuple(_radians(part) for part in parts))
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.phrases import CUT, TWICE, changed, require_count
 from calib_core.robots.text import Source, numbers, source_of
 
 _ROW = re.compile(r"^(C|P|BC|EC|BP|EX)(\d{3,5})\s*=(.*)$")
@@ -34,7 +35,7 @@ def _tools(source: Source, found: Found) -> None:
         text = content.strip()
         if re.match(r"//[A-Z]", text):
             if awaited:
-                found.skip(head, f"tool {index}: its frame is missing: is the file cut?")
+                found.skip(head, f"tool {index}: its frame is missing: {CUT}")
             begin = re.fullmatch(r"//TOOL\s+(\d+)", text)
             awaited = begin is not None
             index, name, head = int(begin[1]) if begin else -1, "", line
@@ -66,7 +67,7 @@ def _frames(source: Source, found: Found) -> None:
                 if index < 0:
                     raise ValueError("it stands under no //UFRAME")
                 if known:
-                    raise ValueError("it stands there twice")
+                    raise ValueError(TWICE)
                 pose = numbers(text.removeprefix("////BUSER").lstrip(" ="), 6)
                 found.frames.append(Frame(index, name or None, pose, "yaskawa", line, source.name))
                 known = True
@@ -162,7 +163,7 @@ def _job(source: Source, found: Found) -> None:
         axes = {**(taught.external or {}), **external.get(name[1:], {})} or None
         doubts = ["The robot stands on a rail: make sure that its base did not move."] if rail else []
         if line_of := uses.changed.get(_key(name)):
-            doubts.append(f"The job changes it (line {line_of}): the value here may be another.")
+            doubts.append(changed(line_of))
         found.poses.append(replace(taught, external=axes, doubt=" ".join(doubts)))
     for number in external.keys() - {row[1][1:] for row in rows}:
         found.skip(heads[number], f"position {number}: external axes alone, no pose of the robot")
@@ -189,8 +190,7 @@ def _position(name: str, text: str, kind: str, tool: int | None, user: int | Non
     values = numbers(text)
     if kind == "ANGLE":
         return Taught(name, None, "yaskawa", line, values, None, tool, file=file)
-    if len(values) not in (6, 7):
-        raise ValueError(f"{len(values)} numbers instead of 6")
+    require_count(values, 6, 7)
     if kind == "USER":
         if user is None:
             raise ValueError("it is in a user frame, but no ///USER says which")
