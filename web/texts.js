@@ -39,26 +39,35 @@ export function t(key, values = {}) {
 /** What the server says in English, in the chosen language: what a first view needs at once, the rest once something is said that it lacks. */
 const sayings = language === "en" ? null : new (await import("./said.js")).Sayings(language);
 sayings?.add((await import(`./texts/server/${language}.js`)).texts);
-/** In the order in which they are looked through. */
-const LATER = ["sphere", "guide", "captures", "stages", "results", "labels"];
+/** What results, guide and evidence say. */
+const SENTENCES = ["sphere", "guide", "captures", "stages", "results", "labels"];
+/** What the server says when it refuses something, a file a part of it: needed only then. */
+const REFUSALS = ["formats", "exports", "robots", "archive", "requests"];
+/** What is not known yet, in the order in which it is looked through. */
+let later = [...SENTENCES, ...REFUSALS];
 /** @type {Promise<void> | null} */
 let learning = null;
 
 /** Told once more is known of what was said before. */
 export const SAID = "scancell-said";
 
-/** Everything that the server says; English needs none. */
-export async function learnSentences() {
-  while (sayings && LATER.length) await learnNext();
-}
+/** What results, guide and evidence say; English needs none. */
+export const learnSentences = () => learn(SENTENCES);
 
-async function learnNext() {
-  const part = LATER.shift();
-  if (part) sayings?.add((await import(`./texts/server/${language}/${part}.js`)).texts);
+/** Everything that the server says. */
+export const learnRefusals = () => learn([...SENTENCES, ...REFUSALS]);
+
+/** @param {string[]} parts */
+async function learn(parts) {
+  if (!sayings) return;
+  const lacking = later.filter((part) => parts.includes(part));
+  const tables = await Promise.all(lacking.map((part) => import(`./texts/server/${language}/${part}.js`)));
+  for (const { texts } of tables) sayings.add(texts);
+  later = later.filter((part) => !lacking.includes(part));
 }
 
 async function learnWhatLacks() {
-  do await learnNext(); while (LATER.length && sayings?.lacks());
+  do await learn(later.slice(0, 1)); while (later.length && sayings?.lacks());
   learning = null;
   window.dispatchEvent(new Event(SAID));
 }
@@ -66,7 +75,7 @@ async function learnWhatLacks() {
 /** What the server says, in the chosen language as far as the catalogue has it. @param {string} text @returns {string} */
 export function said(text) {
   const words = sayings?.say(text) ?? text;
-  if (LATER.length && sayings?.lacking) learning ??= learnWhatLacks();
+  if (later.length && sayings?.lacking) learning ??= learnWhatLacks();
   return words;
 }
 

@@ -1,18 +1,27 @@
-"""What the core and the scene can say to a page, read from their code: templates, with {} for what changes."""
+"""What the core and the scene can say to a page, read from their code: templates, with {} for what changes.
+
+Of parts that speak in sentences, every sentence of theirs counts. Of parts that write files as well, only refusals
+count: what is given to the error type, see `refusal_texts`.
+"""
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import product
 from pathlib import Path
 
+from tests.web.refusal_texts import given_to_errors, refusers
+
 ROOT = Path(__file__).resolve().parents[2]
 _CORE = ("captures", "causes", "chain", "evidence", "fusion", "guidance", "optics", "review", "sphere", "stages")
+_REFUSING: tuple[str, ...] = ()
+"""Folders and files whose refusals a page shows; their other texts can be contents of files that they write."""
 _SCENE = ("answers", "deviation", "facts", "ghost", "layers", "legend", "optics", "turntable_layers", "views")
 _OTHER_MEDIA = {"html.py", "style.py", "svg.py", "text.py"}
 """Reports of their own, in English."""
 _LEAST_WORDS = 3
+_HAS_WORDS = re.compile(r"[A-Za-z]{2,}[ .]|[ .][A-Za-z]{2,}")
 
 NOT_SHOWN = {
     "results/{}.json: workpiece",
@@ -58,12 +67,24 @@ def said_to_pages() -> set[str]:
     """Return the sentences that a page can show."""
     files = [file for file in _core() if file.name not in _OTHER_MEDIA]
     scene = [ROOT / "server" / "scenes" / f"{name}.py" for name in _SCENE]
-    return {one for file in [*files, *scene] for one in templates(file) if _is_sentence(one)} - NOT_SHOWN
+    sentences = {one for file in [*files, *scene] for one in templates(file) if _is_sentence(one)}
+    return (sentences | refusals()) - NOT_SHOWN
+
+
+def refusals() -> set[str]:
+    """Return what the refusing parts give to the error type: need, got and what to do."""
+    return {
+        one
+        for file in _refusing()
+        for node in given_to_errors(_parsed(file), _refusers())
+        for one in _templates_of(_variants(node) or [])
+        if _HAS_WORDS.search(one.replace("{}", ""))
+    }
 
 
 def told() -> set[str]:
     """Return every text of the core's parts that speak, and of the scene."""
-    files = [*_core(), *(ROOT / "server" / "scenes").glob("*.py"), ROOT / "calib_core" / "errors.py"]
+    files = [*_core(), *_refusing(), *(ROOT / "server" / "scenes").glob("*.py"), ROOT / "calib_core" / "errors.py"]
     return {one for file in files for one in templates(file)}
 
 
@@ -74,19 +95,39 @@ def _core() -> list[Path]:
     ]  # the page has its words
 
 
+def _refusing() -> list[Path]:
+    places = [ROOT / name for name in _REFUSING]
+    return [file for place in places for file in ([place] if place.is_file() else place.rglob("*.py"))]
+
+
+@cache
+def _refusers() -> frozenset[str]:
+    """Return the names of functions that make an error of what they are given, in the parts that refuse."""
+    return frozenset(name for file in _refusing() for name in refusers(_parsed(file)))
+
+
 def _is_sentence(text: str) -> bool:
     words = re.findall(r"[A-Za-z]{2,}", text.replace("{}", " "))
     return len(words) >= _LEAST_WORDS and " " in text.strip() and not re.search(r"\w\[|\|", text)
 
 
 @cache
+def _parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+@cache
 def templates(file: Path) -> frozenset[str]:
     """Return every text in a file's code, without docstrings; of HTML what stands between its tags."""
+    return frozenset(_templates_of(_texts(_parsed(file))))
+
+
+def _templates_of(texts: Iterable[str]) -> set[str]:
     found: set[str] = set()
-    for text in _texts(ast.parse(file.read_text(encoding="utf-8"))):
+    for text in texts:
         plain = re.sub(r"\{[a-z_]+\}", "{}", text)
         found |= set(re.split(r"<[^>]*>", plain)) if "<" in plain else {plain}
-    return frozenset(found)
+    return found
 
 
 def _texts(node: ast.AST) -> Iterator[str]:

@@ -110,6 +110,13 @@ def server_texts(language: str) -> dict[str, str]:
     return dict(rows)
 
 
+def later_parts() -> list[str]:
+    """Return the files of what the server says that the page loads later, in the page's order."""
+    code = (WEB / "texts.js").read_text("utf-8")
+    lists = [json.loads(re.search(rf"const {name} = (\[.*\]);", code)[1]) for name in ("SENTENCES", "REFUSALS")]  # pyright: ignore[reportOptionalSubscript]
+    return [part for parts in lists for part in parts]
+
+
 WITHOUT_A_HOLE = {"Look at the result, and at why {} {} left out."}
 """Translations that need no word of their own for what is in the last hole: a verb in English."""
 
@@ -117,6 +124,9 @@ WITHOUT_A_HOLE = {"Look at the result, and at why {} {} left out."}
 @pytest.mark.parametrize("language", ["de", "zh"])
 def test_what_the_server_says_is_there_in_every_language_and_still_said(language: str) -> None:
     texts = server_texts(language)
+    assert sorted(later_parts()) == sorted(
+        file.stem for file in (WEB / "texts" / "server" / language).glob("*.js")
+    )
     shown = set().union(*(labels_of(ast.parse(file.read_text("utf-8"))) for file in evidence_files()))
     sentences = said_to_pages()
     assert len(sentences) > 800
@@ -146,8 +156,7 @@ def test_the_page_recognises_each_sentence_of_the_server() -> None:
     const answers = {};
     for (const language of ["de", "zh"]) {
       const sayings = new Sayings(language);
-      const later = ["sphere", "guide", "captures", "stages", "results", "labels"];
-      for (const file of [language, ...later.map((one) => `${language}/${one}`)]) {
+      for (const file of [language, ...%s.map((one) => `${language}/${one}`)]) {
         sayings.add((await import(`./texts/server/${file}.js`)).texts);
       }
       answers[language] = %s.map((one) => sayings.say(one));
@@ -163,8 +172,9 @@ def test_the_page_recognises_each_sentence_of_the_server() -> None:
         "Look at the certificate. Focus the camera or hold it still.",
     ]
     asked = json.dumps([*filled, *together])
+    later = json.dumps(later_parts())
     done = node(
-        ["--input-type=module", "--eval", script % asked],
+        ["--input-type=module", "--eval", script % (later, asked)],
         return_completed_process=True,
         capture_output=True,
         text=True,

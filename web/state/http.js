@@ -1,6 +1,6 @@
 // How the page speaks HTTP: requests that are tried again while the server is away, and problems that say what to do.
 
-import { learnSentences, said, t } from "../texts.js";
+import { learnRefusals, said, t } from "../texts.js";
 
 /** @import {Page, ProblemBody} from "./model.js" */
 
@@ -38,7 +38,7 @@ const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, mil
 
 /** @param {Response} response */
 async function problemOf(response) {
-  await learnSentences();
+  await learnRefusals();
   const fallback = { type: "about:blank", title: response.statusText, status: response.status };
   if (!(response.headers.get("content-type") ?? "").includes("json")) {
     return new Problem({ ...fallback, detail: t("problem.unreadable", { status: response.status }) });
