@@ -68,7 +68,7 @@ def parse_pose(convention: str, numbers: Sequence[float], where: str = "") -> Ri
         bad = known.numbers.split()[int(np.argmin(np.isfinite(values)))]
         raise InputError(
             f"a pose of finite numbers ({known.numbers})",
-            f"{values[~np.isfinite(values)][0]} for {bad}",
+            f"{bad} = {values[~np.isfinite(values)][0]}",
             "Read the pose from the controller again.",
             where,
         )

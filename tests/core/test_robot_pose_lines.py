@@ -74,7 +74,7 @@ def test_a_table_keeps_its_line_numbers_and_names_what_is_wrong() -> None:
     assert [r.line for r in rows] == [4, 5, 6, 7]
     assert [r.pose is not None for r in rows] == [True, False, False, True]
     assert "6 numbers (x y z W P R), got 5 numbers" in (rows[1].problem or "")
-    assert "nan for W" in (rows[2].problem or "")
+    assert "W = nan" in (rows[2].problem or "")
     assert rows[3].numbers == [7, 8, 9, 10, 11, 12]
 
 

@@ -5,6 +5,9 @@ from collections.abc import Iterator
 
 _TOLD = {"need", "got", "to_do", "needed", "sentence"}
 _ADDS = "adding"
+_SKIPS = {"skip", "Skipped"}
+_ASIDE = {"doubt", "moving", "refused"}
+"""What is said of a pose, a tool or a frame that a robot's file leaves open."""
 _Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -25,16 +28,28 @@ def given_to_errors(module: ast.Module, refusing: frozenset[str]) -> Iterator[as
             if isinstance(call, ast.Call) and _is_error(call.func, refusing):
                 for given in [*call.args[:3], *(word.value for word in call.keywords if word.arg != "where")]:
                     yield from flow.texts(given)
+            elif isinstance(call, ast.Call):
+                for given in _said_aside(call):
+                    yield from flow.texts(given)
 
 
 def _is_error(called: ast.expr, refusing: frozenset[str]) -> bool:
     match called:
         case ast.Name(id=name):
-            return name.endswith("Error") or name in refusing
+            return name.endswith("Error") or name in refusing | _SKIPS
         case ast.Attribute(attr=name):
-            return name.endswith("Error") or name == _ADDS or name in refusing
+            return name.endswith("Error") or name == _ADDS or name in refusing | _SKIPS
         case _:
             return False
+
+
+def _said_aside(call: ast.Call) -> Iterator[ast.expr]:
+    yield from (word.value for word in call.keywords if word.arg in _ASIDE)
+    match call.func:
+        case ast.Attribute(attr="append", value=ast.Attribute(attr="notes")):
+            yield from call.args
+        case _:
+            pass
 
 
 def _refuses(function: _Function) -> bool:

@@ -110,7 +110,7 @@ function status(watch, end) {
     h("div", { class: "row spread" },
       h("p", {}, mark("working", t("watch.watching", { folder: watch.folder === "." ? t("watch.root") : watch.folder })), " · ", plural(watch.taken, "captures.one", "captures.many")),
       h("button", { type: "button", needs: "capture", onclick: end }, t("watch.end"))),
-    watch.problem ? h("p", {}, mark("fail", watch.problem)) : null,
+    watch.problem ? h("p", {}, mark("fail", said(watch.problem))) : null,
     watch.waiting.length ? h("p", { class: "soft" }, t("watch.waiting", { files: watch.waiting.slice(0, 5).join(", ") })) : null,
     watch.refused.length ? h("ul", {}, ...watch.refused.slice(0, 5).map(({ reason }) => h("li", { class: "reason reason-fail" }, said(reason)))) : null,
   ].filter((part) => part !== null);

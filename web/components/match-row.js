@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
 /** @import {ParsedPose} from "../state/model.js" */
@@ -19,7 +19,7 @@ export function matchRow(found, pose, stored) {
     "tr", {},
     h("td", {}, found ? found.path : mark("warn", t("match.no_file")), " ", stored),
     h("td", { class: "mono" }, pose ? pose.text : mark("warn", t("match.no_line"))),
-    h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", pose.problem ?? "")),
+    h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", said(pose.problem ?? ""))),
     h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),
   );
 }

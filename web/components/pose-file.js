@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { remember } from "../state/backups.js";
-import { plural, t } from "../texts.js";
+import { learnRefusals, plural, said, t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
 /** @import {Capture, ControllerFile, FilePose, PoseConvention} from "../state/model.js" */
@@ -23,7 +23,7 @@ export class PoseFileElement extends HTMLElement {
    * @returns {Promise<Set<string>>} the paths of those that are a controller's
    */
   async take(sessionId, found, arm) {
-    this.#read = await api.readControllerFiles(found, typeof arm === "string" ? arm : "");
+    [this.#read] = await Promise.all([api.readControllerFiles(found, typeof arm === "string" ? arm : ""), learnRefusals()]);
     this.#poses = new Map();
     for (const pose of this.#read.poses) if (pose.pose) this.#poses.set(freeName(this.#poses, pose.name), pose);
     const packed = found.filter(({ path }) => path.toLowerCase().endsWith(".zip")).map(({ path }) => path);
@@ -77,9 +77,9 @@ export class PoseFileElement extends HTMLElement {
     this.replaceChildren(h("section", { class: "pose-file", "aria-label": t("pose_file.label") },
       h("p", {}, mark(doubts.length ? "warn" : "pass", t("pose_file.read", { brand, poses: plural(this.#poses.size, "pose_file.pose_one", "pose_file.pose_many"), tools: tools.length }))),
       axes.length > 0 && h("div", { class: "field" }, h("label", { for: "pose-file-axis" }, t("pose_file.axis")), this.#axis),
-      doubts.length > 0 && h("ul", { class: "messages" }, ...doubts.map((doubt) => h("li", {}, doubt))),
+      doubts.length > 0 && h("ul", { class: "messages" }, ...doubts.map((doubt) => h("li", {}, said(doubt)))),
       skipped.length > 0 && h("details", {}, h("summary", {}, plural(skipped.length, "pose_file.skipped_one", "pose_file.skipped_many")),
-        h("ul", {}, ...skipped.map(({ file, line, reason }) => h("li", {}, `${file ?? ""}:${line}: ${reason}`))))));
+        h("ul", {}, ...skipped.map(({ file, line, reason }) => h("li", {}, `${file ?? ""}:${line}: ${said(reason)}`))))));
   }
 }
 

@@ -7,7 +7,7 @@ import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { chosen } from "../state/files.js";
 import { conventions } from "../state/registries.js";
-import { learnTexts, t } from "../texts.js";
+import { learnRefusals, learnTexts, said, t } from "../texts.js";
 import { conventionWords } from "./pose-columns.js";
 import { attempt } from "./toasts.js";
 
@@ -48,14 +48,15 @@ export function readBackDialog(sessionId) {
     outcome.replaceChildren(h("p", { class: "soft" }, t("comparison.wait")));
     const comparison = ++latest;
     /** @type {HTMLElement[]} */
-    let said;
+    let answer;
     try {
-      said = shown(await api.readBack(sessionId, found, asked));
+      await learnRefusals();
+      answer = shown(await api.readBack(sessionId, found, asked));
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
-      said = [h("p", { class: "form-problem" }, error.message)];
+      answer = [h("p", { class: "form-problem" }, error.message)];
     }
-    if (comparison === latest) outcome.replaceChildren(...said);
+    if (comparison === latest) outcome.replaceChildren(...answer);
   };
   files.addEventListener("change", () => void listTools());
   numbers.addEventListener("input", () => numbers.setCustomValidity(""));
@@ -80,5 +81,5 @@ export function readBackDialog(sessionId) {
 /** @param {ToolComparison} found */
 function shown({ equal, words, position_mm: position, rotation_deg: rotation, faults }) {
   const apart = position === null || rotation === null ? "" : t("read_back.apart", { position: fixed(position, 3), rotation: fixed(rotation, 4) });
-  return [h("p", {}, mark(!equal ? "fail" : faults.length ? "warn" : "pass", words)), h("p", { class: "soft" }, apart)];
+  return [h("p", {}, mark(!equal ? "fail" : faults.length ? "warn" : "pass", said(words))), h("p", { class: "soft" }, apart)];
 }

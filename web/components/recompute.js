@@ -49,7 +49,7 @@ export class RecomputeElement extends HTMLElement {
       const cancel = () => attempt(() => api.cancelJob(job.id));
       this.#progress.hidden = false;
       this.#progress.replaceChildren(
-        h("progress", { max: 1, value: now.progress, "aria-label": t("recompute.running") }), h("span", { class: "small" }, now.message || t("recompute.running")),
+        h("progress", { max: 1, value: now.progress, "aria-label": t("recompute.running") }), h("span", { class: "small" }, said(now.message ?? "") || t("recompute.running")),
         h("button", { type: "button", onclick: cancel }, t("actions.cancel")));
       await new Promise((resolve) => setTimeout(resolve, ASK_MS));
       now = await api.job(job.id);

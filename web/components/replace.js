@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { kindOf } from "../state/files.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { keep } from "./keep.js";
 import { attempt, notify } from "./toasts.js";
@@ -58,7 +58,7 @@ async function settle({ id }, capture, taken) {
   const added = keep(id, [taken]);
   if (verdict === "fail") {
     did(t("captures.added", { captures: name }), added.remove, { redo: added.restore });
-    notify(t("captures.redo_failed", { old: capture.id, new: name, reason: reason ?? to_do ?? "" }), { bad: true });
+    notify(t("captures.redo_failed", { old: capture.id, new: name, reason: said(reason ?? to_do ?? "") }), { bad: true });
     return;
   }
   await api.changeCapture(id, capture.id, { excluded: true });

@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { ReviewState } from "../state/review.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { StateElement } from "./base.js";
 import { itemWords } from "./timeline.js";
 import { attempt } from "./toasts.js";
@@ -39,7 +39,7 @@ export class ReviewLogElement extends StateElement {
     const go = () => attempt(async () => (this.state instanceof ReviewState ? this.state.go(item.place) : undefined));
     return h("li", {},
       h("button", { type: "button", class: "plain", "data-place": item.place, onclick: () => void go() }, h("time", { class: "soft number", datetime: item.at }, when(item.at)), ` ${itemWords(item)}`),
-      item.message && h("p", { class: "soft small" }, item.message));
+      item.message && h("p", { class: "soft small" }, said(item.message)));
   }
 }
 

@@ -6,7 +6,7 @@ import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
 import { h, keyed } from "../dom.js";
 import { icon, mark } from "../icons.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 
 /** @import {DeviceEntry} from "../api-types.js" */
 /** @import {LiveDevice} from "../state/live.js" */
@@ -59,7 +59,7 @@ export class DevicesElement extends HTMLElement {
         h("span", { class: "row" },
           h("button", { type: "button", class: "small", needs: "admin", onclick: () => void this.#put(item, !connected) }, t(connected ? "devices.disconnect" : "devices.connect")),
           h("button", { type: "button", class: "plain icon", needs: "admin", "aria-label": t("devices.remove", { name: item.name }), onclick: () => void this.#remove(item) }, icon("trash")))),
-      problem ? h("p", { class: status === "lost" ? "reason reason-fail" : "reason" }, problem) : "",
+      problem ? h("p", { class: status === "lost" ? "reason reason-fail" : "reason" }, said(problem)) : "",
     ];
   }
 

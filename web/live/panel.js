@@ -7,12 +7,12 @@ import { stepName } from "../components/rail.js";
 import { attempt } from "../components/toasts.js";
 import { h, make, style } from "../dom.js";
 import { fixed, integer, small } from "../format.js";
-import { learnTexts, t } from "../texts.js";
+import { learnRefusals, learnTexts, said, t } from "../texts.js";
 
 /** @import {Preview} from "../state/live.js" */
 /** @import {SessionState} from "../state/session.js" */
 
-await learnTexts("live");
+await Promise.all([learnTexts("live"), learnRefusals()]);
 const { DevicesElement } = await import("./devices.js");
 const { SignElement } = await import("./sign.js");
 const { TableElement } = await import("./table.js");
@@ -148,7 +148,7 @@ class LivePanelElement extends StateElement {
     const told = JSON.stringify([exposure?.zone?.toFixed(2), exposure?.rms_mm?.toFixed(3), exposure?.extent_deg?.toFixed(0), exposure?.picture?.exposure_advice, exposure?.picture?.stripe_width_px?.toFixed(1), exposure?.problem, exposure?.weak, preview.clocks, preview.table_deg?.toFixed(2), preview.robot?.base_from_tool0?.map((row) => row[3]?.toFixed(1))]);
     if (told === this.#told) return;
     this.#told = told;
-    this.#advice.replaceChildren(...advice(preview).map((one) => h("p", { class: "reason" }, one)));
+    this.#advice.replaceChildren(...advice(preview).map((one) => h("p", { class: "reason" }, said(one))));
     this.#figures.replaceChildren(...figures(preview));
   }
 

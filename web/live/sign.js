@@ -2,7 +2,7 @@
 
 import { h } from "../dom.js";
 import { sound } from "../shop.js";
-import { maybe, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 
 /** @import {Preview} from "../state/live.js" */
 
@@ -46,10 +46,10 @@ function told({ id, verdict }) {
 function stateOf({ devices, robot, automatic, waits_for: waits }) {
   if (!devices.length) return ["none", t("sign.none")];
   const lost = devices.find(({ status }) => status !== "live");
-  if (lost) return ["bad", t("sign.lost", { name: lost.name, status: maybe(`device.${lost.status}`, lost.status), problem: lost.problem })];
+  if (lost) return ["bad", t("sign.lost", { name: lost.name, status: maybe(`device.${lost.status}`, lost.status), problem: said(lost.problem) })];
   if (robot?.moving) return ["move", t("sign.moving")];
   if (automatic && /another place/.test(waits)) return ["good", t("sign.go")];
-  return automatic && waits ? ["wait", t("sign.waiting", { reason: waits })] : ["ready", t("sign.ready")];
+  return automatic && waits ? ["wait", t("sign.waiting", { reason: said(waits) })] : ["ready", t("sign.ready")];
 }
 
 customElements.define("sc-live-sign", SignElement);

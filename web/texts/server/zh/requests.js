@@ -1,5 +1,1 @@
-// Chinese. What the server says when it refuses a request, as it says it; {} holds what changes, {2} names the second.
-
-/** @type {Record<string, string>} */
-export const texts = {
-};
+export const texts = {};
