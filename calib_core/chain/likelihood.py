@@ -141,17 +141,18 @@ def linearise(
     points, shifts = without_scanner_errors(data, state)
     constant, slopes = _anchors_at(data, state)
     own = state.centers_in_laser.copy()
-    those = points, shifts, data.counts
+    those, ray = (points, shifts, data.counts), ray_of(state)
     cost = constant + settle_centers(
-        *those, data.offsets, data.weights, data.effective, data.anchors,
+        *those, data.offsets, data.weights, data.effective, ray, data.anchors,
         np.ascontiguousarray(data.anchor_information[:, :3, :3]), np.ascontiguousarray(slopes[:, :3]),
         state.radius_mm, predicted, precision, own,
     )  # fmt: skip
     sharpness = data.anchor_information.copy()
     gradients = slopes + np.einsum("kij,kj->ki", sharpness[:, :, :3], own - data.anchors)
     nuisance_information(
-        *those, data.basis, data.offsets, data.weights, data.effective, state.radius_mm, own, gradients, sharpness
-    )
+        *those, data.points, data.basis, data.offsets, data.weights, data.effective, ray, state.radius_mm, own,
+        gradients, sharpness,
+    )  # fmt: skip
     kept = np.concatenate([np.arange(3), 3 + active])
     information = np.ascontiguousarray(sharpness[:, kept[:, None], kept])
     vector = -gradients[:, kept]
@@ -185,6 +186,12 @@ def without_scanner_errors(data: ChainData, state: ChainState) -> tuple[FloatArr
     points[:, 0] += scale_x * data.points[:, 0] + shear * data.points[:, 2]
     points[:, 2] += scale_z * data.points[:, 2] + bow * data.basis[:, 0]
     return points, data.basis[:, 1:] @ np.array(shapes)
+
+
+def ray_of(state: ChainState) -> FloatArray:
+    """Return by how much, in x and z, one unit of measured z moves a point (2,), as a state sees the scanner."""
+    _, _, scale_z, shear, *_ = state.scanner
+    return np.array([shear, 1 + scale_z])
 
 
 def _anchors_at(data: ChainData, state: ChainState) -> tuple[float, FloatArray]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.chain.likelihood import ChainLinearisation, fit, without_scanner_errors
+from calib_core.chain.likelihood import ChainLinearisation, fit, ray_of, without_scanner_errors
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.start import Start
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, log_probability
@@ -145,8 +145,8 @@ def _gain(
         own = at.centers_in_laser[[capture]] * [1.0, side, 1.0]
         costs.append(
             settle_centers(
-                points, shifts, one.counts, one.offsets, one.weights, one.effective, one.anchors,
-                np.zeros((1, 3, 3)), np.zeros((1, 3)), state.radius_mm, expected, precision, own,
+                points, shifts, one.counts, one.offsets, one.weights, one.effective, ray_of(state),
+                one.anchors, np.zeros((1, 3, 3)), np.zeros((1, 3)), state.radius_mm, expected, precision, own,
             )
         )  # fmt: skip
     return costs[0] - costs[1]

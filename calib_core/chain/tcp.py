@@ -24,7 +24,13 @@ from calib_core.chain.rejection import Judged, WithoutOne, judge, with_more_spre
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.sides import likeliest_sides
 from calib_core.chain.start import centers_of, find_starts
-from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orientation_span, two_step
+from calib_core.chain.two_step import (
+    EQUAL_ORIENTATION_RAD,
+    TwoStepAnswer,
+    orientation_span,
+    two_step,
+    without_capture,
+)
 from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
 from calib_core.chain.warm_up import WarmUp, warm_up_of
@@ -313,7 +319,8 @@ def _paper(
     rotations, translations = judged.data.rotations[used], judged.data.translations[used]
     centers = np.array([observations[k].sphere_center_in_laser_mm(sphere, int(sides[k])) for k in used])
     answer = two_step(rotations, translations, centers)
-    groups = tuple(tuple(used[i] for i in group) for group in answer.groups)
+    own_groups = answer.groups
+    groups = tuple(tuple(used[i] for i in group) for group in own_groups)
     answer = TwoStepAnswer(answer.rotation, answer.translation, answer.center, groups, answer.reason)
     found = _paper_state(answer, state)
     if found is None:
@@ -321,7 +328,9 @@ def _paper(
     left_out: list[ChainState | None] = [None] * len(observations)
     for n in np.unique(np.linspace(0, len(used) - 1, min(len(used), _MOST_LEFT_OUT)).astype(int)).tolist():
         rest = np.arange(len(used)) != n
-        left_out[used[n]] = _paper_state(two_step(rotations[rest], translations[rest], centers[rest]), state)
+        left_out[used[n]] = _paper_state(
+            two_step(rotations[rest], translations[rest], centers[rest], without_capture(own_groups, n)), state
+        )
     covariance = two_step_covariance(
         [observations[k] for k in used], sphere, centers, rotations, translations, judged.fit
     )

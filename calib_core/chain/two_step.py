@@ -16,6 +16,7 @@ from calib_core.frames import FloatArray, nearest_rotation, vector_from_rotation
 EQUAL_ORIENTATION_RAD = np.deg2rad(0.5)
 _PARALLEL = np.sin(np.deg2rad(5.0))
 _LEAST_SHIFT_MM = 2.0
+_MOST_PAIRS = 30  # that begin at one capture: all pairs of a group would grow with its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,19 +42,30 @@ class TwoStepAnswer:
 
 def pure_translations(rotations: FloatArray) -> tuple[tuple[int, ...], ...]:
     """Return the groups of captures that share their orientation, found from the robot's rotations (K, 3, 3)."""
-    left = list(range(len(rotations)))
+    flat, left = rotations.reshape(-1, 9), np.arange(len(rotations))
     groups: list[tuple[int, ...]] = []
-    while left:
-        first = left[0]
-        cosines = (np.einsum("ij,kij->k", rotations[first], rotations[left]) - 1) / 2
-        group = [k for k, cosine in zip(left, cosines, strict=True) if cosine > np.cos(EQUAL_ORIENTATION_RAD)]
-        left = [k for k in left if k not in group]
-        if len(group) > 1:
-            groups.append(tuple(group))
+    while len(left):
+        cosines = (flat[left] @ flat[left[0]] - 1) / 2
+        alike = cosines > np.cos(EQUAL_ORIENTATION_RAD)
+        alike[0] = True
+        if alike.sum() > 1:
+            groups.append(tuple(left[alike].tolist()))
+        left = left[~alike]
     return tuple(groups)
 
 
-def two_step(rotations: FloatArray, translations: FloatArray, centers_in_laser: FloatArray) -> TwoStepAnswer:
+def without_capture(groups: Sequence[Sequence[int]], left_out: int) -> tuple[tuple[int, ...], ...]:
+    """Return the groups of the captures that remain without one, numbered as these."""
+    rest = (tuple(k - (k > left_out) for k in group if k != left_out) for group in groups)
+    return tuple(group for group in rest if len(group) > 1)
+
+
+def two_step(
+    rotations: FloatArray,
+    translations: FloatArray,
+    centers_in_laser: FloatArray,
+    groups: tuple[tuple[int, ...], ...] | None = None,
+) -> TwoStepAnswer:
     """Return the paper's answer.
 
     Parameters
@@ -62,8 +74,10 @@ def two_step(rotations: FloatArray, translations: FloatArray, centers_in_laser: 
         base_from_tool0, mm.
     centers_in_laser : (K, 3)
         The sphere's centre in L, sides decided, mm.
+    groups : optional
+        `pure_translations`, where they are known.
     """
-    groups = pure_translations(rotations)
+    groups = pure_translations(rotations) if groups is None else groups
     missing = _missing_translations(rotations, translations, _pairs(groups)) or _missing_orientations(rotations)
     if missing:
         return TwoStepAnswer(None, None, None, groups, missing)
@@ -80,7 +94,13 @@ def both_steps(
 
 
 def _pairs(groups: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
-    return [(i, j) for group in groups for n, i in enumerate(group) for j in group[n + 1 :]]
+    """Return pairs of pure translations: of a large group some for each capture, near and far ones alike."""
+    return [
+        (i, group[n + stride])
+        for group in groups
+        for stride in np.unique(np.linspace(1, len(group) - 1, min(len(group) - 1, _MOST_PAIRS)).astype(int))
+        for n, i in enumerate(group[: len(group) - stride])
+    ]
 
 
 def _rotation_step(

@@ -22,6 +22,7 @@ def sphere_information(
     last: int,
     weight: float,
     effective: float,
+    ray: FloatArray,
     center: FloatArray,
     radius: float,
     gradient: FloatArray,
@@ -30,8 +31,8 @@ def sphere_information(
     """Return half the weighted squared distances |p − q| − R − shift of points, and their density's other part.
 
     A scanner's noise acts along its ray, z, while residuals are distances to the sphere: the density of a measured
-    z has the slope between the two, |u_z| with u the unit normal, as a factor.  Over a profile that is r/R times
-    what does not change.  It hardly matters to a capture, but all captures' add up in the radius and the scales.
+    z has the slope between the two, |u · ray| with u the unit normal, as a factor.  Over a profile that is r/R
+    times what does not change.  It hardly matters to a capture, but all captures' add up in radius and scales.
 
     Parameters
     ----------
@@ -40,6 +41,8 @@ def sphere_information(
         Those from `first` to `last` (excluded) count.
     weight, effective : float
         1/σ² of a measured point, 1/mm²; how many independent points one counts as in the density.
+    ray : (2,)
+        By how much, in x and z, one unit of measured z moves a point: the scanner's shear, and one plus its scale.
     center, radius : (3,), float
         The sphere in L, mm.
     gradient, information : (≥ 3,), (≥ 3, ≥ 3)
@@ -48,7 +51,7 @@ def sphere_information(
     qx, qy, qz = center[0], center[1], center[2]
     c = gx = gy = gz = 0.0
     xx = xy = xz = yy = yz = zz = 0.0
-    density = dx_sum = dy_sum = dz_sum = flat = 0.0
+    density = by_x = by_y = by_z = flat = 0.0
     for i in range(first, last):
         dx, dy, dz = points[i, 0] - qx, points[i, 1] - qy, points[i, 2] - qz
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -58,11 +61,12 @@ def sphere_information(
         dx *= scale
         dy *= scale
         dz *= scale
-        if abs(dz) > FLATTEST:
-            density -= many * np.log(abs(dz))
-            dx_sum -= many * scale * dx
-            dy_sum -= many * scale * dy
-            dz_sum += many * scale * (1.0 / dz - dz)
+        steepness = ray[0] * dx + ray[1] * dz
+        if abs(steepness) > FLATTEST:
+            density -= many * np.log(abs(steepness))
+            by_x += many * scale * (ray[0] / steepness - dx)
+            by_y -= many * scale * dy
+            by_z += many * scale * (ray[1] / steepness - dz)
             flat += many * scale * scale
         c += many * residual * residual
         gx -= many * dx * residual
@@ -76,7 +80,7 @@ def sphere_information(
         zz += many * dz * dz
     sums = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
     slopes = (gx, gy, gz)
-    by_density = (dx_sum, dy_sum, dz_sum)
+    by_density = (by_x, by_y, by_z)
     for i in range(3):
         gradient[i] += weight * slopes[i] + effective * by_density[i]
         for j in range(3):
@@ -93,6 +97,7 @@ def settle_centers(
     offsets: IntArray,
     weights: FloatArray,
     effective: FloatArray,
+    ray: FloatArray,
     anchors: FloatArray,
     anchor_information: FloatArray,
     anchor_gradient: FloatArray,
@@ -113,6 +118,8 @@ def settle_centers(
         See `sphere_information`.
     effective : (K,)
         How many independent points one of a profile counts as in the density.
+    ray : (2,)
+        See `sphere_information`.
     anchors, anchor_information, anchor_gradient : (K, 3), (K, 3, 3), (K, 3)
         For captures without points: where the quadratic stands, its sharpness and slope there.
     radius : float
@@ -138,7 +145,7 @@ def settle_centers(
     trial_information = np.empty((3, 3))
     for k in range(len(weights)):
         cost = own_cost(
-            points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], anchors[k],
+            points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], ray, anchors[k],
             anchor_information[k], anchor_gradient[k], radius, predicted[k], precision[k], centers[k], gradient,
             information,
         )  # fmt: skip
@@ -159,7 +166,7 @@ def settle_centers(
             if decrease < 1e-9:
                 break
             trial_cost = own_cost(
-                points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], anchors[k],
+                points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], ray, anchors[k],
                 anchor_information[k], anchor_gradient[k], radius, predicted[k], precision[k], trial,
                 trial_gradient, trial_information,
             )  # fmt: skip
@@ -184,6 +191,7 @@ def own_cost(
     last: int,
     weight: float,
     effective: float,
+    ray: FloatArray,
     anchor: FloatArray,
     anchor_information: FloatArray,
     anchor_gradient: FloatArray,
@@ -200,7 +208,7 @@ def own_cost(
     information[:] = 0.0
     if last > first:
         cost = sphere_information(
-            points, shifts, counts, first, last, weight, effective, center, radius, gradient, information
+            points, shifts, counts, first, last, weight, effective, ray, center, radius, gradient, information
         )
     else:
         for i in range(3):
@@ -221,10 +229,12 @@ def nuisance_information(
     points: FloatArray,
     shifts: FloatArray,
     counts: FloatArray,
+    measured: FloatArray,
     basis: FloatArray,
     offsets: IntArray,
     weights: FloatArray,
     effective: FloatArray,
+    ray: FloatArray,
     radius: float,
     centers: FloatArray,
     gradient: FloatArray,
@@ -237,8 +247,10 @@ def nuisance_information(
 
     Parameters
     ----------
-    points, shifts, counts, offsets, weights, effective, radius, centers
+    points, shifts, counts, offsets, weights, effective, ray, radius, centers
         See `settle_centers`.
+    measured : (M, 3)
+        The points as the scanner gave them: scales and shear act on these.
     basis : (M, 4)
         Of each point: what one unit of bow moves it along z, mm, and the three shapes.
     """
@@ -250,8 +262,8 @@ def nuisance_information(
         g[:] = 0.0
         h[:] = 0.0
         for i in range(offsets[k], offsets[k + 1]):
-            x, z = points[i, 0], points[i, 2]
-            dx, dy, dz = x - centers[k, 0], points[i, 1] - centers[k, 1], z - centers[k, 2]
+            x, z = measured[i, 0], measured[i, 2]
+            dx, dy, dz = points[i, 0] - centers[k, 0], points[i, 1] - centers[k, 1], points[i, 2] - centers[k, 2]
             distance = np.sqrt(dx * dx + dy * dy + dz * dz)
             residual = distance - radius - shifts[i]
             dx /= distance
@@ -260,17 +272,20 @@ def nuisance_information(
             row[0], row[1], row[2], row[3] = -dx, -dy, -dz, -1.0
             row[4], row[5], row[6], row[7] = dx * x, dz * z, dx * z, dz * basis[i, 0]
             row[8], row[9], row[10] = -basis[i, 1], -basis[i, 2], -basis[i, 3]
-            if abs(dz) > FLATTEST:
-                by_x, by_y = effective[k] * counts[i] * dx / distance, effective[k] * counts[i] * dy / distance
-                by_z = -effective[k] * counts[i] * (1.0 / dz - dz) / distance  # of the point
+            steepness = ray[0] * dx + ray[1] * dz
+            if abs(steepness) > FLATTEST:
+                independent = effective[k] * counts[i]
+                by_x = -independent * (ray[0] / steepness - dx) / distance  # of the point
+                by_y = independent * dy / distance
+                by_z = -independent * (ray[1] / steepness - dz) / distance
                 g[0] -= by_x
                 g[1] -= by_y
                 g[2] -= by_z
                 g[4] += by_x * x
-                g[5] += by_z * z - effective[k] * counts[i]
-                g[6] += by_x * z - effective[k] * counts[i] * dx / dz
+                g[5] += by_z * z - independent * dz / steepness
+                g[6] += by_x * z - independent * dx / steepness
                 g[7] += by_z * basis[i, 0]
-                h[1, 1] += effective[k] * counts[i] / (distance * distance)
+                h[1, 1] += independent / (distance * distance)
             many = weights[k] * counts[i]
             for p in range(11):
                 g[p] += many * row[p] * residual
