@@ -26,9 +26,43 @@ _REFUSING: tuple[str, ...] = (
     "calib_core/records",
     "calib_core/robots",
     "calib_core/simulation",
+    "server/auth/middleware.py",
+    "server/auth/refusals.py",
+    "server/auth/logins.py",
+    "server/captures",
+    "server/http",
+    "server/jobs",
+    "server/live",
+    "server/movers",
+    "server/render",
+    "server/routes",
+    "server/scenes",
+    "server/sources",
+    *(
+        f"server/store/{name}.py"
+        for name in (
+            "answers",
+            "archived_history",
+            "archives",
+            "arrivals",
+            "blobs",
+            "captures",
+            "devices",
+            "history",
+            "paging",
+            "releases",
+            "retention",
+            "sessions",
+            "solves",
+            "store_lock",
+            "tokens",
+            "webhooks",
+        )
+    ),
 )
 """Folders and files whose refusals a page shows; their other texts can be contents of files that they write."""
 _ROBOTS = ("asked", "identity", "phrases", "read_back", "resolve")
+_LIVE = ("armed_table", "clock_watch", "exposures", "link", "pictures", "sense", "standstill")
 _SCENE = ("answers", "deviation", "facts", "ghost", "layers", "legend", "optics", "turntable_layers", "views")
 _OTHER_MEDIA = {"html.py", "style.py", "svg.py", "text.py"}
 """Reports of their own, in English."""
@@ -98,7 +132,7 @@ def refusals() -> set[str]:
 def _says_nothing(text: str) -> bool:
     """Whether it is a name, a number with its unit, or holes joined by a word, which the page takes apart."""
     words = re.findall(r"[A-Za-z]+", text)
-    return re.fullmatch(r"[\w.]+", text) is not None or set(words) <= _JOINS
+    return re.fullmatch(r"[\w./]+", text) is not None or set(words) <= _JOINS
 
 
 def told() -> set[str]:
@@ -110,6 +144,7 @@ def told() -> set[str]:
 def _core() -> list[Path]:
     files = [file for name in _CORE for file in (ROOT / "calib_core" / name).rglob("*.py")]
     files += [ROOT / "calib_core" / "robots" / f"{name}.py" for name in _ROBOTS]
+    files += [ROOT / "server" / "live" / f"{name}.py" for name in _LIVE]
     return [
         file for file in files if file != ROOT / "calib_core" / "review" / "compare.py"
     ]  # the page has its words

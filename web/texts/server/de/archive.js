@@ -200,6 +200,7 @@ export const texts = {
   "three numbers": "drei Zahlen",
   "{} of them": "{} davon",
   "{} on the way to the tip, and {} on the way to the base": "{} auf dem Weg zur Spitze, und {} auf dem Weg zur Basis",
+  "a larger one": "ein größeres",
   "Give another seed.": "Geben Sie einen anderen Startwert an.",
   "Name one of these simulated cells.": "Nennen Sie eine dieser simulierten Zellen.",
   "a scenario among {}": "ein Szenario aus {}",

@@ -200,6 +200,7 @@ export const texts = {
   "three numbers": "三个数字",
   "{} of them": "其中 {} 个",
   "{} on the way to the tip, and {} on the way to the base": "通向末端的路径上为 {}，通向基座的路径上为 {}",
+  "a larger one": "更大",
   "Give another seed.": "请给出其他种子。",
   "Name one of these simulated cells.": "请指定其中一个模拟单元。",
   "a scenario among {}": "{} 之一的场景",
