@@ -1,6 +1,6 @@
 // Every text of the page comes from one catalogue, in the language that the browser asks for.
 
-/** @typedef {typeof import("./texts/en.js").texts & typeof import("./texts/live/en.js").texts & typeof import("./texts/guidance/en.js").texts & typeof import("./texts/access/en.js").texts & typeof import("./texts/compare/en.js").texts & typeof import("./texts/start/en.js").texts & typeof import("./texts/merged/en.js").texts & typeof import("./texts/timeline/en.js").texts & typeof import("./texts/cell/en.js").texts & typeof import("./texts/dialogs/en.js").texts & typeof import("./texts/settings/en.js").texts & typeof import("./texts/plots/en.js").texts & typeof import("./texts/release/en.js").texts} Texts */
+/** @typedef {typeof import("./texts/en.js").texts & typeof import("./texts/live/en.js").texts & typeof import("./texts/guidance/en.js").texts & typeof import("./texts/access/en.js").texts & typeof import("./texts/compare/en.js").texts & typeof import("./texts/start/en.js").texts & typeof import("./texts/merged/en.js").texts & typeof import("./texts/timeline/en.js").texts & typeof import("./texts/cell/en.js").texts & typeof import("./texts/dialogs/en.js").texts & typeof import("./texts/settings/en.js").texts & typeof import("./texts/plots/en.js").texts & typeof import("./texts/release/en.js").texts & typeof import("./texts/devices/en.js").texts} Texts */
 /** @typedef {keyof Texts} Text */
 
 export const LANGUAGES = /** @type {const} */ (["en", "de", "zh"]);
@@ -42,7 +42,7 @@ sayings?.add((await import(`./texts/server/${language}.js`)).texts);
 /** What results, guide and evidence say. */
 const SENTENCES = ["sphere", "guide", "captures", "stages", "results", "labels"];
 /** What the server says when it refuses something, a file a part of it: needed only then. */
-const REFUSALS = ["formats", "exports", "robots", "archive", "requests"];
+const REFUSALS = ["names", "formats", "exports", "robots", "archive", "requests"];
 /** What is not known yet, in the order in which it is looked through. */
 let later = [...SENTENCES, ...REFUSALS];
 /** @type {Promise<void> | null} */
@@ -53,6 +53,9 @@ export const SAID = "scancell-said";
 
 /** What results, guide and evidence say; English needs none. */
 export const learnSentences = () => learn(SENTENCES);
+
+/** How formats, exports and sources are called. */
+export const learnNames = () => learn(["names"]);
 
 /** Everything that the server says. */
 export const learnRefusals = () => learn([...SENTENCES, ...REFUSALS]);

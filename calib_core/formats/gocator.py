@@ -153,7 +153,7 @@ def _of(rows: list[dict[str, Any]], named: str, wanted: int | None, where: str) 
     """Return the rows of one frame or sensor; raises InputError where several are there and none is named."""
     there = sorted({int(row[named]) for row in rows})
     if wanted is None and len(there) > 1:
-        listed = f"{len(there)}: {there[0]} to {there[-1]}"
+        listed = f"{len(there)}: {there[0]}–{there[-1]}"
         to_do = f"Give the setting {named.lower()}, or export one alone."
         raise InputError(f"one {named.lower()} in a capture's file", listed, to_do, where)
     if wanted is not None and wanted not in there:

@@ -55,10 +55,9 @@ def recognise(data: bytes, name: str, kind: Kind | None = None) -> tuple[Format,
     found = [(entry, entry.recognise(data, name)) for entry in entries]
     entry, match = max(found, key=lambda each: each[1].sure)
     if not match.sure:
-        what = f"a {kind}" if kind else "a file"
         endings = ", ".join(endings_of(kind) if kind else endings_of())
         to_do = "Export it in one of these formats."
-        raise InputError(f"{what} as {endings}", ending_of(name) or "no ending", to_do, name)
+        raise InputError(f"a {kind or 'file'} as {endings}", ending_of(name) or "no ending", to_do, name)
     return entry, match
 
 

@@ -11,19 +11,38 @@ from functools import cache
 from itertools import product
 from pathlib import Path
 
+from calib_core.exports.registry import all_exports
+from calib_core.formats.points import FORMATS
+from server.movers.registry import MOVERS
+from server.sources.registry import SOURCES
 from tests.web.refusal_texts import given_to_errors, refusers
 
 ROOT = Path(__file__).resolve().parents[2]
-_CORE = ("captures", "causes", "chain", "evidence", "fusion", "guidance", "optics", "review", "sphere", "stages")
+_CORE = (
+    "captures",
+    "causes",
+    "chain",
+    "evidence",
+    "formats",
+    "fusion",
+    "guidance",
+    "optics",
+    "review",
+    "sphere",
+    "stages",
+)
 _REFUSING: tuple[str, ...] = (
     "calib_core/archive",
     "calib_core/arms",
     "calib_core/clock_offset.py",
     "calib_core/estimation.py",
+    "calib_core/exports",
+    "calib_core/formats",
     "calib_core/frame_graph.py",
     "calib_core/frames.py",
     "calib_core/pose_track.py",
     "calib_core/records",
+    "calib_core/registry.py",
     "calib_core/robots",
     "calib_core/simulation",
     "server/auth/middleware.py",
@@ -64,6 +83,8 @@ _REFUSING: tuple[str, ...] = (
 _ROBOTS = ("asked", "identity", "phrases", "read_back", "resolve")
 _LIVE = ("armed_table", "clock_watch", "exposures", "link", "pictures", "sense", "standstill")
 _SCENE = ("answers", "deviation", "facts", "ghost", "layers", "legend", "optics", "turntable_layers", "views")
+_NOT_CHOSEN = {"folder", "simulated"}
+"""Sources without a form in the page."""
 _OTHER_MEDIA = {"html.py", "style.py", "svg.py", "text.py"}
 """Reports of their own, in English."""
 _LEAST_WORDS = 3
@@ -76,6 +97,41 @@ NOT_SHOWN = {
     "nothing is free; use fit_poses",
     "a stage that rests on '{}' was started without it",
     "cell.{} is no record",
+    # Contents of files, and what only writers of files and of plugins see.
+    "# .PCD v0.7 - Point Cloud Data file format",
+    "comment unit mm",
+    "format binary_little_endian 1.0",
+    "property list uchar int vertex_indices",
+    "in inch inches zoll",
+    "m meter metre meters metres",
+    "mm millimeter millimetre millimeters millimetres",
+    "um µm μm micron microns micrometer micrometre micrometers micrometres",
+    "x_mm,z_mm or x,y,z",
+    "the entry point '{}' of '{}' is no {}",
+    "two entries named '{}' in {} and {}",
+    # The page says in its own words what was read.
+    "by the format",
+    "stated in the file",
+    # The page has its own words for these settings.
+    "A named arm: the flange by its joints.",
+    "A named arm, where joints alone are told.",
+    "Check the certificate; false for the controller's own.",
+    # Why a file is taken for one format: `scancell read` says it.
+    "begins like an image",
+    "begins like one",
+    "begins with 'ply'",
+    "begins with 'solid'",
+    "begins with ASTM-E57",
+    "begins with LASF",
+    "begins with the section {}",
+    "has a PCD header",
+    "has the size of {} triangles",
+    "is an image",
+    "is an image of 16 bit",
+    "is too wide for points",
+    "its first line counts along x",
+    "its name ends in {}",
+    "whole numbers with −2147483648 where nothing came back",
     # Arrays and cameras of a notebook: no page gives them.
     "Give fx 0 cx / 0 fy cy / 0 0 1 in pixels.",
     "Give one for each.",
@@ -135,10 +191,19 @@ def _says_nothing(text: str) -> bool:
     return re.fullmatch(r"[\w./]+", text) is not None or set(words) <= _JOINS
 
 
+def names() -> set[str]:
+    """Return how formats, exports, sources and tables are called, and what is said of their settings."""
+    entries = [*FORMATS, *all_exports(), *SOURCES, *MOVERS]
+    titles = {re.sub(r"^.*(?=: check move$)", "{}", one.title) for one in entries}
+    settings = [one.describe()["settings"] for one in [*SOURCES, *MOVERS] if one.name not in _NOT_CHOSEN]
+    described = [field.get("description") for one in settings for field in one["properties"].values()]
+    return titles | {one for one in described if one}
+
+
 def told() -> set[str]:
-    """Return every text of the core's parts that speak, and of the scene."""
+    """Return every text of the core's parts that speak, of the scene, and of the registries."""
     files = [*_core(), *_refusing(), *(ROOT / "server" / "scenes").glob("*.py"), ROOT / "calib_core" / "errors.py"]
-    return {one for file in files for one in templates(file)}
+    return names().union(*(templates(file) for file in files))
 
 
 def _core() -> list[Path]:

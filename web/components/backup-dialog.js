@@ -5,7 +5,7 @@ import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { backupOf, remember } from "../state/backups.js";
 import { chosen } from "../state/files.js";
-import { registry } from "../state/registries.js";
+import { offered } from "../state/registries.js";
 import { learnTexts, t } from "../texts.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -73,7 +73,7 @@ export function backupDialog(sessionId) {
   document.body.append(dialog);
   dialog.showModal();
   void attempt(async () => {
-    const patching = (await registry("exports")).filter(({ patches_a_backup: patches }) => patches);
+    const patching = (await offered("exports")).filter(({ patches_a_backup: patches }) => patches);
     format.append(...patching.map(({ name, title }) => h("option", { value: name }, title)));
     const kept = backupOf(sessionId);
     if (kept) show(kept);

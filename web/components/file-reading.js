@@ -6,8 +6,8 @@ import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { kindOf } from "../state/files.js";
 import { profilePlot } from "./profile-plot.js";
-import { registry } from "../state/registries.js";
-import { learnTexts, said, t } from "../texts.js";
+import { offered } from "../state/registries.js";
+import { learnTexts, maybe, said, t } from "../texts.js";
 
 await learnTexts("dialogs");
 
@@ -42,7 +42,7 @@ export class FileReadingElement extends HTMLElement {
     const file = found.find(({ path }) => kindOf(path, scannerKind) === "profile" || kindOf(path, scannerKind) === "cloud");
     if (!file || this.#looked === file.path) return;
     [this.#file, this.#kind, this.#looked] = [file, kindOf(file.path, scannerKind), file.path];
-    const formats = await registry("formats");
+    const formats = await offered("formats");
     this.#format.replaceChildren(h("option", { value: "" }, t("reading.as_it_says")), ...formats.filter(({ reads }) => reads).map(({ name, title }) => h("option", { value: name }, title)));
     await this.#look();
   }
@@ -78,15 +78,27 @@ export class FileReadingElement extends HTMLElement {
 
   /** @param {FileReading} reading */
   #show(reading) {
-    const { sure, sentence, doubts, notes, preview, points } = reading;
+    const { sure, doubts, notes, preview, points } = reading;
     const doubtful = sure === "doubtful";
     const seen = /** @type {Measured} */ (/** @type {unknown} */ ({ capture: this.#file?.path ?? "", kind: this.#kind, points, preview }));
     this.#said.replaceChildren(
-      h("p", {}, mark(doubtful ? "warn" : "pass", `${this.#file?.path}: ${said(sentence)}`)),
+      h("p", {}, mark(doubtful ? "warn" : "pass", `${this.#file?.path}: ${this.#readWords(reading)}`)),
       doubts.length + notes.length > 0 ? h("ul", { class: "messages" }, ...[...doubts, ...notes].map((one) => h("li", {}, said(one)))) : "",
       preview.length > 0 ? h("figure", { class: "reading-preview" }, profilePlot(seen, { width: 232, height: 120 })) : "",
       h("p", { class: "row" }, ...this.#offers(reading)));
     if (doubtful) this.#form.open = true;
+  }
+
+  /** What was read, in one line. @param {FileReading} reading */
+  #readWords({ format, kind, points, missing, grid, columns, unit, unit_from: from }) {
+    const title = [...this.#format.options].find(({ value }) => value === format)?.text ?? format;
+    return [
+      t("reading.read", { title, points, kind: maybe(`reading.kind_${kind}`, kind) }),
+      grid ? t("reading.grid", { rows: grid[0] ?? 0, columns: grid[1] ?? 0 }) : "",
+      missing ? t("reading.missing", { missing }) : "",
+      Object.entries(columns).map(([axis, name]) => t("reading.column", { axis, name: said(name) })).join(" "),
+      t("reading.in_unit", { unit, from: maybe(`reading.from_${from}`, from) }),
+    ].filter(Boolean).join(t("reading.join"));
   }
 
   /** What is likely meant where it cannot be meant so: another unit; and the columns the other way round. @param {FileReading} reading */

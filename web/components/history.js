@@ -1,7 +1,7 @@
 // All results that a stage ever had, read when it is opened; each beside the latest, and the session as it was then.
 
 import { api } from "../state/api.js";
-import { registry } from "../state/registries.js";
+import { offered } from "../state/registries.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { mark } from "../icons.js";
@@ -67,7 +67,7 @@ function exportMenu(sessionId) {
     else await attempt(() => saveExport(sessionId, entry, {}));
   } }, h("option", { value: "" }, t("result.export")));
   void attempt(async () => {
-    entries = await registry("exports");
+    entries = await offered("exports");
     list.append(...entries.map(({ name, title }) => h("option", { value: name }, title)));
   });
   return list;

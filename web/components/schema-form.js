@@ -1,7 +1,7 @@
 // A form from a JSON Schema, as the registries give it: a field for each plain property, with what the schema says of it.
 
 import { h } from "../dom.js";
-import { learnTexts, maybe, t } from "../texts.js";
+import { learnTexts, maybe, said, t } from "../texts.js";
 
 await learnTexts("settings");
 
@@ -40,26 +40,26 @@ const plainOf = (schema) => ({ ...schema.anyOf?.find(({ type }) => type !== "nul
 function field(name, { type, items, enum: choices, title, description, exclusiveMinimum, minimum }, value, prefix, ids) {
   const id = `${ids}-${name.replaceAll("_", "-")}`;
   const label = maybe(`settings.${prefix}.${name}`, title ?? name);
-  const hint = maybe(`settings.${prefix}.${name}_hint`, description ?? "");
-  const said = hint ? { "aria-describedby": `${id}-hint` } : {};
+  const hint = maybe(`settings.${prefix}.${name}_hint`, description ? said(description) : "");
+  const described = hint ? { "aria-describedby": `${id}-hint` } : {};
   const below = hint ? h("span", { class: "hint", id: `${id}-hint` }, hint) : null;
   if (type === "boolean") {
-    const input = h("input", { id, type: "checkbox", checked: value === true, ...said });
+    const input = h("input", { id, type: "checkbox", checked: value === true, ...described });
     return { element: h("div", { class: "field" }, h("div", { class: "row" }, input, h("label", { for: id }, label)), below), read: () => input.checked };
   }
   const wrap = (/** @type {HTMLElement} */ control) => h("div", { class: "field" }, h("label", { for: id }, label), control, below);
   if (choices) {
     const none = value === null ? [h("option", { value: "" }, t("settings.usual"))] : [];
-    const select = h("select", { id, ...said }, ...none, ...choices.map((one) => h("option", { value: String(one), selected: one === value }, maybe(`settings.${prefix}.${name}_${one}`, String(one)))));
+    const select = h("select", { id, ...described }, ...none, ...choices.map((one) => h("option", { value: String(one), selected: one === value }, maybe(`settings.${prefix}.${name}_${one}`, maybe(`${name}.${one}`, String(one))))));
     return { element: wrap(select), read: () => select.value || null };
   }
   if (type === "array" && (items?.type === "number" || items?.type === "string")) {
-    const list = listInput(id, items.type === "number", value, said);
+    const list = listInput(id, items.type === "number", value, described);
     return { element: wrap(list.input), read: list.read };
   }
   const numeric = type === "number" || type === "integer";
   if (!numeric && type !== "string") return null;
-  const input = h("input", { id, autocomplete: "off", inputmode: numeric ? "decimal" : "text", value: value ?? "", ...said });
+  const input = h("input", { id, autocomplete: "off", inputmode: numeric ? "decimal" : "text", value: value ?? "", ...described });
   input.addEventListener("input", () => input.setCustomValidity(""));
   const read = () => {
     if (!numeric) return input.value.trim() || null;
@@ -77,11 +77,11 @@ function field(name, { type, items, enum: choices, title, description, exclusive
  * @param {string} id
  * @param {boolean} numeric
  * @param {unknown} value
- * @param {{ "aria-describedby"?: string | undefined }} said
+ * @param {{ "aria-describedby"?: string | undefined }} described
  */
-function listInput(id, numeric, value, said) {
+function listInput(id, numeric, value, described) {
   const shown = Array.isArray(value) ? value.join(" ") : "";
-  const input = h("input", { id, autocomplete: "off", value: shown, ...said });
+  const input = h("input", { id, autocomplete: "off", value: shown, ...described });
   input.addEventListener("input", () => input.setCustomValidity(""));
   const read = () => {
     const words = input.value.split(/[\s,]+/).filter(Boolean);

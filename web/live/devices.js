@@ -1,12 +1,12 @@
 // The devices of the cell with their state, and the form that adds one.
 
 import { live } from "../state/live.js";
-import { registry } from "../state/registries.js";
+import { offered } from "../state/registries.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
 import { h, keyed } from "../dom.js";
 import { icon, mark } from "../icons.js";
-import { maybe, said, t } from "../texts.js";
+import { learnTexts, maybe, said, t } from "../texts.js";
 
 /** @import {DeviceEntry} from "../api-types.js" */
 /** @import {LiveDevice} from "../state/live.js" */
@@ -77,7 +77,8 @@ export class DevicesElement extends HTMLElement {
 
   /** Offer the live sources that this server has. */
   async add() {
-    const sources = (await registry("sources")).filter(({ delivers }) => delivers?.length);
+    await learnTexts("devices");
+    const sources = (await offered("sources")).filter(({ delivers }) => delivers?.length);
     const name = h("input", { id: "device-name", value: "", autocomplete: "off" });
     const place = h("div", {});
     const pick = () => {

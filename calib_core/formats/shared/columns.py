@@ -131,12 +131,10 @@ def _told(told: list[str], width: int, where: str, table: TextTable) -> list[Col
             "Name them all; '-' for one to be left aside.",
             where,
         )
-    return _by_name(told, (), where, table.first_line, "the setting 'columns'")
+    return _by_name(told, (), where, None)
 
 
-def _by_name(
-    names: Sequence[str], units: Sequence[str], where: str, first_line: int, who: str = "the header"
-) -> list[Column]:
+def _by_name(names: Sequence[str], units: Sequence[str], where: str, header_above: int | None) -> list[Column]:
     found: list[Column] = []
     for place, name in enumerate(names):
         axis, unit = axis_of(name)
@@ -149,19 +147,20 @@ def _by_name(
     axes = [column.axis for column in found]
     twice = next((column for column in found if axes.count(column.axis) > 1), None)
     if twice is not None:
-        raise _refused(f"{axes.count(twice.axis)} columns named {twice.axis}", names, where, first_line, who)
+        raise _refused(f"{axes.count(twice.axis)} columns named {twice.axis}", names, where, header_above)
     lacking = [axis for axis in "xz" if axis not in axes]
     if lacking:
-        raise _refused(f"no column named {' or '.join(lacking)}", names, where, first_line, who)
+        raise _refused(f"no column named {' or '.join(lacking)}", names, where, header_above)
     return sorted(found, key=lambda column: column.axis)
 
 
-def _refused(got: str, names: Sequence[str], where: str, first_line: int, who: str) -> InputError:
+def _refused(got: str, names: Sequence[str], where: str, header_above: int | None) -> InputError:
     listed = ", ".join(repr(name[:30]) for name in names[:8]) + (" …" if len(names) > 8 else "")
-    place = f" in {who} above line {first_line}" if who == "the header" else f" in {who}"
+    in_header = f"{got} in the header above line {header_above}: {listed}"
+    in_settings = f"{got} in the setting 'columns': {listed}"
     return InputError(
         "columns named x and z (a profile) or x, y and z (a cloud)",
-        f"{got}{place}: {listed}",
+        in_settings if header_above is None else in_header,
         "Name the columns in the file, or in the capture's format_settings by 'columns'.",
         where,
     )

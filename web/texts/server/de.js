@@ -62,7 +62,7 @@ export const texts = {
   "Along laser": "Entlang des Lasers",
   "Answers": "Ergebnisse",
   "circles": "Kreise",
-  "Need {}, got {}.": "Benötigt wird {}; vorhanden: {}.",
+  "Need {}, got {}.": "Benötigt: {}; vorhanden: {}.",
   "left": "links",
   "right": "rechts",
   "enough: {}": "genug: {}",

@@ -42,7 +42,7 @@ export const texts = {
   "How far the sphere scatters over poses that were not used says what to expect of the next ones.": "Wie weit die Kugel über nicht verwendete Posen streut, sagt, was von den nächsten zu erwarten ist.",
   "The scatter is what the uncertainties predict.": "Die Streuung entspricht der Vorhersage der Unsicherheiten.",
   "0 of {} sides": "0 von {} Seiten",
-  "Correct {}: need {}.": "Berichtigen Sie {}: Benötigt wird {}.",
+  "Correct {}: need {}.": "Berichtigen Sie {}. Benötigt: {}.",
   "Got {}. {}": "Vorhanden: {}. {}",
   "table's angle": "Tischwinkel",
   "robot's pose": "Roboterpose",

@@ -28,7 +28,7 @@ export const texts = {
   "Cut at {} = {} mm in {}; what lies {} is hidden.": "Schnitt bei {} = {} mm in {}; was {} liegt, ist ausgeblendet.",
   "before": "vor",
   "one of {}°": "einer von {}°",
-  "a {} with points": "ein {} mit Punkten",
+  "a {} with points": "{} mit Punkten",
   "Turntable": "Drehtisch",
   "uncertainty, k = 2, {}": "Unsicherheit, k = 2, {}",
   "first answer": "erstes Ergebnis",
