@@ -8,6 +8,8 @@ const HOLE = /\{(\d?)\}/g;
 const LIST = /^(\S+(?:, \S+)*) and (\S+|\d+ more)$/;
 /** A template of few words is no sentence: it holds no list and no two sentences. */
 const FEW = 4, JOINED = / (?:and|or) |[.] /;
+/** The frame of a refusal: what it holds is said by itself. */
+const REFUSAL = /need {}, got/i;
 /** What is added to a sentence in brackets. */
 const ADDED = /^(.*)( \([^()]*\)\.?)$/;
 /** Words, and no name of a capture, a file or a place. */
@@ -22,7 +24,7 @@ const JOINS = /** @type {const} */ ({
 
 export class Sayings {
   /** @type {Map<string, string>} */ #known = new Map();
-  /** @type {{ few: boolean, pattern: RegExp, words: string }[] | null} made when first asked: the longest first, as it says most */ #patterns = null;
+  /** @type {{ few: boolean, pattern: RegExp, words: string }[] | null} made when first asked: refusals first, then the longest, as it says most */ #patterns = null;
   /** @type {Map<string, string>} */ #said = new Map();
   /** Said, and not known in this language yet. @type {Set<string>} */ #lacking = new Set();
   /** Whether something in the text that is being said is not known. */ #unknown = false;
@@ -93,7 +95,7 @@ export class Sayings {
   #exact(text) {
     const known = this.#known.get(text);
     if (known !== undefined) return known;
-    this.#patterns ??= [...this.#known].filter(([template]) => template.includes("{}")).sort(([a], [b]) => b.length - a.length).map(([template, words]) => ({
+    this.#patterns ??= [...this.#known].filter(([template]) => template.includes("{}")).sort(([a], [b]) => Number(REFUSAL.test(b)) - Number(REFUSAL.test(a)) || b.length - a.length).map(([template, words]) => ({
       few: !/:|need /.test(template) && (template.match(/[A-Za-z]{2,}/g)?.length ?? 0) < FEW, pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)")}$`, "s"), words }));
     for (const { few, pattern, words } of this.#patterns) {
       const found = pattern.exec(text);

@@ -150,7 +150,8 @@ def _by_name(names: Sequence[str], units: Sequence[str], where: str, header_abov
         raise _refused(f"{axes.count(twice.axis)} columns named {twice.axis}", names, where, header_above)
     lacking = [axis for axis in "xz" if axis not in axes]
     if lacking:
-        raise _refused(f"no column named {' or '.join(lacking)}", names, where, header_above)
+        got = "no column named x or z" if len(lacking) == 2 else f"no column named {lacking[0]}"
+        raise _refused(got, names, where, header_above)
     return sorted(found, key=lambda column: column.axis)
 
 
@@ -174,10 +175,8 @@ def _by_place(
     most = 3 if kind == "profile" else 12
     least = 2 if kind == "profile" else 3
     if not least <= width <= most:
-        example = "x_mm,z_mm" if kind == "profile" else "x,y,z"
-        counts = "2 or 3" if kind == "profile" else "3 to 12"
         raise InputError(
-            f"{counts} columns a line ({example})",
+            "2 or 3 columns a line (x_mm,z_mm)" if kind == "profile" else "3 to 12 columns a line (x,y,z)",
             f"{width} in line {first_line}",
             "Write one point a line, or name the columns in a header line.",
             where,

@@ -62,7 +62,7 @@ export const texts = {
   "Along laser": "沿激光",
   "Answers": "结果",
   "circles": "圆",
-  "Need {}, got {}.": "需要{}，实际为{}。",
+  "Need {}, got {}.": "需要：{}；实际：{}。",
   "left": "左侧",
   "right": "右侧",
   "enough: {}": "足够：{}",

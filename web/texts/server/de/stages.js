@@ -88,7 +88,7 @@ export const texts = {
   ", tool and table moved by the scans' overlap": ", Werkzeug und Tisch durch die Überlappung der Scans verschoben",
   "No self-calibration: tool and table are given as known exactly. Solve them from captures of this session, or set cell.merge.self_calibration to false.": "Keine Selbstkalibrierung: Werkzeug und Tisch sind als genau bekannt gegeben. Lösen Sie sie aus Aufnahmen dieser Sitzung, oder setzen Sie cell.merge.self_calibration auf false.",
   "a stage among all, {}": "eine Stufe aus {}",
-  "Name one of these.": "Nennen Sie eine davon.",
+  "Name one of these.": "Wählen Sie aus dieser Liste.",
   "{} is left out: {}": "{} ist ausgelassen: {}",
   "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures.": "Berichtigen Sie Sigmas, die viel zu groß oder zu klein sind; `scancell check` nennt zweifelhafte Aufnahmen.",
   "captures and sigmas that determine an answer": "Aufnahmen und Sigmas, die eine Lösung festlegen",

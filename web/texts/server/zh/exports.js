@@ -37,7 +37,7 @@ export const texts = {
   "one that is not, in parts": "部分未确定",
   "one whose inputs have changed": "输入已更改的结果",
   "one with the verdict 'fail'": "判定为“失败”的结果",
-  "one {} in the backup": "备份中只有一个 {}",
+  "one {} in the backup": "备份中只有一个{}",
   "one {} mm from the sphere's surface": "距球面 {} mm",
   "settings of '{}'": "“{}”的设置",
   "{} among {}": "{}，可选：{}",

@@ -2,10 +2,7 @@
 
 /** @type {Record<string, string>} */
 export const texts = {
-  "2 or 3": "2 或 3",
-  "3 to 12": "3 至 12",
   "8 bit": "8 位",
-  "{} columns a line ({})": "每行 {} 列（{}）",
   "{} in line {}": "{}（第 {} 行）",
   "{} in line {}: {}": "{}（第 {} 行）：{}",
   "{} in the file": "文件中有 {}",
@@ -13,6 +10,7 @@ export const texts = {
   "{} in the header above line {}: {}": "第 {2} 行上方的表头：{1}（{3}）",
   "{} in the setting 'columns': {}": "设置“columns”：{}（{}）",
   "{} columns named {}": "{} 列名为 {}",
+  "no column named x or z": "没有名为 x 或 z 的列",
   "no column named {}": "没有名为 {} 的列",
   "{} columns ({})": "{} 列（{}）",
   "{} columns in every line": "每行 {} 列",
@@ -37,7 +35,7 @@ export const texts = {
   "{}, which is not replaced": "{}，不会被替换",
   "{}: format_settings of '{}'": "{}：“{}”的 format_settings",
   "{} heights are exactly 0 and were taken as missing: look whether they are points.": "{} 个高度恰为 0，按缺失处理：请查看它们是否为测点。",
-  "{} with {} taken as missing: nothing came back there.": "{}的值为 {}，按缺失处理：该处没有回波。",
+  "{} with {} taken as missing: nothing came back there.": "{}（{}）按缺失处理：该处没有回波。",
   "1 row": "1 行",
   "a height of exactly 0": "高度恰为 0",
   "number {}": "编号 {}",
@@ -265,4 +263,9 @@ export const texts = {
   "mesh": "网格",
   "vertices": "顶点",
   "others": "其他",
+  "zeros alone": "全为零",
+  "none": "无",
+  "2 or 3 columns a line (x_mm,z_mm)": "每行 2 或 3 列（x_mm,z_mm）",
+  "3 to 12 columns a line (x,y,z)": "每行 3 至 12 列（x,y,z）",
+  "{} columns a line ({})": "每行 {} 列（{}）",
 };

@@ -42,7 +42,7 @@ export const texts = {
   "How far the sphere scatters over poses that were not used says what to expect of the next ones.": "球在未使用位姿上的离散度预示后续表现。",
   "The scatter is what the uncertainties predict.": "离散度与不确定度预测一致。",
   "0 of {} sides": "0/{} 个面",
-  "Correct {}: need {}.": "请更正{}：需要{}。",
+  "Correct {}: need {}.": "请更正{}。需要：{}。",
   "Got {}. {}": "实际为{}。{}",
   "table's angle": "转台角度",
   "robot's pose": "机器人位姿",
