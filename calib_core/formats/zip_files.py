@@ -27,7 +27,7 @@ def opened_files(files: Mapping[str, bytes]) -> dict[str, bytes]:
                 entries = [entry for entry in archive.infolist() if not entry.is_dir()]
                 if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
                     to_do = "Give the files with programs, tools and frames alone."
-                    raise InputError("a backup of at most 5000 files and 256 MB", "a larger one", to_do, name)
+                    raise InputError("a backup of at most 5000 files and 256 MB", "a larger backup", to_do, name)
                 opened |= {entry.filename: archive.read(entry) for entry in entries}
         except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
             to_do = "Copy it from the controller again, or unpack it and give the folder."

@@ -80,7 +80,10 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
 def _as_grey_or_rgb(image: NDArray[Any], where: str) -> ImageArray:
     if image.dtype.name not in ("uint8", "uint16"):
         raise InputError(
-            "an image of 8 or 16 bit", f"one of {image.dtype}", "Save it as PNG or TIFF of 8 or 16 bit.", where
+            "an image of 8 or 16 bit",
+            f"values of type {image.dtype}",
+            "Save it as PNG or TIFF of 8 or 16 bit.",
+            where,
         )
     if image.ndim == 3:
         image = image[:, :, 0] if image.shape[2] < 3 else image[:, :, 2::-1]

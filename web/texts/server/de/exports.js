@@ -45,5 +45,4 @@ export const texts = {
   "a file format": "ein Dateiformat",
   "{} captures with poses": "{} Aufnahmen mit Posen",
   "{} mm/s": "{} mm/s",
-  "{} of them": "{} davon",
 };

@@ -45,5 +45,4 @@ export const texts = {
   "a file format": "一种文件格式",
   "{} captures with poses": "{} 个带位姿的采集",
   "{} mm/s": "{} mm/s",
-  "{} of them": "其中 {} 个",
 };
