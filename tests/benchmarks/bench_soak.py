@@ -46,6 +46,7 @@ def soaked(server: ServerProcess, watch: Watch, archive: bytes, seconds: float, 
     """Yield the figures of so many seconds of use, of which the first `first_s` do not count."""
     use = Use(server.address, Pace(watch).rest, archive)
     _until_ready(server)
+    use.many_at_once()
     rounds: list[Sample] = []
     begun: Counter[str] | None = None
     number = 0

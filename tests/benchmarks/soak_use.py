@@ -5,6 +5,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,6 +32,7 @@ _PAGES = (
     "/api/v1/sessions",
     "/api/v1/jobs",
 )
+_AT_ONCE = 12
 _FORM = {"Content-Type": "multipart/form-data; boundary=scancell-load"}  # of `capture_form`
 _JSON = {"Content-Type": "application/json"}
 _ZIP = {"Content-Type": "application/zip"}
@@ -73,6 +75,23 @@ class Use:
             self._misuse(client, session)
             self._archives(client, session, with_scans=number % 8 == 0)
             self._webhook(client)
+            self._expect(client, 204, "DELETE", f"/api/v1/sessions/{session}")
+
+    def many_at_once(self) -> None:
+        """Have every process and every connection of the server be needed once: each opens its files then."""
+        numbers = range(_AT_ONCE)
+        with self._client(600) as client, ThreadPoolExecutor(_AT_ONCE) as threads:
+            made = [self._new_session(client, "tcp", number) for number in numbers]
+            cell = simulate("tcp", 1)
+            for each in [threads.submit(self._one_of_many, session, cell) for session in made]:
+                each.result()
+
+    def _one_of_many(self, session: str, cell: SimulatedSession) -> None:
+        with self._client(600) as client:
+            self._upload(client, session, cell)
+            self._solve(client, session)
+            for path in _READ:
+                self._expect(client, 200, "GET", f"/api/v1/sessions/{session}{path}")
             self._expect(client, 204, "DELETE", f"/api/v1/sessions/{session}")
 
     def _new_session(self, client: httpx.Client, scenario: str, number: int) -> str:
