@@ -35,8 +35,8 @@ _NOISE_LABELS: Final = {
     "point_sigma_mm": ("Noise of one point", "mm"),
     "position_sigma_mm": ("Robot's position, each axis", "mm"),
     "orientation_sigma_deg": ("Robot's orientation, each axis", "°"),
-    "alike_position_sigma_mm": ("The same, shared by alike poses", "mm"),
-    "alike_orientation_sigma_deg": ("The same, shared by alike poses", "°"),
+    "alike_position_sigma_mm": ("Robot's position, shared by alike poses", "mm"),
+    "alike_orientation_sigma_deg": ("Robot's orientation, shared by alike poses", "°"),
 }
 _UNITS: Final = {"_mm": "mm", "_deg": "°", "_px": "px", "_rad": "rad"}
 

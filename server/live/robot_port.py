@@ -17,6 +17,7 @@ from calib_core.records import Record
 from server.auth.logins import Identity, Logins
 from server.auth.refusals import Refusals
 from server.auth.roles import Role
+from server.hosts import HostName
 from server.live.dialogue import (
     LONGEST_MESSAGE,
     Answer,
@@ -51,7 +52,7 @@ def _network(text: str) -> str:
 class RobotPortSettings(Record):
     """Where robot programs are listened for, and from which addresses or networks they may come."""
 
-    host: str = Field(default="127.0.0.1", max_length=64)
+    host: HostName = Field(default="127.0.0.1", max_length=64)
     port: int = Field(default=0, ge=0, le=65535, description="0: any that is free.")
     allowed: list[Annotated[str, AfterValidator(_network)]] = Field(
         default=["127.0.0.1"], min_length=1, max_length=20, description="Addresses, or networks as 192.168.0.0/24."

@@ -167,7 +167,8 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     tool0_from_laser = scanner_on_flange(session, results)
     still = next((r for n in tool_stages() if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
     center = np.array(still.sphere_center_in_base_mm) if still else None
-    posed = _shown_captures(session)
+    optics = optics_facts(session, results)
+    posed = _shown_captures(session, boards_told=optics is not None)
     placing = _Placing(
         session.cell.pose_convention,
         center,
@@ -180,7 +181,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     )
     drawn = (_capture_facts(capture, placing) for capture in posed)
     captures = tuple(capture for capture in drawn if capture is not None)
-    optics, merged = optics_facts(session, results), scene.load_merged() or scene.load_scans()
+    merged = scene.load_merged() or scene.load_scans()
     facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
     radius_mm, well = _radius_mm(session, facts), _known_how_well(results)
     next_pose = _next_pose(scene)
@@ -218,13 +219,19 @@ def _next_pose(scene: SceneInput) -> RigidTransform | None:
     return None if rows is None else RigidTransform.from_rounded(rows, "base", "tool0")
 
 
-def _shown_captures(session: Session) -> list[Capture]:
-    """Return the captures that have a place of their own; of profiles that make one scan the first alone."""
+def _shown_captures(session: Session, *, boards_told: bool) -> list[Capture]:
+    """Return the captures that have a place of their own; of profiles that make one scan the first alone.
+
+    Frames of boards are left out where the camera has boards to show in their stead, or where the sphere's captures
+    would stand among them.
+    """
     from calib_core.captures.scans import scan_groups
 
     scans = scan_groups([capture for capture in session.captures if capture.step == "scan"])
     first = {group.captures[0].id for group in scans}
-    return [c for c in session.captures if c.pose is not None and (c.step != "scan" or c.id in first)]
+    posed = [c for c in session.captures if c.pose is not None and (c.step != "scan" or c.id in first)]
+    others = [capture for capture in posed if capture.step not in steps_that_show("board")]
+    return others if others or boards_told else posed
 
 
 def _rows(results: Mapping[str, Result]) -> dict[str, CaptureResidual]:

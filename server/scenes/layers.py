@@ -67,9 +67,9 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
             joint = np.array([[flange.translation_mm, laser.translation_mm]])
             yield nodes.lines(f"/frames/{capture.id}/tool", joint, color, 3.0 if grow > 1 else 1.2)
         if capture.state == "rejected":
-            yield nodes.lines(
-                f"/frames/{capture.id}/cross", cross(flange.translation_mm, 26.0 * grow), REJECTED, 4.0
-            )
+            picked = capture.id == look.picked
+            sign = cross(flange.translation_mm, 26.0 if picked else 14.0)
+            yield nodes.lines(f"/frames/{capture.id}/cross", sign, REJECTED, 4.0 if picked else 2.0)
 
 
 def light(facts: SceneFacts, look: Look) -> Iterator[Node]:

@@ -49,7 +49,7 @@ def boards(facts: SceneFacts, look: Look) -> Iterator[Node]:
         yield nodes.points(f"/boards/{board.capture}/corners", corners, corners[0], tones, size)
         if not board.used:
             middle = pose.apply((low + high) / 2)
-            sign = cross(middle, 0.3 * float(np.linalg.norm(high - low)))
+            sign = cross(middle, 0.15 * float(np.linalg.norm(high - low)))
             yield nodes.lines(f"/boards/{board.capture}/cross", sign, REJECTED, 3.0)
         yield nodes.label(f"/boards/{board.capture}/name", corners[0], board.capture, 0.8)
 

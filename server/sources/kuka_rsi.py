@@ -8,6 +8,7 @@ import socket
 
 from pydantic import Field
 
+from server.hosts import HostName
 from server.sources.device import Description, Sample
 from server.sources.kuka_xml import parse_telegram, sample_of
 from server.sources.pose_settings import Port, ToolAndFrame
@@ -24,7 +25,7 @@ class KukaRsiSettings(ToolAndFrame):
     turns the table (DEF_EIPos).
     """
 
-    host: str = Field(default="0.0.0.0", max_length=255, description="This computer's address towards the robot.")
+    host: HostName = Field(default="0.0.0.0", max_length=255, description="This computer's address towards the robot.")
     port: Port = 49152
     robot: str | None = Field(default=None, max_length=64)
     table_axis: str | None = Field(default=None, pattern=r"^E[1-6]$")

@@ -8,6 +8,7 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.records.base import PoseConvention
 from calib_core.robots import parse_pose_lines
+from server.hosts import HostName
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.source import Settings, Source
 
@@ -18,7 +19,7 @@ _LONGEST = 4096
 class PoseLinesSettings(Settings):
     """Where the controller sends its pose, and how it writes it."""
 
-    host: str = Field(max_length=255)
+    host: HostName = Field(max_length=255)
     port: int = Field(ge=1, le=65535)
     convention: PoseConvention = "kuka"
 

@@ -23,6 +23,7 @@ _MEASURE = """() => {
     main: main.map((one) => one.innerText.trim().split("\\n")[0]),
     answer_in_sight: box.top >= 0 && box.bottom <= innerHeight,
     action_in_sight: !!last && last.top >= box.bottom && last.bottom <= innerHeight,
+    tick_too_many: !!document.querySelector(".rail-step[aria-current] .mark-pass") && !card.querySelector(".mark-pass"),
     text: card.innerText,
   };
 }"""
@@ -51,6 +52,7 @@ def first_look(page: Page, all_done: bool = False) -> FirstLook:
         f"a message of {seen['lines']:.1f} lines": seen["lines"] > 1.3,
         f"{seen['cut']} messages do not fit their line": seen["cut"] > 0,
         f"{len(seen['main'])} main actions: {seen['main']}": len(seen["main"]) != 1 and not all_done,
+        "the rail ticks what the answer does not accept": seen["tick_too_many"],
         "the answer is not in sight": not seen["answer_in_sight"],
         "the main action is not in sight": not seen["action_in_sight"] and not all_done,
     }

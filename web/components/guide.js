@@ -51,9 +51,10 @@ export class GuideElement extends StateElement {
     const told = state.guide?.steps.find((one) => one.step === state.step);
     const current = state.guide?.current.step ?? "";
     const open = said(this.#open(told?.status) ?? "") || undefined;
+    const usable = told?.status === "done" && state.resultOf(state.step)?.verdict === "warn";
     return [
       h("p", { class: "guide-progress" }, stepName(state, state.step)),
-      h("h1", {}, open ?? t(told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
+      h("h1", {}, open ?? t(usable ? "guide.mend" : told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
       h("p", { class: "soft" }, told?.note ? said(told.note) : ""),
       state.step === "recheck" && repeated(state.id),
       // Where the main button leads on, once is enough.

@@ -9,7 +9,7 @@ import { StateElement } from "./base.js";
 /** @import {FigureBlock, StageResult} from "../state/model.js" */
 
 const SIGNS = /** @type {Record<string, string>} */ ({
-  done: "pass", working: "working", todo: "todo", stale: "stale", failing: "fail", later: "todo", known: "pass", "not-needed": "skipped",
+  done: "pass", usable: "warn", working: "working", todo: "todo", stale: "stale", failing: "fail", later: "todo", known: "pass", "not-needed": "skipped",
 });
 
 export class RailElement extends StateElement {
@@ -33,13 +33,16 @@ export class RailElement extends StateElement {
   #item(step) {
     const told = this.state.guide?.steps.find((one) => one.step === step);
     const result = this.state.resultOf(step);
-    const status = told?.status ?? (result ? statusOf(result) : "todo");
+    const known = told?.status ?? (result ? statusOf(result) : "todo");
+    // Done, but not accepted: a tick would promise more than the verdict does.
+    const usable = known === "done" && result?.verdict === "warn" && this.state.stageOf(step) === step;
+    const status = usable ? "usable" : known;
     const open = step === this.state.step;
     const next = this.state.guide?.current.step === step;
     return h("li", {}, h(
       "button", { type: "button", class: `rail-step status-${status}`, "data-step": step, "aria-current": open && "step", title: told?.note ? said(told.note) : false, onclick: () => this.state.open(step) },
       mark(SIGNS[status] ?? "todo", stepName(this.state, step)),
-      h("span", { class: "status" }, maybe(`status.${status}`, status), next && !open && h("span", { class: "visually-hidden" }, ` ${t("rail.next")}`)),
+      h("span", { class: "status" }, usable ? t("verdict.warn") : maybe(`status.${status}`, status), next && !open && h("span", { class: "visually-hidden" }, ` ${t("rail.next")}`)),
       result && this.state.stageOf(step) === step && answer(result)));
   }
 }

@@ -74,8 +74,9 @@ export class ReviewState extends SessionState {
     const results = /** @type {Results} */ (/** @type {unknown} */ (moment.results));
     const session = this.session && { ...this.session, name: moment.session.name ?? "", cell: moment.session.cell };
     Object.assign(this, { place, captures, guide, numbers, results, session });
+    this.view = this.resultOf(this.step) ? "result" : "measure";  // of the scene: it tells what stands beside it
     if (this.selected && !captures.some((capture) => capture.id === this.selected)) this.selected = null;
-    this.tell("place", "session", "captures", "guide", "results", "selection");
+    this.tell("place", "session", "captures", "guide", "results", "view", "selection");
   }
 }
 

@@ -228,6 +228,6 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
             "step": "merge",
             "stage": "merge",
             "exit": "You trust it: then save the cloud or the mesh.",
-            "drawing": "merge-done",
+            "drawing": "merge-done" if result.get("verdict") == "pass" else "scan-around",
         }
     )

@@ -86,7 +86,7 @@ def recheck_now(view: GuideView) -> GuideNow | None:
     if fresh is not None:
         now = review(fresh, "Look at the result: whether the calibration still holds.")
         exit_ = "It holds: go on scanning. It does not: calibrate again."
-        return now.model_copy(update={"step": "recheck", "stage": "recheck", "exit": exit_, "drawing": "tcp-done"})
+        return now.model_copy(update={"step": "recheck", "stage": "recheck", "exit": exit_})
     refused = {m.capture for m in view.measured if m.verdict == "fail"}
     seen = sum(capture.id not in refused for capture in captures)
     if seen < ENOUGH:

@@ -310,7 +310,7 @@ def review(
         instruction=instruction,
         why=why,
         exit="You trust it: then export it, or verify it with captures that were not used.",
-        drawing="tcp-turn" if undetermined else "tcp-done",
+        drawing="tcp-done" if result.get("verdict") == "pass" and not undetermined else "tcp-turn",
         progress=progress,
         still_needed=1 if undetermined else 0,
     )

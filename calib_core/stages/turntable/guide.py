@@ -282,7 +282,7 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
         if chain
         else "Look at the result: the axis, the wobble against the angle, the circles beside the joint answer.",
     )
-    more = result.get("undetermined")
+    accepted = result.get("verdict") == "pass" and not result.get("undetermined")
     why = now.why
     if now.action == "review" and any(note.startswith(NOT_CHECKED) for note in result.get("notes", [])):
         why += " " + ASK_FOR_PLAY
@@ -292,7 +292,7 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
             "step": "turntable",
             "stage": "chain" if chain else "turntable",
             "exit": _TRUST,
-            "drawing": "turntable-height" if more else "turntable-done",
+            "drawing": "turntable-done" if accepted else "turntable-height",
         }
     )
 

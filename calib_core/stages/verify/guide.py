@@ -93,4 +93,4 @@ def _solve(*, again: bool) -> GuideNow:
 def _review(result: Mapping[str, Any]) -> GuideNow:
     now = review(result, "Look at the result: how far held-out captures scatter, and what was expected.")
     exit_ = "You trust it: then export the answer."
-    return now.model_copy(update={"step": "verify", "stage": "verify", "exit": exit_, "drawing": "tcp-done"})
+    return now.model_copy(update={"step": "verify", "stage": "verify", "exit": exit_})
