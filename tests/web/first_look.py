@@ -23,7 +23,7 @@ _MEASURE = """() => {
     main: main.map((one) => one.innerText.trim().split("\\n")[0]),
     answer_in_sight: box.top >= 0 && box.bottom <= innerHeight,
     action_in_sight: !!last && last.top >= box.bottom && last.bottom <= innerHeight,
-    tick_too_many: !!document.querySelector(".rail-step[aria-current] .mark-pass") && !card.querySelector(".mark-pass"),
+    tick_too_many: !!document.querySelector("[aria-current] .mark-pass") && !card.querySelector(".mark-pass"),
     text: card.innerText,
   };
 }"""
