@@ -222,8 +222,8 @@ def _next_pose(scene: SceneInput) -> RigidTransform | None:
 def _shown_captures(session: Session, *, boards_told: bool) -> list[Capture]:
     """Return the captures that have a place of their own; of profiles that make one scan the first alone.
 
-    Frames of boards are left out where the camera has boards to show in their stead, or where the sphere's captures
-    would stand among them.
+    Frames of boards are left out where the camera has boards to show in their stead, or where they would stand
+    among the sphere's captures.
     """
     from calib_core.captures.scans import scan_groups
 

@@ -25,7 +25,9 @@ class KukaRsiSettings(ToolAndFrame):
     turns the table (DEF_EIPos).
     """
 
-    host: HostName = Field(default="0.0.0.0", max_length=255, description="This computer's address towards the robot.")
+    host: HostName = Field(
+        default="0.0.0.0", max_length=255, description="This computer's address towards the robot."
+    )
     port: Port = 49152
     robot: str | None = Field(default=None, max_length=64)
     table_axis: str | None = Field(default=None, pattern=r"^E[1-6]$")
