@@ -116,7 +116,7 @@ def inputs_read(told: str) -> tuple[Session, list[Measured], dict[str, Any]]:
 @lru_cache(maxsize=8)
 def _to_verify(told: str) -> NextPose | None:
     situation = situation_of(*inputs_read(told), "verify")
-    return None if situation is None else next_pose(situation, _TO_VERIFY)
+    return None if situation is None else next_pose(situation, _TO_VERIFY, until=0)
 
 
 def _told(result: Mapping[str, Any]) -> dict[str, Any]:

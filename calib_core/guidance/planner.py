@@ -12,7 +12,8 @@ from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 
 _CANDIDATES, _NEAR = 300, 80
 _NEAR_MM, _NEAR_RAD = 8.0, 0.08
-_STEPS = (1.0, 0.5)
+_STEPS = (1.5, 1.0, 0.5, 0.25)
+_UNTIL = 12  # captures: what the set that is thought of makes together
 _SEED = 20_270
 _SWEEPS = 4
 _WORTH = 0.999  # of the criterion: an exchange that gains less is none
@@ -78,46 +79,91 @@ class NextPose:
     sure: bool
 
 
-def next_pose(situation: Situation, count: int = _CANDIDATES) -> NextPose | None:
-    """Return the pose that takes most off the uncertainty at the workpiece, None where no pose is allowed.
+def next_pose(situation: Situation, count: int = _CANDIDATES, until: int = _UNTIL) -> NextPose | None:
+    """Return the pose that helps most, None where no pose is allowed.
 
-    The best of `count` candidates is refined by others near it.
+    It is one of a set that together takes most off the uncertainty at the workpiece until there are `until` captures:
+    the one that helps most by itself now, refined by others near it while the rest of the set stays where it is.
     """
     poses = situation.proposed(count)
     if not len(poses):
         return None
-    best = _best(situation, poses)
-    if not best.sure and len(situation.taken):
+    compared = _Compared(situation, poses)
+    if not compared.sure.any() and len(situation.taken):
         timid = _timid(situation)
-        return _best(situation, timid) if len(timid) else best
+        return (_Compared(situation, timid) if len(timid) else compared).best()
+    best, rest = compared.best_until(until)
     for step in _STEPS:
-        best = _best(situation, _near(situation, best, step))
+        best = _refined(situation, best, rest, step)
     return best
 
 
-def _best(situation: Situation, poses: Candidates) -> NextPose:
-    taken = len(situation.taken)
-    design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
-    chosen = list(range(taken))
-    hessian = design.hessian(chosen)
-    added = design.added(hessian, chosen, range(taken, taken + len(poses)))
-    radius = situation.assumed.sphere.radius_mm
-    sure = situation.room.sight.sees(poses.centers_in_laser, radius, added.doubt_mm)
-    score = _score(added.workpiece, taken)
-    worst = added.doubt_mm.max(axis=1)
-    if sure.any():
-        best = int(np.argmin(np.where(sure, score, np.inf)))
-    else:  # the least bold ones, and of those the best
-        bold = worst > np.quantile(worst, _SHARE_SURE)
-        best = int(np.argmin(np.where(bold, np.inf, score)))
-    return NextPose(
-        poses.poses[best],
-        poses.centers_in_laser[best],
-        float(worst_sigma_mm(design.at_workpiece(hessian))),
-        float(worst_sigma_mm(added.workpiece[best])),
-        float(worst[best]),
-        bool(sure.any()),
-    )
+class _Compared:
+    """Poses beside each other: what each would do as the next one."""
+
+    def __init__(self, situation: Situation, poses: Candidates, beside: Candidates | None = None) -> None:
+        taken, others = list(situation.taken), [] if beside is None else situation.seen_from(beside)
+        self.poses, self.before = poses, len(taken)
+        self.design = Design([*taken, *others, *situation.seen_from(poses)], situation.assumed)
+        self.fixed = len(taken) + len(others)
+        self.hessian = self.design.hessian(range(self.before))
+        places = range(self.fixed, self.fixed + len(poses))
+        self.added = self.design.added(self.hessian, range(self.before), places)
+        self.with_others = self.added if beside is None else self.design.adding(range(self.fixed), places)
+        radius = situation.assumed.sphere.radius_mm
+        self.sure = situation.room.sight.sees(poses.centers_in_laser, radius, self.added.doubt_mm)
+        self.doubt_mm = self.added.doubt_mm.max(axis=1)
+
+    def at(self, k: int) -> NextPose:
+        """Return one of the poses."""
+        return NextPose(
+            self.poses.poses[k],
+            self.poses.centers_in_laser[k],
+            float(worst_sigma_mm(self.design.at_workpiece(self.hessian))),
+            float(worst_sigma_mm(self.added.workpiece[k])),
+            float(self.doubt_mm[k]),
+            bool(self.sure.any()),
+        )
+
+    def best(self) -> NextPose:
+        """Return the pose that helps most now: of those that surely see the sphere, where there are any."""
+        return self.at(self._best_of(_score(self.added.workpiece, self.before)))
+
+    def best_beside(self) -> NextPose:
+        """Return the pose with which, and with those beside, the worst direction is known best."""
+        return self.at(self._best_of(worst_sigma_mm(self.with_others.workpiece)))
+
+    def best_until(self, until: int) -> tuple[NextPose, Candidates | None]:
+        """Return the best pose of a set that makes the captures up to `until`, and the rest of the set."""
+        score = _score(self.added.workpiece, self.before)
+        more = min(until - self.before, len(self.poses)) - 1
+        first = self._best_of(score)
+        if more < 1 or not self.sure.any():
+            return self.at(first), None
+        beside = list(range(self.before))
+        chosen = [self.fixed + first]
+        for _ in range(more):
+            others = [k for k in range(self.fixed, len(self.design)) if k not in chosen]
+            added = self.design.adding([*beside, *chosen], others)
+            chosen.append(others[int(np.argmin(_score(added.workpiece, self.before + len(chosen))))])
+        index = np.array(chosen) - self.fixed
+        one = min(index[self.sure[index]], key=lambda k: score[k])
+        rest = [k for k in index if k != one]
+        others = Candidates(tuple(self.poses.poses[k] for k in rest), self.poses.centers_in_laser[rest])
+        return self.at(int(one)), others
+
+    def _best_of(self, score: FloatArray) -> int:
+        if self.sure.any():
+            return int(np.argmin(np.where(self.sure, score, np.inf)))
+        # The least bold ones, and of those the best.
+        bold = self.doubt_mm > np.quantile(self.doubt_mm, _SHARE_SURE)
+        return int(np.argmin(np.where(bold, np.inf, score)))
+
+
+def _refined(situation: Situation, best: NextPose, beside: Candidates | None, step: float) -> NextPose:
+    """Return the best of a pose and others near it; those beside it, if any, stay where they are."""
+    compared = _Compared(situation, _near(situation, best, step), beside)
+    return compared.best() if beside is None else compared.best_beside()
 
 
 def _timid(situation: Situation) -> Candidates:
