@@ -82,7 +82,7 @@ class NextPose:
 def next_pose(situation: Situation, count: int = _CANDIDATES, until: int = _UNTIL) -> NextPose | None:
     """Return the pose that helps most, None where no pose is allowed.
 
-    It is one of a set that together takes most off the uncertainty at the workpiece until there are `until` captures:
+    It is one of a set that together takes most off the uncertainty at the workpiece, up to `until` captures:
     the one that helps most by itself now, refined by others near it while the rest of the set stays where it is.
     """
     poses = situation.proposed(count)
