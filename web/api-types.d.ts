@@ -1023,6 +1023,7 @@ export interface Measured {
   to_do?: string | null;
   points?: number;
   on_sphere?: number;
+  without_ray?: number;
   center_mm?: number[] | null;
   radius_mm?: number | null;
   rms_mm?: number | null;

@@ -12,6 +12,7 @@ from calib_core.captures.content import (
     thinned,
     thinning,
 )
+from calib_core.captures.lost_rays import telling_lost_rays
 from calib_core.captures.observe import Seen, doubts_of, points_of, see_sphere
 from calib_core.errors import MeasurementError
 from calib_core.records import Capture, Cell, Measured, Session
@@ -48,13 +49,13 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     if capture.kind == "sweep":
         from calib_core.captures.sweep_sphere import measure_sweep
 
-        return measure_sweep(session, capture, read)
+        return telling_lost_rays(measure_sweep(session, capture, read))
     if capture.pose is not None or shows_sphere(capture):
         pose_of(session.cell, capture)
     if capture.kind == "center":
         assert capture.center_mm is not None
         return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
-    measured = _of_points(session, capture, read)
+    measured = telling_lost_rays(_of_points(session, capture, read))
     doubts = doubts_of(capture, read) if capture.kind in ("profile", "cloud") else []
     return _doubted(measured, doubts) if doubts else measured
 
@@ -63,11 +64,16 @@ def _of_points(session: Session, capture: Capture, read: ReadFile) -> Measured:
     try:
         if shows_sphere(capture):
             return _measured(session.cell, capture, see_sphere(session, capture, read))
-        points = points_of(session, capture, read)
+        found = points_of(session, capture, read)
     except MeasurementError as error:
         return _nothing_seen(session, capture, read, error)
     return Measured(
-        capture=capture.id, kind=capture.kind, verdict="pass", points=len(points), preview=thinned(points)
+        capture=capture.id,
+        kind=capture.kind,
+        verdict="pass",
+        points=len(found.points),
+        without_ray=found.without_ray,
+        preview=thinned(found.points),
     )
 
 
@@ -84,12 +90,12 @@ def _nothing_seen(session: Session, capture: Capture, read: ReadFile, error: Mea
     reason = f"Need {error.need}, got {error.got}."
     nothing = Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do)
     try:
-        points = points_of(session, capture, read)
+        found = points_of(session, capture, read)
     except MeasurementError:
         return nothing
-    preview = thinned(points)
-    update = {"points": len(points), "preview": preview, "preview_on_sphere": [False] * len(preview)}
-    return nothing.model_copy(update=update)
+    preview = thinned(found.points)
+    update = {"points": len(found.points), "preview": preview, "preview_on_sphere": [False] * len(preview)}
+    return nothing.model_copy(update={**update, "without_ray": found.without_ray})
 
 
 def _waits_for_calibration(session: Session, capture: Capture) -> bool:
@@ -119,6 +125,7 @@ def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
         to_do=advice[1] if advice else None,
         points=len(seen.points),
         on_sphere=int(seen.on_sphere.sum()),
+        without_ray=seen.without_ray,
         center_mm=fit.center_mm.tolist(),
         radius_mm=fit.radius_mm,
         rms_mm=fit.rms_mm,

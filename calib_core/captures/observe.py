@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib_core.captures.content import pose_of, read_points, reading_of, sphere_of
 from calib_core.captures.kept import seen_once
+from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.raw_frames import of_frames
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
@@ -29,6 +30,7 @@ class Seen:
     points: FloatArray
     on_sphere: NDArray[np.bool_]
     fit: ArcFit | SphereFit
+    without_ray: int = 0
 
 
 def observe_capture(session: Session, capture: Capture, read: ReadFile) -> SphereObservation:
@@ -57,7 +59,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
         seen = see_sphere(session, capture, read)
     fit, points = seen.fit, seen.points[seen.on_sphere]
     if isinstance(fit, ArcFit):
-        return arc_observation(session.cell, capture, pose, points, fit)
+        return arc_observation(session.cell, capture, pose, points, fit, seen.without_ray)
     return SphereObservation(
         capture=capture.id,
         base_from_tool0=pose,
@@ -70,9 +72,17 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
 
 
 def arc_observation(
-    cell: Cell, capture: Capture, pose: RigidTransform, points_mm: FloatArray, fit: ArcFit
+    cell: Cell,
+    capture: Capture,
+    pose: RigidTransform,
+    points_mm: FloatArray,
+    fit: ArcFit,
+    without_ray: int = 0,
 ) -> SphereObservation:
-    """Return an arc, its points (N, 2) in L, and the pose it was seen from as the solvers take them."""
+    """Return an arc, its points (N, 2) in L, and the pose it was seen from as the solvers take them.
+
+    `without_ray`: how many stripe centres of its frame were dropped.
+    """
     x, z = fit.center_mm
     return SphereObservation(
         capture=capture.id,
@@ -84,6 +94,7 @@ def arc_observation(
         circle_radius_mm=fit.radius_mm,
         point_sigma_mm=fit.point_sigma_mm,
         side=capture.side,
+        without_ray=without_ray,
     )
 
 
@@ -92,13 +103,13 @@ def _scale(sigma_mm: float | None, fit: ArcFit | SphereFit) -> float:
     return (sigma_mm / fit.point_sigma_mm) ** 2 if sigma_mm and fit.point_sigma_mm else 1.0
 
 
-def points_of(session: Session, capture: Capture, read: ReadFile) -> FloatArray:
+def points_of(session: Session, capture: Capture, read: ReadFile) -> SeenPoints:
     """Return the points of a capture in L; a raw frame's by the session's camera and plane of light."""
     if capture.kind != "frame":
-        return read_points(capture, read)
-    from calib_core.captures.stripe_frames import read_profile_frame
+        return SeenPoints(read_points(capture, read))
+    from calib_core.captures.stripe_frames import see_profile_frame
 
-    return read_profile_frame(session, capture, read)
+    return see_profile_frame(session, capture, read)
 
 
 @dataclass(frozen=True)
@@ -138,10 +149,11 @@ def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[o
     return told
 
 
-def _look(cell: Cell, capture: Capture, points: FloatArray) -> Seen:
+def _look(cell: Cell, capture: Capture, seen: SeenPoints) -> Seen:
+    points = seen.points
     if capture.kind in ("profile", "frame"):
         arc = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
-        return Seen(points, arc.inliers, arc)
+        return Seen(points, arc.inliers, arc, seen.without_ray)
     sphere = fit_sphere(points, cell.sphere_diameter_mm)
     return Seen(points, sphere.inliers, sphere)
 

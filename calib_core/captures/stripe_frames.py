@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from calib_core.captures.boards import read_frame
 from calib_core.captures.camera_source import camera_of, require_captures_of
+from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.solved_optics import solve_once
 from calib_core.errors import InputError
-from calib_core.optics.triangulate import ProfileCalibration, profile_from_frame
+from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame
 from calib_core.records import Capture, KnownCamera, KnownPlane, Session
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.laser_plane.record import LaserPlaneResult, RefinedCamera
@@ -24,6 +25,11 @@ FloatArray = NDArray[np.float64]
 
 
 def read_profile_frame(session: Session, capture: Capture, read: ReadFile) -> FloatArray:
+    """Return the profile (N, 2), x and z in L, mm, of such a capture; raises as `see_profile_frame`."""
+    return see_profile_frame(session, capture, read).points
+
+
+def see_profile_frame(session: Session, capture: Capture, read: ReadFile) -> SeenPoints:
     """Return the profile (N, 2), x and z in L, mm, of a capture that is one raw frame of the stripe.
 
     Raises
@@ -43,9 +49,10 @@ def read_profile_frame(session: Session, capture: Capture, read: ReadFile) -> Fl
         )
     frame, calibration = read_frame(capture, read), calibration_of(session, read)
     try:
-        return profile_from_frame(frame, calibration)
+        found = stripe_in_frame(frame, calibration)
     except InputError as error:
         raise error.at(capture.files[0]) from None
+    return SeenPoints(found.profile_mm, found.without_ray)
 
 
 def calibration_of(session: Session, read: ReadFile) -> ProfileCalibration:

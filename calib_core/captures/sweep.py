@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.content import read_as
+from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.stripe_frames import calibration_of
 from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.formats.shared.images import decode_image
 from calib_core.frames import RigidTransform
-from calib_core.optics.triangulate import profile_from_frame
+from calib_core.optics.triangulate import stripe_in_frame
 from calib_core.pose_track import interpolate_poses
 from calib_core.records import Capture, Cell, Session
 from calib_core.robots import parse_pose
@@ -64,12 +65,12 @@ def read_sweep(
     """
     poses = sweep_poses(session.cell, capture)
     names = zip(poses, capture.files, strict=True)
-    return [(pose, sweep_profile(session, capture, name, read, may_be_blank)) for pose, name in names]
+    return [(pose, sweep_profile(session, capture, name, read, may_be_blank).points) for pose, name in names]
 
 
 def sweep_profile(
     session: Session, capture: Capture, name: str, read: ReadFile, may_be_blank: bool = False
-) -> NDArray[np.float64]:
+) -> SeenPoints:
     """Return the profile (N, 2), x and z in L, mm, of one of a sweep's files; raises as `read_sweep` does.
 
     It is read in the format and with the settings that the capture names.
@@ -77,15 +78,17 @@ def sweep_profile(
     if PurePosixPath(name).suffix.lower() in IMAGES:
         frame, calibration = decode_image(read(name), name), calibration_of(session, read)
         try:
-            return profile_from_frame(frame, calibration)
+            found = stripe_in_frame(frame, calibration)
+            return SeenPoints(found.profile_mm, found.without_ray)
         except InputError as error:
             raise error.at(name) from None
         except MeasurementError:
             if not may_be_blank:
                 raise
-            return np.empty((0, 2))
+            return SeenPoints(np.empty((0, 2)))
     reading = read_as(capture, name, read, "profile")
-    return known_points(reading, name) if not may_be_blank or reading.known.any() else np.empty((0, 2))
+    is_blank = may_be_blank and not reading.known.any()
+    return SeenPoints(np.empty((0, 2)) if is_blank else known_points(reading, name))
 
 
 def _require_count(got: int, files: int, field: str, capture: Capture) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib_core.captures.content import shows_sphere, sphere_of, thinned, thinning
 from calib_core.captures.kept import seen_once
+from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observe import arc_observation, point_settings
 from calib_core.captures.standstill import doubt_of, still_of
 from calib_core.captures.sweep import sweep_poses, sweep_profile
@@ -32,6 +33,7 @@ class _Arc:
     pose: RigidTransform
     points: FloatArray
     fit: ArcFit
+    without_ray: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,7 @@ class _Profile:
     pose: RigidTransform
     points: FloatArray
     found: ArcFit | MeasurementError
+    without_ray: int
 
 
 def observe_sweep(session: Session, capture: Capture, read: ReadFile) -> list[SphereObservation]:
@@ -60,7 +63,7 @@ def observe_sweep(session: Session, capture: Capture, read: ReadFile) -> list[Sp
     if not arcs:
         raise _no_arc(profiles).at(capture.id)
     return [
-        arc_observation(session.cell, capture, arc.pose, arc.points[arc.fit.inliers], arc.fit)
+        arc_observation(session.cell, capture, arc.pose, arc.points[arc.fit.inliers], arc.fit, arc.without_ray)
         for arc in (arcs[k] for k in _spread(len(arcs)))
     ]
 
@@ -78,6 +81,7 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
     profiles = list(_profiles(session, capture, read))
     arcs = _arcs(profiles)
     points = sum(len(profile.points) for profile in profiles)
+    without_ray = sum(profile.without_ray for profile in profiles)
     if not arcs:
         error = _no_arc(profiles)
         return Measured(
@@ -87,6 +91,7 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
             reason=f"Need {error.need}, got {error.got}.",
             to_do=error.to_do,
             points=points,
+            without_ray=without_ray,
             profiles=0,
         )
     still = still_of((arc.pose, arc.fit) for arc in arcs)
@@ -99,6 +104,7 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
         to_do=doubt[1] if doubt else None,
         still=still,
         points=points,
+        without_ray=without_ray,
         on_sphere=sum(int(arc.fit.inliers.sum()) for arc in arcs),
         profiles=len(arcs),
         **_figures(session, max(arcs, key=lambda arc: arc.fit.radius_mm)),
@@ -124,7 +130,8 @@ def _figures(session: Session, arc: _Arc) -> dict[str, Any]:
 
 def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Measured:
     poses = sweep_poses(session.cell, capture)
-    profiles = [sweep_profile(session, capture, name, read, may_be_blank=True) for name in capture.files]
+    seen = [sweep_profile(session, capture, name, read, may_be_blank=True) for name in capture.files]
+    profiles = [one.points for one in seen]
     fullest = max(profiles, key=len)
     points = sum(map(len, profiles))
     return Measured(
@@ -134,6 +141,7 @@ def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Meas
         reason=f"{len(poses)} profiles." if points else "Nothing came back to the scanner in any profile.",
         to_do=None if points else "Check distance and exposure, and take the sweep again.",
         points=points,
+        without_ray=sum(one.without_ray for one in seen),
         preview=thinned(fullest) if len(fullest) else [],
         preview_on_sphere=[False] * len(thinned(fullest)) if len(fullest) else [],
     )
@@ -144,13 +152,13 @@ def _profiles(session: Session, capture: Capture, read: ReadFile) -> Iterator[_P
     sphere_of(cell, [capture])
     poses = sweep_poses(cell, capture)
     for pose, name in zip(poses, capture.files, strict=True):
-        points: FloatArray = np.empty((0, 2))
+        seen = SeenPoints(np.empty((0, 2)))
         try:
-            points = sweep_profile(session, capture, name, read, may_be_blank=True)
-            found = _arc_in(session, capture, name, points, read)
+            seen = sweep_profile(session, capture, name, read, may_be_blank=True)
+            found = _arc_in(session, capture, name, seen.points, read)
         except MeasurementError as error:
             found = error
-        yield _Profile(pose, points, found)
+        yield _Profile(pose, seen.points, found, seen.without_ray)
 
 
 def _arc_in(session: Session, capture: Capture, name: str, points: FloatArray, read: ReadFile) -> ArcFit:
@@ -161,7 +169,7 @@ def _arc_in(session: Session, capture: Capture, name: str, points: FloatArray, r
 
 
 def _arcs(profiles: list[_Profile]) -> list[_Arc]:
-    return [_Arc(p.pose, p.points, p.found) for p in profiles if isinstance(p.found, ArcFit)]
+    return [_Arc(p.pose, p.points, p.found, p.without_ray) for p in profiles if isinstance(p.found, ArcFit)]
 
 
 def _no_arc(profiles: list[_Profile]) -> MeasurementError:

@@ -49,6 +49,8 @@ class SphereObservation:
         The sign of the sphere centre's y, where the user fixed it.
     points_per_independent : float
         How many of its points say as much as one that errs by itself (`chain.effective`).
+    without_ray : int
+        How many stripe centres of its frame were dropped, as they lie beyond the fold of the camera's distortion.
     """
 
     capture: str
@@ -61,6 +63,7 @@ class SphereObservation:
     point_sigma_mm: float = 0.0
     side: int | None = None
     points_per_independent: float = 1.0
+    without_ray: int = 0
 
     def sphere_center_in_laser_mm(self, sphere: SphereSize, side: int) -> FloatArray:
         """Return the sphere's centre (3,) in L; `side` is the sign of y, which only a profile leaves open."""

@@ -165,7 +165,16 @@ def profile_from_frame(
     calibration: ProfileCalibration,
     options: StripeOptions | None = None,
 ) -> FloatArray:
-    """Return the profile (N, 2), x and z in L, mm, that a frame of the stripe shows.
+    """Return the profile (N, 2), x and z in L, mm, that a frame shows; raises as `stripe_in_frame`."""
+    return stripe_in_frame(image, calibration, options).profile_mm
+
+
+def stripe_in_frame(
+    image: NDArray[np.uint8 | np.uint16],
+    calibration: ProfileCalibration,
+    options: StripeOptions | None = None,
+) -> Triangulated:
+    """Return the points of L that a frame of the stripe shows, and how many of its centres have no ray.
 
     Parameters
     ----------
@@ -197,4 +206,4 @@ def profile_from_frame(
             f"a line that cannot lie on it{beyond}",
             "Check that the plane was calibrated with this camera and laser.",
         )
-    return found.profile_mm
+    return found

@@ -32,6 +32,9 @@ class Measured(Record):
     Of a frame of the board: `board_px` are its corners, `pitch_px` how far they stand apart (the nearer the board,
     the farther), `edge_width_px` the rise of its squares' edges from 10 to 90 %: how sharp the frame is.
 
+    `without_ray` counts stripe centres of raw frames that were dropped: they lie beyond the fold of the camera's
+    distortion, where a pixel has no ray.
+
     `still` tells of standstill where the capture has several exposures at one pose; of one it cannot be told.
     """
 
@@ -42,6 +45,7 @@ class Measured(Record):
     to_do: str | None = None
     points: int = 0
     on_sphere: int = 0
+    without_ray: int = 0
     center_mm: list[float] | None = None
     radius_mm: float | None = None
     rms_mm: float | None = None

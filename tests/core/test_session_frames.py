@@ -9,13 +9,14 @@ from calib_core.captures.measure import measure_capture
 from calib_core.captures.solved_optics import remembered
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
 from calib_core.guidance.at_part import budget_at
-from calib_core.records import Session
+from calib_core.records import KnownCamera, Session
 from calib_core.simulation import SimulatedSession
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 
 SHIFT_MM = 5.0
+FOLD = 0.18  # of the ray's slope
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +29,11 @@ def plane(cell: SimulatedSession) -> LaserPlaneResult:
     result = solve_stage(cell.session, "laser-plane", cell.files.__getitem__)
     assert isinstance(result, LaserPlaneResult)
     return result
+
+
+def with_camera(session: Session, camera: KnownCamera) -> Session:
+    known = session.cell.known.model_copy(update={"camera": camera})
+    return session.model_copy(update={"cell": session.cell.model_copy(update={"known": known})})
 
 
 def moved(plane: LaserPlaneResult) -> LaserPlaneResult:
@@ -101,3 +107,28 @@ def test_a_tool_from_frames_tells_what_camera_and_plane_are_not_known_to(cell: S
     assert np.linalg.eigvalsh(np.array(result.covariance) - moves.T @ moves)[0] > 0
     known = result.model_dump() | {"optics": []}
     assert {part.name for part in budget_at(cell.session, {"tcp": known}).parts}.isdisjoint({"camera", "plane"})
+
+
+def test_rays_beyond_the_fold_are_counted_of_the_capture_and_told_by_the_tool(
+    cell: SimulatedSession, plane: LaserPlaneResult
+) -> None:
+    """A lens that turns back within the picture: ends of arcs have no ray, and who reads the result is told so."""
+    alone = cell.session.model_copy(update={"captures": [c for c in cell.session.captures if c.step == "tcp"]})
+    brought = with_solved_calibration(alone, {"laser-plane": plane.to_json()})
+    camera = brought.cell.known.camera
+    assert camera is not None
+    lens = camera.model_copy(update={"distortion": {**camera.distortion, "k3": -1 / (7 * FOLD**6)}})
+    folded = with_camera(brought, lens)
+    dropped: list[int] = []
+    for ball in folded.captures:
+        whole = measure_capture(brought, ball, cell.files.__getitem__)
+        seen = measure_capture(folded, ball, cell.files.__getitem__)
+        assert whole.without_ray == 0
+        assert seen.points + seen.without_ray == whole.points
+        told = f"{seen.without_ray} stripe centres were dropped" in (seen.reason or "")
+        assert told == (seen.without_ray > 0)
+        dropped.append(seen.without_ray)
+    assert 0 in dropped
+    result = solve_stage(folded, "tcp", cell.files.__getitem__)
+    assert isinstance(result, TcpResult)
+    assert any(f"{sum(dropped)} stripe centres were dropped" in note for note in result.notes)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.errors import InputError
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import StageInput
@@ -50,5 +51,6 @@ def solve_chain_stage(given: StageInput) -> ChainResult:
     result = with_repeats(result, solved.observations, solution.tcp.sigmas)
     if given.session.cell.turntable.angles != "unknown":
         result = with_play(result)
+    result = with_lost_rays(result, [*solved.observations, *(one.sphere for one in table.observations)])
     result = with_table_causes(result, given, table, solved.sphere, tool.tool0_from_laser)
     return with_unused(result, given.captures, solved.unused | table.unused)

@@ -5,6 +5,7 @@ import numpy as np
 from calib_core.captures.boards import board_in, board_of
 from calib_core.captures.camera_source import camera_of
 from calib_core.captures.dark_boards import PlaneViews
+from calib_core.captures.lost_rays import lost_rays
 from calib_core.captures.solved_optics import remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
@@ -189,10 +190,7 @@ def plane_failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str
 
 def _notes(solution: PlaneSolution) -> list[str]:
     dropped = sum(view.without_ray for view in solution.views)
-    found = [
-        f"{dropped} stripe centres were dropped: they lie beyond the fold of the camera's distortion, where a "
-        "pixel has no ray. Show the board there, too, when the camera is calibrated."
-    ] * bool(dropped)
+    found = lost_rays(dropped)
     if not solution.camera_held:
         return found
     return [

@@ -6,6 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from calib_core.captures.content import sphere_of
+from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.captures.sweep_rows import mark_sweeps, one_row_each
@@ -48,6 +49,7 @@ def solve_tcp_stage(given: StageInput) -> TcpResult:
         raise (error.adding(doubt) if doubt else error) from None
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
     result = with_repeats(result, solved.observations, solved.solution.sigmas)
+    result = with_lost_rays(result, solved.observations)
     result = _with_causes(with_unused(result, given.captures, solved.unused), given, solved)
     if whose := told_by_joints(given.session.cell, [c for c in given.captures if c.id not in solved.unused]):
         verdict = "warn" if result.verdict == "pass" else result.verdict

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from calib_core.captures.content import sphere_of
+from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import RigidTransform
@@ -58,6 +59,7 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
     result = result.model_copy(update={"warnings": [*doubts, *result.warnings], "verdict": verdict})
     if cell.turntable.angles != "unknown":
         result = with_play(result)
+    result = with_lost_rays(result, [one.sphere for one in table.observations])
     result = with_table_causes(result, given, table, sphere, tool.tool0_from_laser)
     return with_unused(result, given.captures, table.unused)
 
