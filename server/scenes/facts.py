@@ -136,11 +136,17 @@ class SceneFacts:
         return laser.apply(capture.points_in_laser_mm) if laser else np.zeros((0, 3))
 
     def residuals_mm(self, capture: CaptureFacts) -> FloatArray | None:
-        """Return the signed distances (N,) of the points to the solved sphere, positive outside, once known."""
+        """Return the signed distances (N,) of the points to the solved sphere, positive outside, once known.
+
+        None of a capture that shows another sphere, as the far one of a ball bar: its distances would be all that
+        the colours can tell.
+        """
         if capture.sphere_center_in_base_mm is None or self.sphere_radius_mm is None:
             return None
         offsets = self.points_in_base_mm(capture) - capture.sphere_center_in_base_mm
-        return np.linalg.norm(offsets, axis=1) - self.sphere_radius_mm
+        found_mm = np.linalg.norm(offsets, axis=1) - self.sphere_radius_mm
+        far = len(found_mm) > 0 and float(np.median(np.abs(found_mm))) > self.sphere_radius_mm / 2
+        return None if far else found_mm
 
 
 @dataclass(frozen=True, eq=False)

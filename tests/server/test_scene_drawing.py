@@ -42,6 +42,18 @@ def test_every_capture_has_its_flange_its_scanner_its_light_and_its_name() -> No
     np.testing.assert_allclose(nodes["/sphere/solved"].arguments["position"], CENTER_MM / 1000)
 
 
+def test_a_capture_of_another_sphere_has_no_residuals_and_does_not_stretch_the_scale() -> None:
+    facts = scene_facts(make_cell().scene())
+    there = next(number for number, capture in enumerate(facts.captures) if capture.state == "used")
+    captures = list(facts.captures)
+    beside_mm = captures[there].points_in_laser_mm + [0.0, 0.0, 300.0]  # the far sphere of a ball bar
+    captures[there] = dataclasses.replace(captures[there], points_in_laser_mm=beside_mm)
+    with_another = dataclasses.replace(facts, captures=tuple(captures))
+    assert facts.residuals_mm(facts.captures[there]) is not None
+    assert with_another.residuals_mm(captures[there]) is None
+    assert look_at(with_another).limit_mm <= look_at(facts).limit_mm
+
+
 def test_points_lie_where_they_were_measured_to_a_micrometre_and_carry_their_residuals_colour() -> None:
     cell = make_cell()
     facts = scene_facts(cell.scene())
