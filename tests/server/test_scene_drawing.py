@@ -46,7 +46,7 @@ def test_a_capture_of_another_sphere_has_no_residuals_and_does_not_stretch_the_s
     facts = scene_facts(make_cell().scene())
     there = next(number for number, capture in enumerate(facts.captures) if capture.state == "used")
     captures = list(facts.captures)
-    beside_mm = captures[there].points_in_laser_mm + [0.0, 0.0, 300.0]  # the far sphere of a ball bar
+    beside_mm = captures[there].points_in_laser_mm + np.array([0.0, 0.0, 300.0])  # the far sphere of a ball bar
     captures[there] = dataclasses.replace(captures[there], points_in_laser_mm=beside_mm)
     with_another = dataclasses.replace(facts, captures=tuple(captures))
     assert facts.residuals_mm(facts.captures[there]) is not None
