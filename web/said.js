@@ -14,6 +14,8 @@ const REFUSAL = /need {}, got/i;
 const ADDED = /^(.*)( \([^()]*\)\.?)$/;
 /** Words, and no name of a capture, a file or a place. */
 const ENGLISH = /^[A-Za-z][a-z]+[ ,] ?[a-z]/;
+/** More than a hole should hold where it can be taken apart; a place is a name or two, no sentence. */
+const SEVERAL = /: |[.] [A-Z]/, PLACE = /^([^ :]+(?: [^ :]+)?): (.+)$/s;
 const BETWEEN_SENTENCES = /(?<=[.!?]) (?=[A-Z±"])/;
 
 /** How a language joins what English joins by spaces, commas and "and". */
@@ -24,7 +26,7 @@ const JOINS = /** @type {const} */ ({
 
 export class Sayings {
   /** @type {Map<string, string>} */ #known = new Map();
-  /** @type {{ few: boolean, pattern: RegExp, words: string }[] | null} made when first asked: refusals first, then the longest, as it says most */ #patterns = null;
+  /** @type {{ few: boolean, swallows: boolean, pattern: RegExp, words: string }[] | null} made when first asked: refusals first, then the longest, as it says most */ #patterns = null;
   /** @type {Map<string, string>} */ #said = new Map();
   /** Said, and not known in this language yet. @type {Set<string>} */ #lacking = new Set();
   /** Whether something in the text that is being said is not known. */ #unknown = false;
@@ -96,14 +98,27 @@ export class Sayings {
     const known = this.#known.get(text);
     if (known !== undefined) return known;
     this.#patterns ??= [...this.#known].filter(([template]) => template.includes("{}")).sort(([a], [b]) => Number(REFUSAL.test(b)) - Number(REFUSAL.test(a)) || b.length - a.length).map(([template, words]) => ({
+      swallows: /^\{\}|\{\}[.]?$/.test(template) && !/need \{\}/i.test(template),
       few: !/:|need /.test(template) && (template.match(/[A-Za-z]{2,}/g)?.length ?? 0) < FEW, pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)")}$`, "s"), words }));
-    for (const { few, pattern, words } of this.#patterns) {
+    for (const { few, swallows, pattern, words } of this.#patterns) {
       const found = pattern.exec(text);
       if (few && found?.slice(1).some((held) => JOINED.test(held) && !LIST.test(held))) continue;
+      if (!found) continue;
+      const apart = swallows && (SEVERAL.test(found[1] ?? "") || SEVERAL.test(found.at(-1) ?? "")) ? this.#apart(text) : null;
       let next = 0;
-      if (found) return words.replace(HOLE, (_, place) => this.#part(found[place ? Number(place) : ++next] ?? ""));
+      return apart ?? words.replace(HOLE, (_, place) => this.#part(found[place ? Number(place) : ++next] ?? ""));
     }
     return null;
+  }
+
+  /** Where a hole would swallow a place that stands before, or a sentence that follows: each by itself, if all are known. @param {string} text @returns {string | null} */
+  #apart(text) {
+    const [, place, rest] = PLACE.exec(text) ?? [];
+    const told = rest && this.#whole(rest);
+    if (told) return `${this.#say(place ?? "")}${this.#joins.colon}${told}`;
+    const parts = text.split(BETWEEN_SENTENCES);
+    const words = parts.length > 1 ? parts.map((part) => this.#whole(part)) : [null];
+    return words.includes(null) ? null : words.join(this.#joins.sentences);
   }
 
   /** What a hole holds: a number or a name, a text again, or a list of them. @param {string} text @returns {string} */

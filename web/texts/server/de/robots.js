@@ -34,7 +34,7 @@ export const texts = {
   "a controller's file": "die Datei einer Steuerung",
   "a file of a known controller": "die Datei einer bekannten Steuerung",
   "files of one brand": "Dateien einer einzigen Marke",
-  "files that {} could have written": "Dateien, die {} geschrieben haben könnte",
+  "files that {} could have written": "Dateien, die von {} stammen könnten",
   "one that no brand's reader knows": "eine, die kein Leser einer Marke kennt",
   "Paste the poses' numbers.": "Fügen Sie die Zahlen der Posen ein.",
   "a file of a brand with a reader": "die Datei einer Marke mit Leser",
