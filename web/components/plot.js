@@ -27,6 +27,7 @@ const LEAST = 0.002;
 const ZOOM_KEYS = { "+": 0.5, "=": 0.5, "-": 2, "0": Infinity };
 /** Beyond it a plot over captures is no wider: dots stand closer. */
 const WIDEST = 6000;
+const FULL = 1040;  // at the size of the window: letters stay as they are
 const ZOOMED = ["captures", "xy"];
 const MARKS = ["circle", "square", "diamond", "triangle"];
 
@@ -210,7 +211,7 @@ function draw(block, element) {
   const label = `${said(block.caption)} ${t("plot.keys")}`;
   const none = { low: 0, high: 0, place: Number };
   if (block.shape === "grid") return { root: grid(block), x: none, y: none };
-  const width = block.shape === "captures" ? Math.min(WIDEST, Math.max(WIDTH, EDGE.left + longest(block) * 14)) : WIDTH;
+  const width = block.shape === "captures" ? Math.min(WIDEST, Math.max(WIDTH, EDGE.left + longest(block) * 14)) : element.closest("dialog.full-size") ? FULL : WIDTH;
   const x = scaleX(block, width);
   const y = scaleY(block);
   const root = s("svg", { class: `plot plot-${block.shape}`, viewBox: `0 0 ${width} ${HEIGHT}`, style: `max-width: ${width}px`, role: "group", "aria-label": label });
