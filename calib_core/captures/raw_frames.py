@@ -1,17 +1,17 @@
 """Which captures are raw frames of the camera, that a calibrated camera and plane of light turn into points."""
 
-from pathlib import PurePosixPath
-
 from calib_core.records import Capture, Session
 from calib_core.stages.registry import steps_that_show
 
 IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
+_ENDINGS = tuple(IMAGES)
 
 
 def of_frames(capture: Capture) -> bool:
     """Return whether a capture is raw frames, which camera and plane of light turn into points."""
-    suffixes = {PurePosixPath(name).suffix.lower() for name in capture.files}
-    return capture.kind == "frame" or (capture.kind == "sweep" and not suffixes.isdisjoint(IMAGES))
+    if capture.kind != "sweep":
+        return capture.kind == "frame"
+    return any(name.lower().endswith(_ENDINGS) for name in capture.files)
 
 
 def uses_frames(session: Session) -> bool:

@@ -53,9 +53,10 @@ def recognise(data: bytes, name: str) -> Match:
     """Return how sure it is that a file is a Gocator's: by its first lines."""
     if ending_of(name) not in FORMAT.endings or b"\0" in data[:2]:
         return NO_MATCH
-    head = [line.strip().strip(b",;").strip() for line in data[:4000].lstrip(b"\xef\xbb\xbf").split(b"\n")]
-    begins = next((line for line in head if line), b"").decode("latin-1")
-    if begins in _SECTIONS and (begins != "Info" or any(b"CSV Version" in line for line in head)):
+    head = data[:4000].lstrip(b"\xef\xbb\xbf")
+    bare = (line.strip().strip(b",;").strip() for line in head.split(b"\n"))
+    begins = next((line for line in bare if line), b"").decode("latin-1")
+    if begins in _SECTIONS and (begins != "Info" or b"CSV Version" in head):
         return Match(0.95, f"begins with the section {begins}")
     return NO_MATCH
 
