@@ -137,4 +137,13 @@ export const texts = {
   "Show the board at the {} of the image: nothing was seen there yet.": "Zeigen Sie die Tafel {} im Bild: Dort war noch nichts zu sehen.",
   "Show the board nearer to the camera, then farther away: all views are from one distance.": "Zeigen Sie die Tafel näher an der Kamera, dann weiter weg: Alle Ansichten haben einen Abstand.",
   "You trust it.": "Sie vertrauen ihm.",
+  "Look at the result, and at why {} {} left out.": "Sehen Sie das Ergebnis an, und warum {1} ausgelassen wurde(n).",
+  "A capture that contradicts all others was spoiled: the sphere moved, or the pose is not its own.": "Eine Aufnahme, die allen anderen widerspricht, war gestört: Die Kugel bewegte sich, oder die Pose ist nicht ihre eigene.",
+  "An answer is as good as its evidence.": "Eine Lösung ist so gut wie ihre Belege.",
+  "It does not explain the captures within their noise.": "Es erklärt die Aufnahmen nicht innerhalb ihres Rauschens.",
+  "Do not use this result yet: fix what is named below, then solve again.": "Verwenden Sie dieses Ergebnis noch nicht: Beheben Sie, was unten steht, dann lösen Sie erneut.",
+  "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer.": "Sehen Sie das Ergebnis an: Unsicherheit, Residuen, die zwei Schritte neben der gemeinsamen Lösung.",
+  "You trust it: then export it, or verify it with captures that were not used.": "Sie vertrauen dem Ergebnis: Dann exportieren Sie es, oder prüfen Sie es mit Aufnahmen, die nicht verwendet wurden.",
+  "Every capture fits the sphere within its noise, and no direction is left open.": "Jede Aufnahme passt innerhalb ihres Rauschens zur Kugel, und keine Richtung ist offen.",
+  "Nothing is left open, and another capture would change little.": "Nichts ist mehr offen, und eine weitere Aufnahme würde wenig ändern.",
 };

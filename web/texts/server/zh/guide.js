@@ -137,4 +137,13 @@ export const texts = {
   "Show the board at the {} of the image: nothing was seen there yet.": "将标定板放在图像的{}：那里尚未见过。",
   "Show the board nearer to the camera, then farther away: all views are from one distance.": "将标定板靠近相机，再远离：所有视图距离相同。",
   "You trust it.": "您信任该结果。",
+  "Look at the result, and at why {} {} left out.": "查看结果，以及 {1} 被略去的原因。",
+  "A capture that contradicts all others was spoiled: the sphere moved, or the pose is not its own.": "与所有其他矛盾的采集有问题：球移动过，或位姿不属于它。",
+  "An answer is as good as its evidence.": "结果的可靠性取决于其依据。",
+  "It does not explain the captures within their noise.": "它无法在噪声内解释采集。",
+  "Do not use this result yet: fix what is named below, then solve again.": "请勿使用此结果：先解决下列问题，再重新求解。",
+  "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer.": "查看结果：不确定度、残差、两步法与联合解。",
+  "You trust it: then export it, or verify it with captures that were not used.": "若信任结果：请导出，或用未使用的采集验证。",
+  "Every capture fits the sphere within its noise, and no direction is left open.": "每个采集在噪声内与球吻合，且没有未定方向。",
+  "Nothing is left open, and another capture would change little.": "没有未定之处，增加采集变化不大。",
 };
