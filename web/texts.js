@@ -86,7 +86,8 @@ export function said(text) {
 export function refusal({ detail, title, need, got, to_do: toDo }) {
   const told = `need ${need}, got ${got}. ${toDo}`;
   if (!sayings || !detail?.endsWith(told)) return said(detail ?? title ?? "");
-  return `${detail.slice(0, -told.length)}${said(`Need ${need}, got ${got}.`)}${language === "zh" ? "" : " "}${said(toDo ?? "")}`;
+  const place = detail.slice(0, -told.length - 2);
+  return `${place && `${said(place)}: `}${said(`Need ${need}, got ${got}.`)}${language === "zh" ? "" : " "}${said(toDo ?? "")}`;
 }
 
 /**

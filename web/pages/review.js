@@ -13,7 +13,7 @@ import { attempt } from "../components/toasts.js";
 import { h, make, style } from "../dom.js";
 import { mark } from "../icons.js";
 import { ReviewState } from "../state/review.js";
-import { learnTexts, t } from "../texts.js";
+import { learnTexts, said, t } from "../texts.js";
 import { cellWords } from "../components/cell-words.js";
 
 await learnTexts("timeline");
@@ -55,7 +55,7 @@ export class ReviewPage extends HTMLElement {
   /** @param {ReviewState} state */
   #update({ session, problem }) {
     if (problem && !session) {
-      this.replaceChildren(h("section", { class: "lost" }, h("h1", {}, problem.body.title ?? ""), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back"))));
+      this.replaceChildren(h("section", { class: "lost" }, h("h1", {}, said(problem.body.title ?? "")), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back"))));
       return;
     }
     if (!session) return;

@@ -13,7 +13,7 @@ import { attempt } from "../components/toasts.js";
 import { h, make } from "../dom.js";
 import { allowed } from "../state/me.js";
 import { SessionState } from "../state/session.js";
-import { SAID, t } from "../texts.js";
+import { SAID, said, t } from "../texts.js";
 import { cellWords } from "../components/cell-words.js";
 import { forgetDeeds } from "../state/undo.js";
 import { redoLast, undoLast } from "../components/undo.js";
@@ -135,7 +135,7 @@ export class SessionPage extends HTMLElement {
       this.top?.replaceChildren();
     }
     if (problem && !session) {
-      this.#problem.replaceChildren(h("h1", {}, problem.body.title ?? ""), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back")));
+      this.#problem.replaceChildren(h("h1", {}, said(problem.body.title ?? "")), h("p", {}, problem.message), h("a", { href: "/" }, t("lost.back")));
     }
     this.classList.toggle("without-session", !session);
     if (!session) return;
