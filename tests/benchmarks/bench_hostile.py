@@ -19,6 +19,8 @@ import psutil
 from harness import Row
 from mutations import altered, altered_archive, clouds, images, profiles, session_record
 
+from tests.server.access import ROLES, bearer, guarded
+
 _POSE = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]
 _CELL = {
     "pose_convention": "fanuc",
@@ -199,6 +201,19 @@ def outside(folder: Path) -> list[str]:
     return [str(p) for p in found if p != decoy] + ([] if decoy.read_text() == "untouched" else ["decoy"])
 
 
+def fuzzed_by_role(examples: int) -> int:
+    """Ask a server that requires a login for everything, as nobody and with each role; return how often."""
+    from tests.server.test_schema_fuzzing import fuzzed
+
+    sent = 0
+    with tempfile.TemporaryDirectory() as folder, guarded(Path(folder)) as (admin, tokens):
+        admin.headers.update(bearer(tokens["admin"]))
+        for headers in ({}, *(bearer(tokens[role]) for role in ROLES)):
+            with httpx.Client(base_url=admin.base_url, trust_env=False, timeout=60, headers=headers) as api:
+                sent += sum(fuzzed(api, examples, admin).values())
+    return sent
+
+
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` sends the 10,000 of the target."""
     from tests.server.test_schema_fuzzing import fuzzed
@@ -214,6 +229,7 @@ def run(full: bool) -> list[Row]:
                 requests = fuzzed(api, examples)
             peak_mb = watch.peak_mb()
         left = outside(folder)
+    by_role = fuzzed_by_role(examples // 4)
     for fault in trials.faults[:10]:
         print(f"  {fault}")
     print(f"  {dict(trials.kinds)}, statuses {dict(sorted(trials.statuses.items()))}")
@@ -225,4 +241,5 @@ def run(full: bool) -> list[Row]:
         Row("most memory of one process", "≤ 1 GB", f"{peak_mb:.0f} MB", peak_mb <= _MAX_MB),
         Row("touched outside the data folder", "nothing", f"{len(left)} files", not left),
         Row(f"schemathesis, {len(requests)} operations", "no 500", f"{sent} requests, none", True),
+        Row("the same as nobody and with each role, login required", "no 500", f"{by_role} requests, none", True),
     ]
