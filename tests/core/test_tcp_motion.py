@@ -126,7 +126,7 @@ def mirrored_y(pose: RigidTransform) -> RigidTransform:
 @OPTIONS
 @pytest.mark.parametrize(
     ("mistake", "seed"),
-    # The seeds of thirty at which inverted poses fit best; at all of them the others scatter by far more.
+    # The seeds of thirty at which inverted poses fit best; the others scatter more.
     [(inverted, 0), (inverted, 12), (inverted, 26), (turned_back, 12), (mirrored_y, 12)],
 )
 def test_poses_the_wrong_way_round_fail_and_the_poses_are_blamed_first(mistake, options, seed: int) -> None:
