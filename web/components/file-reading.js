@@ -7,7 +7,7 @@ import { mark } from "../icons.js";
 import { kindOf } from "../state/files.js";
 import { profilePlot } from "./profile-plot.js";
 import { offered } from "../state/registries.js";
-import { learnTexts, maybe, said, t } from "../texts.js";
+import { learnRefusals, learnTexts, maybe, said, t } from "../texts.js";
 
 await learnTexts("dialogs");
 
@@ -42,7 +42,7 @@ export class FileReadingElement extends HTMLElement {
     const file = found.find(({ path }) => kindOf(path, scannerKind) === "profile" || kindOf(path, scannerKind) === "cloud");
     if (!file || this.#looked === file.path) return;
     [this.#file, this.#kind, this.#looked] = [file, kindOf(file.path, scannerKind), file.path];
-    const formats = await offered("formats");
+    const [formats] = await Promise.all([offered("formats"), learnRefusals()]); // notes and doubts are said there
     this.#format.replaceChildren(h("option", { value: "" }, t("reading.as_it_says")), ...formats.filter(({ reads }) => reads).map(({ name, title }) => h("option", { value: name }, title)));
     await this.#look();
   }
@@ -96,7 +96,7 @@ export class FileReadingElement extends HTMLElement {
       t("reading.read", { title, points, kind: maybe(`reading.kind_${kind}`, kind) }),
       grid ? t("reading.grid", { rows: grid[0] ?? 0, columns: grid[1] ?? 0 }) : "",
       missing ? t("reading.missing", { missing }) : "",
-      Object.entries(columns).map(([axis, name]) => t("reading.column", { axis, name: said(name) })).join(" "),
+      Object.entries(columns).map(([axis, name]) => t("reading.column", { axis, name: said(name) })).join(", "),
       t("reading.in_unit", { unit, from: maybe(`reading.from_${from}`, from) }),
     ].filter(Boolean).join(t("reading.join"));
   }

@@ -10,8 +10,8 @@ const PATIENCE_MS = [400, 1200, 3000];
 /** Who is asked to wait for longer than this is told so. */
 const LONGEST_WAIT_S = 5;
 
-/** As a sentence begins; the server's may stand behind a name. @param {string} text */
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+/** As a sentence begins; a file's name stays as it is. @param {string} text */
+const sentence = (text) => (/^\S+\.\w+[:：]/u.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1));
 
 /** A request that the server refused, or that never reached it; `message` says what to do. */
 export class Problem extends Error {
