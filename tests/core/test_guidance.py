@@ -36,10 +36,10 @@ def situation(limits: Limits | None = None) -> Situation:
     return Situation([], assumed, Room(SIGHT, limits or Limits(), HOME))
 
 
-def followed(start: Situation, count: int) -> Situation:
+def followed(start: Situation, count: int, until: int = 12) -> Situation:
     now = start
     for k in range(count):
-        best = next_pose(now, count=150)
+        best = next_pose(now, 150, until)
         assert best is not None
         seen = now.room.sight.observation(f"p{k}", best.base_from_tool0, best.center_in_laser_mm, RADIUS_MM)
         now = with_taken(now, seen)
@@ -94,6 +94,13 @@ def test_every_capture_helps_and_chosen_ones_more_than_random_ones() -> None:
     sets = [sorted(rng.choice(len(some), 10, replace=False)) for _ in range(15)]
     usual = float(np.median([worst_sigma_mm(random.workpiece(one)) for one in sets]))
     assert after[-1] < 0.8 * usual
+
+
+def test_a_set_that_is_thought_of_ahead_leaves_less_than_the_best_pose_each_time() -> None:
+    start = situation(Limits(tilt_deg=20.0, turn_deg=25.0))
+    ahead, each = (followed(start, 6, until) for until in (12, 0))
+    sigmas = [float(worst_sigma_mm(Design(now.taken, now.assumed).workpiece(range(6)))) for now in (ahead, each)]
+    assert sigmas[0] < sigmas[1]
 
 
 def test_poses_keep_field_reach_tilt_and_boxes() -> None:
