@@ -104,7 +104,7 @@ export class Sayings {
       const found = pattern.exec(text);
       if (few && found?.slice(1).some((held) => JOINED.test(held) && !LIST.test(held))) continue;
       if (!found) continue;
-      const apart = swallows && (SEVERAL.test(found[1] ?? "") || SEVERAL.test(found.at(-1) ?? "")) ? this.#apart(text) : null;
+      const apart = swallows && [found[1], found.at(-1)].some((held) => held && SEVERAL.test(held) && this.#whole(held) === null) ? this.#apart(text) : null;
       let next = 0;
       return apart ?? words.replace(HOLE, (_, place) => this.#part(found[place ? Number(place) : ++next] ?? ""));
     }

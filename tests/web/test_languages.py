@@ -1,13 +1,14 @@
 """No text is cut off in any language: what is in sight is measured against what holds and clips it."""
 
 import re
+from typing import Any, cast
 
 import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
 from tests.server.live_server import simulated_session, wait_for
-from tests.web.browsing import SharedProfile, in_language
+from tests.web.browsing import SharedProfile, Watch, in_language
 
 pytestmark = pytest.mark.browser
 
@@ -69,7 +70,7 @@ def page(request: pytest.FixtureRequest, profile: SharedProfile) -> Page:
     return page
 
 
-def test_no_text_is_cut_off(page: Page, session: str) -> None:
+def test_no_text_is_cut_off(page: Page, session: str, watch: Watch) -> None:
     found: dict[str, list[str]] = {}
 
     def look(where: str) -> None:
@@ -77,7 +78,7 @@ def test_no_text_is_cut_off(page: Page, session: str) -> None:
             page.set_viewport_size({"width": width, "height": height})
             if cut := page.evaluate(_CUT):
                 found[f"{where}, {width} px"] = cut
-        if page.locator("html").get_attribute("lang") != "en" and where in ("result", "measure"):
+        if page.locator("html").get_attribute("lang") != "en" and where in ("result", "measure", "bad file"):
             page.wait_for_function(_TRANSLATED)
 
     expect(page.locator(".session-card").first).to_be_visible()
@@ -90,6 +91,17 @@ def test_no_text_is_cut_off(page: Page, session: str) -> None:
     expect(page.locator("table.captures tbody tr")).to_have_count(14)
     page.locator("table.captures .pick").nth(2).click()
     look("measure")
+    watch.announce("status of 422.*/readings")
+    broken = {
+        "name": "p99.csv",
+        "mimeType": "text/csv",
+        "buffer": b"x_mm,z_mm\n1,2\n2,3\n3",
+    }  # cut in its last line
+    page.locator("sc-intake input[type=file]").first.set_input_files(cast(Any, broken))
+    page.locator("sc-file-reading section").wait_for()
+    look("bad file")
+    page.keyboard.press("Escape")
+    page.locator("h1").first.click()
     page.keyboard.press("?")
     page.locator("dialog[open]").wait_for()
     look("keys")
