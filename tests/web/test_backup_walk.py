@@ -51,7 +51,7 @@ def test_from_a_backup_to_a_patched_backup(open_page: Callable[..., Any], backup
     count = len(RECORD["captures"])
     shown = page.get_by_role("region", name="Poses from the controller's files")
     expect(shown).to_contain_text(f"kuka: {count} poses, 2 tools")
-    expect(page.get_by_role("region", name="How the scanner files are read")).to_contain_text("profile of")
+    expect(page.get_by_role("region", name="How the scanner files are read")).to_contain_text("profile, ")
     hand.click(f"Add {count} captures")
     expect(page.locator(".captures tbody tr")).to_have_count(count)
     hand.click("Solve the TCP")
@@ -124,7 +124,7 @@ def test_a_capture_keeps_file_and_line_and_what_was_said_of_its_file(
         shown.get_by_text("Read them differently").click()
         shown.get_by_label("Unit").select_option("mm")
         shown.get_by_role("button", name="Read again").click()
-        expect(shown).to_contain_text("as told")
+        expect(shown).to_contain_text("mm (as chosen)")
         page.get_by_role("button", name="Add 2 captures").click()
         expect(page.locator(".captures tbody tr")).to_have_count(2)
         stored = api.get(f"/sessions/{session}/captures").json()["items"]
