@@ -11,7 +11,8 @@ from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.nodes import Node
 
-_AXES_MM, _RING_MM, _FAN_HALF_RAD = 44.0, 14.0, 0.26
+AXES_MM = 44.0
+_RING_MM, _FAN_HALF_RAD = 14.0, 0.26
 _FAR_MM = 200.0  # as far as the light is drawn where the sphere's distance is not known
 _DASHES = 9
 
@@ -21,7 +22,7 @@ def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
     pose = facts.next_pose
     if pose is None or look.alone:
         return
-    yield nodes.axes("/ghost/flange", pose, _AXES_MM, GHOST)
+    yield nodes.axes("/ghost/flange", pose, AXES_MM, GHOST)
     yield nodes.lines("/ghost/ring", pose.apply(_ring_mm()), GHOST, 3.0)
     yield nodes.label("/ghost/name", pose.translation_mm + np.array([0.0, 0.0, 26.0]), "next pose", 1.2)
     if facts.captures:
@@ -32,7 +33,7 @@ def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
     if facts.tool0_from_laser is None:
         return
     laser = pose @ facts.tool0_from_laser
-    yield nodes.axes("/ghost/laser", laser, 0.6 * _AXES_MM, GHOST)
+    yield nodes.axes("/ghost/laser", laser, 0.6 * AXES_MM, GHOST)
     corners = fan_mm(_ahead_mm(facts, laser))
     yield nodes.surface("/ghost/light", laser, corners, np.array([[0, 1, 2]], dtype=np.uint32), GHOST, 0.16)
 

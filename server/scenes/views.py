@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 from server.scenes.facts import SceneFacts
+from server.scenes.ghost import AXES_MM
 from server.scenes.nodes import METRES_PER_MM
 from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
 from server.scenes.turntable import TableFacts
@@ -106,7 +107,8 @@ def _places_mm(facts: SceneFacts) -> FloatArray:
     """Return the places (N, 3) that a view must hold: flanges, also the next one, scanners, sphere."""
     places = [capture.base_from_tool0.translation_mm for capture in facts.captures]
     if facts.next_pose is not None:
-        places.append(facts.next_pose.translation_mm)
+        # With what is drawn about it: after the first captures it takes up a good part of the window.
+        places += list(facts.next_pose.apply(AXES_MM * np.concatenate([np.eye(3), -np.eye(3)])))
     for capture in facts.captures:
         laser = facts.base_from_laser(capture)
         if laser is not None:
