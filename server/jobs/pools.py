@@ -8,20 +8,35 @@ from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from functools import partial
 from multiprocessing.queues import Queue
 from pickle import UnpicklingError
+from tempfile import TemporaryDirectory
+from typing import Any
 
 from calib_core.errors import InputError
 from server.jobs import worker
 from server.jobs.child_processes import WorkerContext
 from server.jobs.pool import Listen, Pool
+from server.jobs.results_by_file import result_from_file, result_to_file
 from server.settings import Settings
 
 log = logging.getLogger("scancell")
 
 
-class _CancelledOnce(Future[worker.Solved]):
-    """Stays cancelled when its pool breaks: the executor of Python 3.11 would trip over it, and not end."""
+class _Job(Future[worker.Solved]):
+    """Takes its result from the worker's file.
+
+    It stays cancelled when its pool breaks: the executor of Python 3.11 would trip over it, and not end.
+    """
+
+    def set_result(self, result: Any) -> None:
+        try:
+            solved = result_from_file(result)
+        except (OSError, EOFError, UnpicklingError) as error:  # the pool was closed meanwhile
+            self.set_exception(error)
+        else:
+            super().set_result(solved)
 
     def set_exception(self, exception: BaseException | None) -> None:
         with suppress(InvalidStateError):
@@ -35,6 +50,7 @@ class ProcessPool(Pool):
         self._context = WorkerContext(settings.warm_up)
         self._initialized: set[worker.Place] = set()
         self._closing = False
+        self._results = TemporaryDirectory(prefix="scancell-results-", ignore_cleanup_errors=True)
         self._queue: Queue[worker.Message | None] = self._context.Queue()
         self.executor = ProcessPoolExecutor(
             settings.workers,
@@ -46,8 +62,8 @@ class ProcessPool(Pool):
 
     def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
         """Have work done; raises BrokenProcessPool if a worker has ended."""
-        future = self.executor.submit(work)
-        future.__class__ = _CancelledOnce
+        future: Future[Any] = self.executor.submit(partial(result_to_file, self._results.name, work))
+        future.__class__ = _Job
         return future
 
     def get_ready(self) -> "Future[bool]":
@@ -92,6 +108,7 @@ class ProcessPool(Pool):
             if process.pid is not None and process.pid not in self._initialized:
                 process.kill()
         self._queue.put(None)
+        self._results.cleanup()
 
     def _next(self) -> worker.Message | None:
         """Return the next message, None at the end: also where a process that was killed then left half of one."""

@@ -17,6 +17,13 @@ def slow_solve(job_id: str, *_: Any) -> dict[str, Any]:
     raise AssertionError("nobody ended this")
 
 
+def long_result(began: Path, size: int) -> bytes:
+    """Return much, once a file says so."""
+    result = bytes(size)
+    began.touch()
+    return result
+
+
 def faulty_solve(job_id: str, *_: Any) -> dict[str, Any]:
     """Meet an error that nobody thought of."""
     worker.started(job_id)

@@ -5,6 +5,7 @@ import queue
 import signal
 import time
 from collections.abc import Callable
+from concurrent.futures import wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ import server.jobs.worker
 from server.jobs.pools import ProcessPool
 from server.settings import Settings
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
-from tests.server.slow_work import slow_solve
+from tests.server.slow_work import long_result, slow_solve
 from tests.server.test_events import listening
 
 
@@ -160,6 +161,28 @@ def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
             job = client.get(f"/jobs/{job_id}").json()
             assert job["status"] == "failed"
             assert job["error"]["to_do"] == "The server restarted; run it again."
+
+
+@pytest.mark.parametrize("after_s", [0.01, 0.03, 0.09])
+def test_a_worker_killed_while_it_sends_a_long_result_ends_its_job_and_its_pool(
+    tmp_path: Path, after_s: float
+) -> None:
+    """Half a message in the executor's pipe kept job, pool and server waiting for ever."""
+    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
+    keeper_of: Any = vars(pool.executor)
+    work: Any = partial(long_result, tmp_path / "began", 64_000_000)
+    job = pool.submit(work)
+    end_s = time.monotonic() + 60
+    while not (tmp_path / "began").exists():
+        assert time.monotonic() < end_s
+        time.sleep(0.001)
+    keeper = keeper_of["_executor_manager_thread"]
+    time.sleep(after_s)
+    pool.end_worker(next(iter(keeper_of["_processes"])))
+    wait([job], timeout=30)
+    keeper.join(timeout=30)
+    assert (job.done(), keeper.is_alive()) == (True, False)
+    pool.close()
 
 
 def test_a_pool_that_breaks_ends_though_a_job_was_cancelled_while_it_waited(tmp_path: Path) -> None:
