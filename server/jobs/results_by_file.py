@@ -1,8 +1,8 @@
 """Results of worker processes come as files: what goes through the pipe to the server stays small.
 
-A worker may be killed at any moment: because its job is cancelled or takes too long, or because memory ran out.  Where
-that cuts a long message in the pipe, the executor's thread in the server waits for the rest for ever: no job of
-the pool ends any more, and the server cannot be stopped.  A file's name is written in one piece.
+A worker may be killed at any moment: because its job is cancelled or takes too long, or because memory ran out.
+Where that cuts a long message in the pipe, the executor's thread in the server waits for the rest for ever: no job
+of the pool ends any more, and the server cannot be stopped.  A file's name is written in one piece.
 """
 
 import os
@@ -25,6 +25,6 @@ def result_to_file(folder: str, work: Callable[[], Any]) -> str:
 def result_from_file(name: str) -> Any:
     """Return the result that a file holds, and remove it."""
     path = Path(name)
-    result = pickle.loads(path.read_bytes())  # noqa: S301 — written by a worker, in a folder of this user's own
+    result = pickle.loads(path.read_bytes())  # a worker wrote it, in a folder that only this user may open
     path.unlink()
     return result
