@@ -11,7 +11,7 @@ import numpy as np
 from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.guidance.design import Design, worst_sigma_mm
-from calib_core.guidance.known import situation_of
+from calib_core.guidance.known import MOST_TAKEN, situation_of
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
 from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
@@ -21,6 +21,7 @@ _PLENTY, _LITTLE = 10, 0.95
 _WEAK = 0.2  # of the limits of what is undetermined: what a result warns of
 _HISTORY = 24
 _TO_VERIFY = 150  # candidates: the best of fewer is good enough to verify by
+_NEWEST = 2 * MOST_TAKEN
 _OF_CAPTURE = ("id", "step", "kind", "files", "center_mm", "pose", "side", "excluded", "table_deg", "mount")
 _OF_MEASURED = (
     "capture",
@@ -79,7 +80,7 @@ def tcp_advice(
 
     The same captures give the same advice; it is kept, because page, scene and command line ask for it at once.
     """
-    return _advised(inputs_of(session, measured, results, ("tcp",)))
+    return _advised(inputs_of(session, measured, results, ("tcp",), _NEWEST))
 
 
 def verify_pose(
@@ -94,9 +95,16 @@ def inputs_of(
     measured: Sequence[Measured],
     results: Mapping[str, Mapping[str, Any]],
     steps: tuple[str, ...],
+    newest: int | None = None,
 ) -> str:
-    """Return all that an advice rests on, as text: the same captures give the same advice, which is kept by it."""
-    captures = [c.model_dump(include=set(_OF_CAPTURE)) for c in session.captures if c.step in steps]
+    """Return all that an advice rests on, as text: the same captures give the same advice, which is kept by it.
+
+    With `newest` of many captures the first, which says how the scanner is held, and so many of the last.
+    """
+    told = [capture for capture in session.captures if capture.step in steps]
+    if newest is not None and len(told) > newest:
+        told = [told[0], *told[-newest:]]
+    captures = [capture.model_dump(include=set(_OF_CAPTURE)) for capture in told]
     names = {c["id"] for c in captures}
     seen = [m.model_dump(include=set(_OF_MEASURED)) for m in measured if m.capture in names]
     known = {*tool_stages(), *table_stages()}

@@ -24,7 +24,7 @@ _LEAST_SEARCHED = 5  # captures from which tool and sphere are found whatever th
 _GOOD_SCATTER_MM = 2.0
 _LEAST_TURN_RAD = np.deg2rad(5.0)
 _NOMINAL_MM, _NOMINAL_DEG = 10.0, 3.0
-_MANY = 40  # captures beyond these change no advice, and would only make it slow
+MOST_TAKEN = 40  # captures beyond these change no advice, and would only make it slow
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def situation_of(
         tool_sigma_mm=place.tool_sigma_mm,
         tool_sigma_rad=place.tool_sigma_rad,
     )
-    return Situation(seen[-_MANY:], assumed, Room(sight, cell.limits, home, keep_off))
+    return Situation(seen[-MOST_TAKEN:], assumed, Room(sight, cell.limits, home, keep_off))
 
 
 def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:

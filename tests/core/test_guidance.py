@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.captures.measure import measure_capture
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.tcp import TcpOptions, solve_tcp
 from calib_core.frames import RigidTransform, rotation_from_vector
-from calib_core.guidance.advice import advice_in
+from calib_core.guidance.advice import advice_in, inputs_of, inputs_read
 from calib_core.guidance.candidates import Room, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.planner import Situation, next_pose, planned_set, with_taken
@@ -154,6 +155,20 @@ def test_advice_stops_where_the_wanted_figure_is_reached() -> None:
     assert more.meter.after_next_mm < more.meter.uncertainty_mm
     never = advice_in(now, wanted_mm=0.001)
     assert never.meter.still_needed is None
+
+
+def test_of_many_captures_an_advice_reads_the_first_and_the_newest_ones_alone() -> None:
+    """All of a thousand would cost a second each time that one more has come."""
+    simulated = simulate("tcp", 3)
+    taken = simulated.session.captures
+    many = [taken[k % len(taken)].model_copy(update={"id": f"c{k:03d}"}) for k in range(120)]
+    session = simulated.session.model_copy(update={"captures": many})
+    measured = [measure_capture(session, many[0], simulated.files.__getitem__)]
+    read, seen, _ = inputs_read(inputs_of(session, measured, {}, ("tcp",), 80))
+    assert [c.id for c in read.captures] == ["c000", *(f"c{k:03d}" for k in range(40, 120))]
+    assert [m.capture for m in seen] == ["c000"]
+    all_read, _, _ = inputs_read(inputs_of(session, measured, {}, ("tcp",)))
+    assert len(all_read.captures) == 120
 
 
 def test_a_pose_that_is_not_sure_is_said_to_be_so() -> None:
