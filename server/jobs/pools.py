@@ -38,6 +38,11 @@ class _Job(Future[worker.Solved]):
         else:
             super().set_result(solved)
 
+    def result(self, timeout: float | None = None) -> worker.Solved:
+        found: Any = super().result(timeout)
+        # Of work that ended before the executor's future was given this class, the file is still to be read.
+        return result_from_file(found) if isinstance(found, str) else found
+
     def set_exception(self, exception: BaseException | None) -> None:
         with suppress(InvalidStateError):
             super().set_exception(exception)

@@ -16,6 +16,7 @@ import pytest
 
 import server.jobs.worker
 from server.jobs.pools import ProcessPool
+from server.jobs.results_by_file import result_to_file
 from server.settings import Settings
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
 from tests.server.slow_work import long_result, slow_solve
@@ -161,6 +162,17 @@ def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
             job = client.get(f"/jobs/{job_id}").json()
             assert job["status"] == "failed"
             assert job["error"]["to_do"] == "The server restarted; run it again."
+
+
+def test_a_result_that_is_there_before_its_future_has_its_class_is_read_all_the_same(tmp_path: Path) -> None:
+    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
+    quick: Any = pool.executor.submit(partial(result_to_file, str(tmp_path), os.getpid))
+    wait([quick], timeout=60)
+    work: Any = os.getpid
+    done: Any = pool.submit(work)
+    quick.__class__ = type(done)
+    assert quick.result(timeout=60) == done.result(timeout=60)
+    pool.close()
 
 
 @pytest.mark.parametrize("after_s", [0.01, 0.03, 0.09])
