@@ -6,7 +6,7 @@ Nothing heavy is imported before a command runs, so that `scancell --help` answe
 import argparse
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
 from calib_core import __version__
@@ -22,6 +22,11 @@ _EXIT_STATUS = """exit status:
   1  solved, but a verdict is `fail` (bench: a figure does not hold; replay: a number differs)
   2  bad input: one sentence on standard error says which file and what to do"""
 
+_COMMON = {
+    "--json": "print one JSON object on standard output",
+    "--quiet": "print errors alone, and what --json asks for",
+    "--debug": "show where an error comes from",
+}
 
 _LONGEST_LINE = 2000
 
@@ -77,6 +82,7 @@ def parser(used: Iterable[str]) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=f"scancell {__version__}")
+    _add_common(top.add_argument, default=False)
     _add(top, COMMANDS, frozenset(used))
     return top
 
@@ -115,15 +121,14 @@ def _add(parent: argparse.ArgumentParser, commands: Iterable[Command], used: fro
             _add(added, command.actions, used)
             continue
         command.arguments(added)
-        _add_common(added)
+        _add_common(added.add_argument_group("common").add_argument, default=argparse.SUPPRESS)
         added.set_defaults(command=command)
 
 
-def _add_common(parser: argparse.ArgumentParser) -> None:
-    common = parser.add_argument_group("common")
-    common.add_argument("--json", action="store_true", help="print one JSON object on standard output")
-    common.add_argument("--quiet", action="store_true", help="print errors alone, and what --json asks for")
-    common.add_argument("--debug", action="store_true", help="show where an error comes from")
+def _add_common(add: Callable[..., Any], *, default: Any) -> None:
+    """Add what is taken before a command's name and after it; the default of one must not undo the other."""
+    for name, told in _COMMON.items():
+        add(name, action="store_true", default=default, help=told)
 
 
 def _run(options: argparse.Namespace) -> int:

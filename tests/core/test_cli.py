@@ -9,7 +9,7 @@ import pytest
 
 from calib_core import __version__
 from calib_core.simulation import simulate
-from server.cli import main
+from server.cli import main, parser
 from server.commands.schema.records import PYTHON_CLIENT, SCHEMAS, schema_text
 from tests.benchmarks.harness import Row
 
@@ -204,3 +204,9 @@ def test_serve_refuses_a_taken_port(capsys, tmp_path):
     assert "already in use" in capsys.readouterr().err
     assert main(["serve", "--port", "70000", "--data", str(tmp_path)]) == 2
     assert "a port from 0 to 65535" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--json", "frames"], ["frames", "--json"], ["--json", "archive", "verify"]])
+def test_common_options_stand_before_a_commands_name_or_after_it(words):
+    options = parser(words).parse_args([*words, "somewhere"])
+    assert (options.json, options.quiet, options.debug) == (True, False, False)
