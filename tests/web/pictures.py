@@ -24,6 +24,7 @@ sys.path.insert(0, str(ROOT))
 from server.settings import Settings  # noqa: E402
 from tests.server.live_server import make_session, serving, simulated_session, wait_for  # noqa: E402
 from tests.web.browsing import BROWSER_ARGUMENTS, leave_out_the_scene  # noqa: E402
+from tests.web.moments import scene_frame  # noqa: E402
 
 FOLDER = ROOT / "docs" / "images"
 COLORS = 256
@@ -102,6 +103,16 @@ def result(page: Page, client: httpx.Client) -> None:
     expect(page.locator(".answer-card")).to_be_visible()
 
 
+def answered(page: Page, client: httpx.Client) -> None:
+    """The picture that the README starts with: an accepted tool with the arcs that it rests on."""
+    session = simulated_session(client, captures=14)
+    wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=300)
+    page.goto(f"/sessions/{session}#result")
+    expect(page.locator(".answer-card")).to_be_visible()
+    scene_frame(page)
+    page.wait_for_timeout(4000)
+
+
 def reviewed(page: Page, client: httpx.Client) -> None:
     session = simulated_session(client, captures=14, scenario="tcp-moved-sphere")
     wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=300)
@@ -131,6 +142,7 @@ PICTURES = {
     "tour": Picture(toured),
     "result": Picture(result, height=1200),
     "result-dark": Picture(result, 1024, 1000, theme="dark", touch=True),
+    "session": Picture(answered, 1600, 1000, scene=True),
     "review": Picture(reviewed, height=1000),
     "access": Picture(access),
 }

@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
-import { fixed, significant, small } from "../format.js";
+import { decimalsFor, fixed, plusMinus, significant } from "../format.js";
 import { mark } from "../icons.js";
 import { t } from "../texts.js";
 
@@ -26,8 +26,14 @@ export function truthSection(sessionId, stage) {
 /** @param {FrameDifference} frame @param {boolean} named */
 function line({ frame, at_workpiece_mm, at_workpiece_sigma_mm, angle_deg, chance }, named) {
   const within = chance >= RARE;
+  const stated_mm = K * at_workpiece_sigma_mm;
   return h("p", {},
     named && h("strong", {}, `${frame} `),
-    t("truth.off", { error: small(at_workpiece_mm), angle: significant(angle_deg, 2), stated: small(K * at_workpiece_sigma_mm), share: fixed(at_workpiece_mm / (K * at_workpiece_sigma_mm || 1), 1) }), " ",
+    t("truth.off", {
+      error: `${fixed(at_workpiece_mm, decimalsFor(stated_mm))}\u202fmm`,
+      angle: significant(angle_deg, 2),
+      stated: plusMinus(stated_mm, "mm"),
+      share: fixed(at_workpiece_mm / (stated_mm || 1), 1),
+    }), " ",
     mark(within ? "pass" : "warn", t(within ? "truth.within" : "truth.beyond")));
 }

@@ -47,7 +47,7 @@ export const result = {
   "answer.figures": "More figures",
   "answer.next": "Next:",
   "truth.title": "Compared with the truth",
-  "truth.off": "Off by {error} at the workpiece and {angle}°. Stated: ±{stated}. The error is {share} of that.",
+  "truth.off": "Off by {error} at the workpiece and {angle}°. Stated for the pose alone: {stated}. The error is {share} of that.",
   "truth.within": "as stated",
   "truth.beyond": "more than stated",
 
