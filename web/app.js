@@ -7,7 +7,7 @@ import { icon } from "./icons.js";
 import { learn, whenRefused } from "./state/me.js";
 import { place as placeAsked, route } from "./router.js";
 import { switchTheme, theme, whenThemeChanges } from "./theme.js";
-import { learnSentences, t } from "./texts.js";
+import { t } from "./texts.js";
 import { menu } from "./components/menu.js";
 import { install, notify } from "./components/toasts.js";
 
@@ -58,7 +58,6 @@ let shown = 0;
 route(async (place) => {
   const turn = ++shown;
   const page = await pageOf(place);
-  if (place.page === "review" || place.page === "compare") await learnSentences();
   if (turn !== shown) return; // another address was taken meanwhile
   middle.replaceChildren();
   document.title = "scancell";

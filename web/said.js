@@ -12,8 +12,6 @@ const FEW = 4, JOINED = / (?:and|or) |[.] /;
 const REFUSAL = /need {}, got/i;
 /** What is added to a sentence in brackets. */
 const ADDED = /^(.*)( \([^()]*\)\.?)$/;
-/** Words, and no name of a capture, a file or a place. */
-const ENGLISH = /^[A-Za-z][a-z]+[ ,] ?[a-z]/;
 /** More than a hole should hold where it can be taken apart; a place is a name or two, no sentence. */
 const SEVERAL = /: |[.] [A-Z]/, PLACE = /^([^ :]+(?: [^ :]+)?): (.+)$/s;
 const BETWEEN_SENTENCES = /(?<=[.!?]) (?=[A-Z±"])/;
@@ -28,8 +26,6 @@ export class Sayings {
   /** @type {Map<string, string>} */ #known = new Map();
   /** @type {{ few: boolean, swallows: boolean, pattern: RegExp, words: string }[] | null} made when first asked: refusals first, then the longest, as it says most */ #patterns = null;
   /** @type {Map<string, string>} */ #said = new Map();
-  /** Said, and not known in this language yet. @type {Set<string>} */ #lacking = new Set();
-  /** Whether something in the text that is being said is not known. */ #unknown = false;
   #joins;
 
   /** @param {"de" | "zh"} language */
@@ -44,35 +40,23 @@ export class Sayings {
     this.#said.clear();
   }
 
-  /** Whether something was said that is in no table so far. */
-  get lacking() {
-    return this.#lacking.size > 0;
-  }
-
-  /** The same, once a table was added. */
-  lacks() {
-    const asked = [...this.#lacking];
-    this.#lacking.clear();
-    for (const text of asked) this.say(text);
-    return this.#lacking.size > 0;
+  /** Whether a text stands in a table as it is. @param {string} text */
+  knows(text) {
+    return this.#known.has(text);
   }
 
   /** A text of the server, as far as it is known; the rest stays as it is. @param {string} text @returns {string} */
   say(text) {
     const before = this.#said.get(text);
     if (before !== undefined) return before;
-    this.#unknown = false;
     const words = this.#say(text);
-    if (this.#unknown) this.#lacking.add(text);
     this.#said.set(text, words);
     return words;
   }
 
   /** The same for a part of a text. @param {string} text @returns {string} */
   #say(text) {
-    const words = this.#whole(text) ?? this.#sentences(text);
-    if (words === text && ENGLISH.test(text)) this.#unknown = true;
-    return words;
+    return this.#whole(text) ?? this.#sentences(text);
   }
 
   /** One template's text, as it stands or as it stands within others: with or without a stop, begun small. @param {string} text @returns {string | null} */

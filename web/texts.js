@@ -36,50 +36,78 @@ export function t(key, values = {}) {
   return catalogue[key].replace(/\{(\w+)\}/g, (_, name) => String(values[name] ?? ""));
 }
 
-/** What the server says in English, in the chosen language: what a first view needs at once, the rest once something is said that it lacks. */
+/** What the server says in English, in the chosen language: the sentences that were asked for so far. */
 const sayings = language === "en" ? null : new (await import("./said.js")).Sayings(language);
-sayings?.add((await import(`./texts/server/${language}.js`)).texts);
-/** What results, guide and evidence say. */
-const SENTENCES = ["sphere", "guide", "captures", "stages", "results", "labels"];
-/** What the server says when it refuses something, a file a part of it: needed only then. */
-const REFUSALS = ["names", "formats", "exports", "robots", "archive", "requests"];
-/** What is not known yet, in the order in which it is looked through. */
-let later = [...SENTENCES, ...REFUSALS];
-/** @type {Promise<void> | null} */
-let learning = null;
+
+/** Has words, and is no name of a capture, a file or a place. */
+const WORDS = /[a-z]{2}/i, NAME = /^\S*[\d_/\\]\S*$/;
+/** One question holds no more; the server takes twice that. */
+const MOST_LETTERS = 8000;
+/** Texts that the server was asked for or will be, each number in them as 0. @type {Set<string>} */
+const asked = new Set();
+/** @type {string[]} */
+let waiting = [];
+/** One question after another. @type {Promise<boolean>} */
+let asking = Promise.resolve(false);
 
 /** Told once more is known of what was said before. */
 export const SAID = "scancell-said";
 
-/** What results, guide and evidence say; English needs none. */
-export const learnSentences = () => learn(SENTENCES);
+/** @param {string} text @returns {boolean} whether it is new, and may have words in another language */
+function wonder(text) {
+  const plain = text.slice(0, MOST_LETTERS).replace(/\d+/g, "0");
+  if (!sayings || asked.has(plain) || sayings.knows(text) || !WORDS.test(text) || NAME.test(text)) return false;
+  asked.add(plain);
+  waiting.push(plain);
+  return true;
+}
 
-/** How formats, exports and sources are called. */
-export const learnNames = () => learn(["names"]);
+/** @returns {string[]} the next that fit into one question */
+function question() {
+  let letters = 0;
+  const end = waiting.findIndex((text) => (letters += text.length) > MOST_LETTERS);
+  return waiting.splice(0, end < 0 ? waiting.length : Math.max(1, end));
+}
 
-/** Everything that the server says. */
-export const learnRefusals = () => learn([...SENTENCES, ...REFUSALS]);
+/** Ask for the sentences that occur in what waits. @returns {Promise<boolean>} whether there were any */
+async function ask() {
+  let found = false;
+  while (waiting.length) {
+    const texts = question();
+    const answer = await fetch(`/said/${language}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ texts }) }).catch(() => null);
+    if (!answer?.ok) {
+      for (const text of texts) asked.delete(text); // until it is said again
+      continue;
+    }
+    const table = await answer.json();
+    if (!Object.keys(table).length) continue;
+    sayings?.add(table);
+    found = true;
+  }
+  return found;
+}
 
-/** @param {string[]} parts */
-async function learn(parts) {
+/** Know the words for every text in what the server has answered, before it is shown. @param {unknown} answer */
+export async function learn(answer) {
   if (!sayings) return;
-  const lacking = later.filter((part) => parts.includes(part));
-  const tables = await Promise.all(lacking.map((part) => import(`./texts/server/${language}/${part}.js`)));
-  for (const { texts } of tables) sayings.add(texts);
-  later = later.filter((part) => !lacking.includes(part));
+  for (const text of textsIn(answer)) wonder(text);
+  await (asking = asking.then(ask));
 }
 
-async function learnWhatLacks() {
-  do await learn(later.slice(0, 1)); while (later.length && sayings?.lacks());
-  learning = null;
-  window.dispatchEvent(new Event(SAID));
+/** @param {unknown} value @returns {Generator<string>} */
+function* textsIn(value) {
+  if (typeof value === "string") yield value;
+  else if (value && typeof value === "object") for (const part of Object.values(value)) yield* textsIn(part);
 }
 
-/** What the server says, in the chosen language as far as the catalogue has it. @param {string} text @returns {string} */
+/** What the server says, in the chosen language as far as it is known; the rest is asked for, and said again. @param {string} text @returns {string} */
 export function said(text) {
-  const words = sayings?.say(text) ?? text;
-  if (later.length && sayings?.lacking) learning ??= learnWhatLacks();
-  return words;
+  if (!sayings) return text;
+  if (wonder(text) && waiting.length === 1) {
+    asking = asking.then(ask);
+    void asking.then((found) => found && window.dispatchEvent(new Event(SAID)));
+  }
+  return sayings.say(text);
 }
 
 /** A refusal: its need, got and what to do are said each by itself, whatever they hold. @param {import("./state/model.js").ProblemBody} body */

@@ -42,6 +42,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         # The login page's own files hold nothing of anybody; the same files make up the rest of the page.
         "GET /login",
         "GET /web/{path:path}",
+        "POST /said/{language}",
         f"GET {_API}/health",
         "GET /health",
         "GET /health/alive",

@@ -1,12 +1,14 @@
 """The page's files, and the documentation of the API, all from this server: the cell may have no internet."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse
+from pydantic import BaseModel, Field
 
 from server.http.page_files import PageFiles
+from server.http.page_sentences import PageSentences
 
 router = APIRouter(include_in_schema=False)
 
@@ -16,6 +18,16 @@ def _page_files(request: Request) -> PageFiles:
 
 
 PageFilesDep = Annotated[PageFiles, Depends(_page_files)]
+
+
+def _page_sentences(request: Request) -> PageSentences:
+    return request.app.state.page_sentences
+
+
+class Texts(BaseModel):
+    """What a page is about to show, each number in it as 0."""
+
+    texts: list[Annotated[str, Field(max_length=16_000)]] = Field(max_length=2_000)
 
 
 @router.get("/")
@@ -32,6 +44,14 @@ def page(files: PageFilesDep) -> Response:
 def login_page(files: PageFilesDep) -> Response:
     """Return the page that takes a token and logs the browser in with it."""
     return files.document("login.html")
+
+
+@router.post("/said/{language}")
+def sentences_said(
+    language: Literal["de", "zh"], body: Texts, sentences: Annotated[PageSentences, Depends(_page_sentences)]
+) -> dict[str, str]:
+    """Return the sentences that occur in what the server has answered, in a page's language."""
+    return sentences.occurring(language, body.texts)
 
 
 @router.get("/docs")

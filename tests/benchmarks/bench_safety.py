@@ -74,7 +74,8 @@ def role_that_should_do(method: str, path: str) -> str:
     which answer of a cell is in force are the admin's, and so is what this server connects to or listens on in
     the cell's network, and arming what moves; the login page, its files and the signs of life are anybody's.
     """
-    if path in ("/login", "/web/{path:path}") or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
+    page = ("/login", "/web/{path:path}", "/said/{language}")
+    if path in page or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
         return "nobody"
     if (
         "/tokens" in path

@@ -6,7 +6,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server.http.page_files import PageFiles
+from server.http.page_files import PageFiles, without_comments
 from tests.server.live_server import make_session
 
 
@@ -34,13 +34,44 @@ def test_files_by_the_mark_of_their_state_are_kept_for_good(client: httpx.Client
     script = re.findall(r'src="(/web/~[^"]+\.js)"', client.get(f"{site}/").text)[0]
     by_mark = client.get(site + script)
     assert by_mark.headers["cache-control"] == "public, max-age=31536000, immutable"
-    assert by_mark.content == client.get(f"{site}/web/app.js").content
+    source = client.get(f"{site}/web/app.js")
+    assert by_mark.headers["content-type"] == source.headers["content-type"]
     # The mark of another state, as a page has that stayed open over an update, gives the file as it is now.
     old = client.get(f"{site}/web/~0000000000000000/app.js")
-    assert old.content == by_mark.content
+    assert old.content == source.content
     assert old.headers["cache-control"] == "no-cache"
     for path in ("none.js", "../../server/app.py", "..%2f..%2fserver/app.py", ""):
         assert client.get(site + script.replace("app.js", path)).status_code == 404
+
+
+def test_files_by_the_mark_have_no_comments_and_the_same_lines(client: httpx.Client, site: str) -> None:
+    script = re.findall(r'src="(/web/~[^"]+/)app\.js"', client.get(f"{site}/").text)[0]
+    source, kept = (client.get(f"{site}{folder}said.js").text for folder in ("/web/", script))
+    assert "@typedef" in source
+    assert "@typedef" not in kept
+    assert len(kept) < 0.75 * len(source)
+    for line, as_kept in zip(source.split("\n"), kept.split("\n"), strict=True):
+        assert as_kept in (line, "")
+    text = "a; // b\n  /** @type {X} */ #c = 1;\n  /**\n   * d\n   */\n  // e\nf('/* g */'); /* h */\n"
+    assert without_comments(text) == "a; // b\n  /** @type {X} */ #c = 1;\n\n\n\n\nf('/* g */'); /* h */\n"
+
+
+def test_a_page_gets_the_sentences_that_occur_in_what_it_shows(client: httpx.Client, site: str) -> None:
+    asked = {"texts": ["p0: Focus the camera or hold it still.", "Too many for a page" * 10_000]}
+    assert client.post(f"{site}/said/de", json=asked).status_code == 422
+    asked["texts"].pop()
+    for language, words in (("de", "Stellen Sie die Kamera scharf, oder halten Sie sie still."), ("zh", "请")):
+        found = client.post(f"{site}/said/{language}", json=asked)
+        assert found.status_code == 200
+        assert words in found.json()["Focus the camera or hold it still."]
+        assert set(found.json()) <= {
+            "Focus the camera or hold it still.",
+            "Camera",
+            "camera",
+            "the camera",
+            "the camera {}",
+        }
+    assert client.post(f"{site}/said/fr", json=asked).status_code == 422
 
 
 def test_the_mark_changes_with_every_file(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from calib_core.archive.archive import verify
 from calib_core.errors import CalibrationError
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.poses import parse_pose
+from server.http.page_sentences import PageSentences, entries_of, files_of
 from tests.web.server_sentences import NOT_SHOWN, names, said_to_pages, told
 
 WEB = Path(__file__).resolve().parents[2] / "web"
@@ -108,18 +109,9 @@ def labels_of(tree: ast.AST) -> set[str]:
 def server_texts(language: str) -> dict[str, str]:
     """Return what the server says, from English to a language, as its files have it; none stands twice."""
     folder = WEB / "texts" / "server"
-    entry = re.compile(r'^  ("(?:[^"\\]|\\.)*"): ("(?:[^"\\]|\\.)*"),$', re.MULTILINE)
-    files = [folder / f"{language}.js", *sorted((folder / language).glob("*.js"))]
-    rows = [(json.loads(a), json.loads(b)) for file in files for a, b in entry.findall(file.read_text("utf-8"))]
+    rows = [row for file in files_of(folder, language) for row in entries_of(file)]
     assert [text for text, count in Counter(text for text, _ in rows).items() if count > 1] == []
     return dict(rows)
-
-
-def later_parts() -> list[str]:
-    """Return the files of what the server says that the page loads later, in the page's order."""
-    code = (WEB / "texts.js").read_text("utf-8")
-    lists = [json.loads(re.search(rf"const {name} = (\[.*\]);", code)[1]) for name in ("SENTENCES", "REFUSALS")]  # pyright: ignore[reportOptionalSubscript]
-    return [part for parts in lists for part in parts]
 
 
 WITHOUT_A_HOLE = {"Look at the result, and at why {} {} left out."}
@@ -129,9 +121,6 @@ WITHOUT_A_HOLE = {"Look at the result, and at why {} {} left out."}
 @pytest.mark.parametrize("language", ["de", "zh"])
 def test_what_the_server_says_is_there_in_every_language_and_still_said(language: str) -> None:
     texts = server_texts(language)
-    assert sorted(later_parts()) == sorted(
-        file.stem for file in (WEB / "texts" / "server" / language).glob("*.js")
-    )
     shown = set().union(*(labels_of(ast.parse(file.read_text("utf-8"))) for file in evidence_files()))
     sentences = said_to_pages()
     assert len(sentences) > 800
@@ -155,28 +144,43 @@ def evidence_files() -> list[Path]:
 
 
 def spoken(sentences: list[str]) -> dict[str, list[str]]:
-    """Return what the page makes of sentences of the server, once it knows all of its texts."""
+    """Return what the page makes of sentences of the server, once it knows all of its texts.
+
+    A page knows those alone that occur in what it shows, and makes the same of them.
+    """
+    few = [sentences[start : start + 40] for start in range(0, len(sentences), 40)]
+    known = {language: [PageSentences(WEB).occurring(language, part) for part in few] for language in ("de", "zh")}
     script = """
     import { Sayings } from "./said.js";
+    import { readFileSync } from "node:fs";
+    const [sentences, few, all, known] = JSON.parse(readFileSync(0, "utf-8"));
+    const said = (language, table, texts) => {
+      const sayings = new Sayings(language);
+      sayings.add(table);
+      return texts.map((one) => sayings.say(one));
+    };
     const answers = {};
     for (const language of ["de", "zh"]) {
-      const sayings = new Sayings(language);
-      for (const file of [language, ...%s.map((one) => `${language}/${one}`)]) {
-        sayings.add((await import(`./texts/server/${file}.js`)).texts);
-      }
-      answers[language] = %s.map((one) => sayings.say(one));
+      const tables = known[language];
+      answers[language] = said(language, all[language], sentences);
+      answers[`${language} of few`] = few.flatMap((texts, part) => said(language, tables[part], texts));
     }
     console.log(JSON.stringify(answers));
     """
+    whole = {language: server_texts(language) for language in ("de", "zh")}
     done = node(
-        ["--input-type=module", "--eval", script % (json.dumps(later_parts()), json.dumps(sentences))],
+        ["--input-type=module", "--eval", script],
+        input=json.dumps([sentences, few, whole, known]),
         return_completed_process=True,
         capture_output=True,
         text=True,
         cwd=WEB,
     )
     assert done.returncode == 0, done.stderr
-    return cast(dict[str, list[str]], json.loads(done.stdout))
+    answers = cast(dict[str, list[str]], json.loads(done.stdout))
+    for language in ("de", "zh"):
+        assert answers.pop(f"{language} of few") == answers[language]
+    return answers
 
 
 def test_the_page_recognises_each_sentence_of_the_server() -> None:

@@ -5,7 +5,7 @@ import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../state/me.js";
 import { sound } from "../shop.js";
-import { learnSentences, maybe, said, t } from "../texts.js";
+import { learn, maybe, said, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { nextStep } from "../state/next-step.js";
 import { StateElement } from "./base.js";
@@ -157,7 +157,7 @@ export class ActionsElement extends StateElement {
 
   /** Say why nothing could be solved, and offer what would mend it. @param {Job} job */
   async #failed({ stage, error }) {
-    await learnSentences();
+    await learn(error);
     notify(error ? new Problem(error).message : t("actions.failed"), { bad: true });
     const { items } = await api.causes(this.state.id).catch(() => ({ items: [] }));
     if (!this.state.working) this.#offer(stage, items);

@@ -7,7 +7,7 @@ import { mark } from "../icons.js";
 import { kindOf } from "../state/files.js";
 import { profilePlot } from "./profile-plot.js";
 import { offered } from "../state/registries.js";
-import { learnRefusals, learnTexts, maybe, said, t } from "../texts.js";
+import { learnTexts, maybe, said, t } from "../texts.js";
 
 await learnTexts("dialogs");
 
@@ -42,7 +42,7 @@ export class FileReadingElement extends HTMLElement {
     const file = found.find(({ path }) => kindOf(path, scannerKind) === "profile" || kindOf(path, scannerKind) === "cloud");
     if (!file || this.#looked === file.path) return;
     [this.#file, this.#kind, this.#looked] = [file, kindOf(file.path, scannerKind), file.path];
-    const [formats] = await Promise.all([offered("formats"), learnRefusals()]); // notes and doubts are said there
+    const formats = await offered("formats");
     this.#format.replaceChildren(h("option", { value: "" }, t("reading.as_it_says")), ...formats.filter(({ reads }) => reads).map(({ name, title }) => h("option", { value: name }, title)));
     await this.#look();
   }

@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { remember } from "../state/backups.js";
-import { learnRefusals, plural, said, t } from "../texts.js";
+import { plural, said, t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
 /** @import {Capture, ControllerFile, FilePose, PoseConvention} from "../state/model.js" */
@@ -23,7 +23,7 @@ export class PoseFileElement extends HTMLElement {
    * @returns {Promise<Set<string>>} the paths of those that are a controller's
    */
   async take(sessionId, found, arm) {
-    [this.#read] = await Promise.all([api.readControllerFiles(found, typeof arm === "string" ? arm : ""), learnRefusals()]);
+    this.#read = await api.readControllerFiles(found, typeof arm === "string" ? arm : "");
     this.#poses = new Map();
     for (const pose of this.#read.poses) if (pose.pose) this.#poses.set(freeName(this.#poses, pose.name), pose);
     const packed = found.filter(({ path }) => path.toLowerCase().endsWith(".zip")).map(({ path }) => path);

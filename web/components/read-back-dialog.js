@@ -7,7 +7,7 @@ import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { chosen } from "../state/files.js";
 import { conventions } from "../state/registries.js";
-import { learnRefusals, learnTexts, said, t } from "../texts.js";
+import { learnTexts, said, t } from "../texts.js";
 import { conventionWords } from "./pose-columns.js";
 import { attempt } from "./toasts.js";
 
@@ -50,7 +50,6 @@ export function readBackDialog(sessionId) {
     /** @type {HTMLElement[]} */
     let answer;
     try {
-      await learnRefusals();
       answer = shown(await api.readBack(sessionId, found, asked));
     } catch (error) {
       if (!(error instanceof Problem)) throw error;

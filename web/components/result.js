@@ -1,7 +1,7 @@
 // The result of the step that is open: the answer, then how we know, drawn from its evidence.
 
 import { h, make } from "../dom.js";
-import { learnSentences, t } from "../texts.js";
+import { t } from "../texts.js";
 import { figures } from "../blocks/figure.js";
 import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
 import { ApprovalElement } from "./approval.js";
@@ -16,8 +16,6 @@ import { truthSection } from "./truth.js";
 /** @typedef {{ blocks?: Record<string, Renderer>, after?: (context: import("../blocks/index.js").Context) => HTMLElement[], settings?: HTMLElement }} StageElements what a stage draws itself */
 
 const SLICE_MS = 16;
-
-await learnSentences();
 
 export class ResultElement extends StateElement {
   #ended = "";

@@ -7,12 +7,12 @@ import { stepName } from "../components/rail.js";
 import { attempt } from "../components/toasts.js";
 import { h, make, style } from "../dom.js";
 import { fixed, integer, small } from "../format.js";
-import { learnRefusals, learnTexts, said, t } from "../texts.js";
+import { learnTexts, said, t } from "../texts.js";
 
 /** @import {Preview} from "../state/live.js" */
 /** @import {SessionState} from "../state/session.js" */
 
-await Promise.all([learnTexts("live"), learnRefusals()]);
+await learnTexts("live");
 const { DevicesElement } = await import("./devices.js");
 const { SignElement } = await import("./sign.js");
 const { TableElement } = await import("./table.js");

@@ -1,6 +1,5 @@
 // What the page asks of the server, one entry for each request. Types come from the server's OpenAPI document (api-types.d.ts).
 
-import { learnRefusals } from "../texts.js";
 import { all, get, json, LOGIN, madeAgainst, request, ROOT, sendFile } from "./http.js";
 
 /** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
@@ -114,12 +113,7 @@ export const api = {
   captureSimulated: async (id, step) => (await request(`${session(id)}/sources/simulated/capture${step ? `?step=${encodeURIComponent(step)}` : ""}`, json("POST"))).json(),
 
   /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<PoseLines>} */
-  readPoseLines: async (id, text, convention) => {
-    /** @type {PoseLines} */
-    const read = await (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json();
-    if (read.items.some(({ problem }) => problem)) await learnRefusals();
-    return read;
-  },
+  readPoseLines: async (id, text, convention) => (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json(),
 
   /** What stands in a controller's files; nothing is stored. @param {readonly { path: string, file: File }[]} found @param {string} [arm] whose joints are asked whose the poses are @returns {Promise<ControllerFile>} */
   readControllerFiles: async (found, arm) => {

@@ -1,6 +1,6 @@
 // How the page speaks HTTP: requests that are tried again while the server is away, and problems that say what to do.
 
-import { learnRefusals, refusal, t } from "../texts.js";
+import { language, learn, refusal, t } from "../texts.js";
 
 /** @import {Page, ProblemBody} from "./model.js" */
 
@@ -37,13 +37,21 @@ function idempotencyKey() {
 const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
 /** @param {Response} response */
+const isJson = (response) => (response.headers.get("content-type") ?? "").includes("json");
+
+/** An answer whose sentences have words in the page's language before anybody shows them. @param {Response} response */
+async function learned(response) {
+  if (language !== "en" && isJson(response)) await learn(await response.clone().json());
+  return response;
+}
+
+/** @param {Response} response */
 async function problemOf(response) {
-  await learnRefusals();
   const fallback = { type: "about:blank", title: response.statusText, status: response.status };
-  if (!(response.headers.get("content-type") ?? "").includes("json")) {
+  if (!isJson(response)) {
     return new Problem({ ...fallback, detail: t("problem.unreadable", { status: response.status }) });
   }
-  return new Problem({ ...fallback, ...(await response.json()) });
+  return new Problem({ ...fallback, ...(await (await learned(response)).json()) });
 }
 
 /** The login is over, or there was none: the login page leads back to here. */
@@ -65,7 +73,7 @@ export async function request(path, init = {}, root = ROOT) {
   for (const wait of [...PATIENCE_MS, 0]) {
     try {
       const response = await fetch(root + path, { ...init, headers });
-      if (response.ok) return response;
+      if (response.ok) return await learned(response);
       const rest_s = Number(response.headers.get("Retry-After") ?? 1);
       if (response.status === 429 && path !== LOGIN && wait && rest_s <= LONGEST_WAIT_S) {
         await pause(1000 * rest_s);

@@ -1,7 +1,7 @@
 // What exists, asked for once: stages, formats, conventions, exports, sources and brands with the schemas of their settings.
 
 import { api } from "./api.js";
-import { learnNames, said } from "../texts.js";
+import { said } from "../texts.js";
 
 /** @import {ConventionInfo, StageInfo} from "./model.js" */
 /** @typedef {Parameters<typeof api.registry>[0]} Sort */
@@ -22,7 +22,7 @@ export function registry(sort) {
 
 /** The same for a choice, under the names that the page's language has for them. @param {"formats" | "exports" | "sources"} sort */
 export async function offered(sort) {
-  const [entries] = await Promise.all([registry(sort), learnNames()]);
+  const entries = await registry(sort);
   return entries.map((entry) => ({ ...entry, title: said(entry.title) }));
 }
 
