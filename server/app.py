@@ -16,6 +16,7 @@ from server.auth.refusals import Refusals
 from server.captures.cluster_measuring import ClusterMeasuring
 from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
+from server.guides import Guides, stored_texts
 from server.health import HealthWatch
 from server.housekeeping import Housekeeping
 from server.http import errors, openapi
@@ -31,6 +32,7 @@ from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
+from server.jobs.page_process import PageProcess
 from server.live.armed_table import ArmedTables
 from server.live.in_scene import follow_robot
 from server.live.manager import LiveCells
@@ -65,6 +67,7 @@ from server.routes import (
     truth,
     webhooks,
 )
+from server.scenes.advice import SceneAdviser
 from server.scenes.cloud_controls import cloud_router
 from server.scenes.controls import controls_router
 from server.scenes.manager import SceneManager
@@ -111,7 +114,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         jobs = Jobs(settings, store, hub, measuring_queue.wake)
         if settings.dask is not None:
             measuring_queue.measure_far(ClusterMeasuring(jobs.submit_measuring, measuring, settings))
-        past_scenes = PastScenes(store)
+        page_process = app.state.page_process = PageProcess(settings.warm_up)
+        guides = app.state.guides = Guides(stored_texts(store), page_process)
+        past_scenes = PastScenes(store, SceneAdviser(page_process))
         health_watch = app.state.health = HealthWatch(
             {
                 "database": store.trouble,
@@ -147,6 +152,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         finally:
             hub.close()
             await run_in_threadpool(scenes.stop)
+            guides.stop()
+            await run_in_threadpool(page_process.stop)
             await run_in_threadpool(jobs.stop)
             await run_in_threadpool(watcher.stop)
             await ports.close_all()

@@ -6,12 +6,14 @@ from fastapi import Depends, Header, Path, Query, Request
 
 from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
+from server.guides import Guides
 from server.health import HealthWatch
 from server.http.events import Hub
 from server.http.idempotency import Idempotency
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
+from server.jobs.page_process import PageProcess
 from server.metrics import Metrics
 from server.settings import Settings
 from server.store.database import Store
@@ -61,7 +63,19 @@ async def _intake(request: Request) -> Intake:
 
 
 SettingsDep = Annotated[Settings, Depends(_settings)]
+
+
+async def _guides(request: Request) -> Guides:
+    return request.app.state.guides
+
+
+async def _page_process(request: Request) -> PageProcess:
+    return request.app.state.page_process
+
+
 StoreDep = Annotated[Store, Depends(_store)]
+GuidesDep = Annotated[Guides, Depends(_guides)]
+PageProcessDep = Annotated[PageProcess, Depends(_page_process)]
 HubDep = Annotated[Hub, Depends(_hub)]
 JobsDep = Annotated[Jobs, Depends(_jobs)]
 MeasuringDep = Annotated[Measuring, Depends(_measuring)]

@@ -5,11 +5,10 @@ costs one process, not the service.
 """
 
 import logging
-import signal
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -19,13 +18,12 @@ from calib_core.captures.kept import Keeper, keeping
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from server.http.json_text import JsonText
+from server.jobs.asked_process import AskedProcess, answer_questions, leave_interrupts_to_the_server
 from server.jobs.child_processes import WorkerContext
 from server.jobs.measuring import check_poses, measured_with_text, unmeasured, warm_up
 
 log = logging.getLogger("scancell")
 
-_START_TIMEOUT_S = 300.0  # kernels are compiled where no cache of them is left
-_READY = "ready"
 _ATTEMPTS = 2  # a process may have been ended for what it did not do
 
 
@@ -51,8 +49,8 @@ class Measuring:
         self._timeout_s = timeout_s
         self._context = WorkerContext(warm)
         self._turns = threading.BoundedSemaphore(processes)
-        self._idle: list[_Process] = []
-        self._all: set[_Process] = set()
+        self._idle: list[AskedProcess] = []
+        self._all: set[AskedProcess] = set()
         self._lock = threading.Lock()
         self._closed = False
         self._threads = ThreadPoolExecutor(processes, "measuring")
@@ -122,13 +120,13 @@ class Measuring:
         for process in processes:
             process.end()
 
-    def _take(self) -> "_Process":
+    def _take(self) -> AskedProcess:
         self._turns.acquire()
         try:
             with self._lock:
                 if self._idle:
                     return self._idle.pop()
-            process = _Process(self._context, self._observations)
+            process = AskedProcess(self._context, _serve, self._observations)
             with self._lock:
                 self._all.add(process)
             if self._closed:
@@ -138,7 +136,7 @@ class Measuring:
             self._turns.release()
             raise
 
-    def _give_back(self, process: "_Process") -> None:
+    def _give_back(self, process: AskedProcess) -> None:
         if process.usable and not self._closed:
             with self._lock:
                 self._idle.append(process)
@@ -146,46 +144,10 @@ class Measuring:
             self._drop(process)
         self._turns.release()
 
-    def _drop(self, process: "_Process") -> None:
+    def _drop(self, process: AskedProcess) -> None:
         with self._lock:
             self._all.discard(process)
         process.end()
-
-
-class _Process:
-    """One process that measures one capture at a time."""
-
-    def __init__(self, context: Any, observations: Path | None) -> None:
-        self._connection, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other, observations), daemon=True)
-        self._process.start()
-        other.close()
-        self.usable = self._started()
-
-    def ask(self, work: object, timeout_s: float) -> Any:
-        """Return the answer to one piece of work; raises TimeoutError, or EOFError where the process ended."""
-        usable, self.usable = self.usable, False  # until all went well
-        if not usable:
-            raise EOFError
-        self._connection.send(work)
-        if not self._connection.poll(timeout_s):
-            raise TimeoutError
-        answer = self._connection.recv()
-        self.usable = True
-        return answer
-
-    def _started(self) -> bool:
-        try:
-            return self._connection.poll(_START_TIMEOUT_S) and self._connection.recv() == _READY
-        except (EOFError, OSError):
-            return False
-
-    def end(self) -> None:
-        """End the process at once."""
-        self.usable = False
-        self._process.kill()
-        self._process.join()
-        self._connection.close()
 
 
 def _text_of(measured: Measured) -> JsonText:
@@ -194,22 +156,17 @@ def _text_of(measured: Measured) -> JsonText:
 
 def _serve(connection: "Connection[Any, Any]", observations: Path | None) -> None:
     """Measure what comes until the service hangs up."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_interrupts_to_the_server()
     try:
         warm_up()
     except Exception:  # the capture itself will meet the fault again and say so
         log.exception("a measuring process could not be warmed up")
     keeper = None if observations is None else KeptObservations(observations)
-    with suppress(EOFError, OSError):  # the service has hung up, maybe before this process was ready
-        connection.send(_READY)
-        while True:
-            work: tuple[dict[str, Any], dict[str, Any], Mapping[str, bytes]] = connection.recv()
-            connection.send(_answer(*work, keeper))
+    answer_questions(connection, partial(_answer, keeper))
 
 
-def _answer(
-    cell: dict[str, Any], record: dict[str, Any], contents: Mapping[str, bytes], keeper: Keeper | None
-) -> object:
+def _answer(keeper: Keeper | None, work: tuple[dict[str, Any], dict[str, Any], Mapping[str, bytes]]) -> object:
+    cell, record, contents = work
     try:
         session = parse_session(cell, "session")
         capture = parse_capture(record, "record")

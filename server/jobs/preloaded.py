@@ -4,8 +4,18 @@ Kernels that no cache holds are not compiled here, for a process that is wanted 
 first that needs them compiles them, and says so.
 """
 
+from importlib import import_module
+
 from calib_core.compiled import on_compiling
 from server.jobs.worker import warm_up
+
+_OF_PAGES = (
+    "server.jobs.page_process",
+    "server.page_questions",
+    "calib_core.guidance.cell_plan",
+    "calib_core.guidance.pose_list",
+    "calib_core.guidance.so_far",
+)
 
 
 class _NotCompiledError(Exception):
@@ -13,6 +23,9 @@ class _NotCompiledError(Exception):
 
 
 def _load() -> None:
+    for name in _OF_PAGES:
+        import_module(name)
+
     def stop() -> None:
         raise _NotCompiledError
 

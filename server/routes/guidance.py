@@ -12,7 +12,9 @@ from calib_core.guidance.pose_list import PoseList
 from calib_core.records.base import PlannedStep
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
-from server.http.dependencies import SessionId, StoreDep
+from server.http.dependencies import PageProcessDep, SessionId, StoreDep
+from server.page_questions import cell_plan, planned
+from server.store.session_texts import load_texts
 from server.store.sessions import load_session
 
 router = api_router("guidance")
@@ -66,6 +68,7 @@ def get_budget(
 def get_planned(
     session_id: SessionId,
     store: StoreDep,
+    pages: PageProcessDep,
     captures: Annotated[int, Query(ge=1, le=30, examples=[10])] = 10,
     step: PlannedStep = "tcp",
 ) -> PoseList:
@@ -74,19 +77,16 @@ def get_planned(
     Those of `turntable` come with the table's angle and the sphere's height, those of `verify` keep away from the
     calibration's.
     """
-    from calib_core.guidance.pose_list import planned_poses
-
     with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
-    return planned_poses(
-        stored.session, list(stored.measured.values()), stored.results_with_stale(), captures, step
-    )
+        texts = load_texts(db, session_id)
+    return pages.ask(planned, texts, captures, step)
 
 
 @router.get("/sessions/{session_id}/planned/program", response_class=Response, responses=_FILE)
 def get_planned_program(
     session_id: SessionId,
     store: StoreDep,
+    pages: PageProcessDep,
     brand: Annotated[str, Query(max_length=40, examples=["kuka"], description="A robot brand.")],
     captures: Annotated[int, Query(ge=1, le=30, examples=[10])] = 10,
     step: PlannedStep = "tcp",
@@ -96,13 +96,11 @@ def get_planned_program(
     Refused (409) while the tool is not known to ± 10 mm: approaches could touch.
     """
     from calib_core.exports.planned_program import planned_program
-    from calib_core.guidance.pose_list import planned_poses
 
     with store.read() as db:
+        texts = load_texts(db, session_id)
         stored = load_session(db, store.blobs, session_id)
-    measured, results = list(stored.measured.values()), stored.results_with_stale()
-    plan = planned_poses(stored.session, measured, results, captures, step)
-    program = planned_program(stored.session, plan, brand)
+    program = planned_program(stored.session, pages.ask(planned, texts, captures, step), brand)
     headers = {"Content-Disposition": f'attachment; filename="{program.name}"'}
     return Response(program.content, media_type=program.media_type, headers=headers)
 
@@ -121,8 +119,6 @@ def get_recheck(session_id: SessionId, store: StoreDep) -> RecheckPlan:
 
 
 @router.post("/plan", response_model=CellPlan)
-def post_plan(cell: PlannedCell) -> CellPlan:
+def post_plan(cell: PlannedCell, pages: PageProcessDep) -> CellPlan:
     """Return what a cell will reach before anything is bought: sphere, captures, place. Stores nothing."""
-    from calib_core.guidance.cell_plan import plan_cell
-
-    return plan_cell(cell)
+    return pages.ask(cell_plan, CellToPlan.model_validate(cell.model_dump(exclude_unset=True)))

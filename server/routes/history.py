@@ -12,12 +12,14 @@ from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
 from server.http.api_router import api_router
 from server.http.created import created
-from server.http.dependencies import IdempotencyDep, JobId, JobsDep, SessionId, StageName, StoreDep
+from server.http.dependencies import IdempotencyDep, JobId, JobsDep, PageProcessDep, SessionId, StageName, StoreDep
 from server.http.schemas import Job
 from server.http.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
 from server.http.schemas_results import StageResult
+from server.page_questions import guide_text
 from server.store.history import PastResult, compared, latest_numbers, moment, past_result, stage_history, timeline
 from server.store.models import Data
+from server.store.session_texts import texts_of
 from server.store.sessions import StoredSession, load_session, locked_session
 from server.store.solves import REPLAY, create_job, job_answer, job_data
 
@@ -40,11 +42,13 @@ def get_moment(
     session_id: SessionId,
     place: Annotated[int, Path(ge=0, lt=2**31, description="An item's `place`.", examples=[3])],
     store: StoreDep,
+    pages: PageProcessDep,
 ) -> Response:
     """Return the session as it stood at one place of its time line: record, captures, results, steps."""
     with store.read() as db:
         found = moment(db, store.blobs, session_id, place)
-    return JSONResponse(_moment_data(found.stored, place, found.numbers))
+    now = json.loads(pages.ask(guide_text, texts_of(found.stored)))
+    return JSONResponse({**_moment_data(found.stored, place, found.numbers), "guide": now})
 
 
 @router.get("/sessions/{session_id}/results/{stage}/history", response_model=ResultHistory)
@@ -119,8 +123,6 @@ def _summary(result: PastResult) -> Data:
 
 
 def _moment_data(stored: StoredSession, place: int, numbers: Any) -> Data:
-    from calib_core.stages.guide import guide
-
     results = stored.results_with_stale()
     captures = [{**c.to_json(), "measured": stored.measured[c.id].to_json()} for c in stored.session.captures]
     return {
@@ -129,7 +131,6 @@ def _moment_data(stored: StoredSession, place: int, numbers: Any) -> Data:
         "captures": captures,
         "results": results,
         "numbers": dict(numbers),
-        "guide": guide(stored.session, list(stored.measured.values()), results).to_json(),
         "frames": _frames(stored, [stage for stage, result in results.items() if result["stale"]]),
     }
 

@@ -1,5 +1,6 @@
 """Sessions."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import asdict
 from typing import Annotated, Any
@@ -16,6 +17,7 @@ from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.dependencies import (
     Cursor,
+    GuidesDep,
     HubDep,
     IdempotencyDep,
     IfMatch,
@@ -146,14 +148,10 @@ def delete(
 
 
 @router.get("/{session_id}/guide", response_model=Guide)
-def guidance(session_id: SessionId, store: StoreDep) -> Response:
+async def guidance(session_id: SessionId, guides: GuidesDep) -> Response:
     """Return what to do now and why, how many captures are still needed, and each step's status."""
-    from calib_core.stages.guide import guide
-
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
-    record = guide(stored.session, list(stored.measured.values()), stored.results_with_stale())
-    return JSONResponse(record.to_json())
+    text = await asyncio.shield(asyncio.wrap_future(guides.ask(session_id)))
+    return Response(text, media_type="application/json")
 
 
 @router.get("/{session_id}/check", response_model=Findings)

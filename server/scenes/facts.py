@@ -13,6 +13,7 @@ from calib_core.robots import parse_pose
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.registry import stages, steps_that_show, tool_stages
 from calib_core.stages.tcp.record import TcpResult
+from server.scenes.advice import SceneAdvice, advice_for
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.field import TableField, table_field
 from server.scenes.merged import MergedScans, scanner_on_flange
@@ -60,6 +61,8 @@ class SceneInput:
         The stages whose results are older than the captures.
     compared : tuple of PlacedPoint
         Two answers, where the scene shows what lies between them.
+    advise : callable
+        Gives what takes long to work out.
     """
 
     session: Session
@@ -72,6 +75,7 @@ class SceneInput:
     outputs: tuple[str, ...] = ()
     stale: frozenset[str] = frozenset()
     compared: "tuple[PlacedPoint, ...]" = ()
+    advise: "Callable[[SceneInput], SceneAdvice]" = advice_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,14 +194,17 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     merged = scene.load_merged() or scene.load_scans()
     facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
     radius_mm, well = _radius_mm(session, facts), _known_how_well(results)
-    next_pose = _next_pose(scene)
-    facts = replace(
-        facts, sphere_radius_mm=radius_mm, next_pose=next_pose, uncertainty=well, compared=scene.compared
-    )
-    from server.scenes.so_far import read_so_far, read_table_so_far
-
+    advice = scene.advise(scene)
+    rows = advice.next_pose
     return replace(
-        facts, so_far=read_so_far(scene), table_so_far=read_table_so_far(scene), field=table_field(scene)
+        facts,
+        sphere_radius_mm=radius_mm,
+        next_pose=None if rows is None else RigidTransform.from_rounded(rows, "base", "tool0"),
+        uncertainty=well,
+        compared=scene.compared,
+        so_far=advice.so_far,
+        table_so_far=advice.table_so_far,
+        field=table_field(scene),
     )
 
 
@@ -216,13 +223,6 @@ def _known_how_well(results: Mapping[str, Result]) -> KnownHowWell:
         block(solved, "sphere_center_covariance", 3),
         block("turntable", "covariance", 6) if table is None else table,
     )
-
-
-def _next_pose(scene: SceneInput) -> RigidTransform | None:
-    from calib_core.stages.guide import guide
-
-    rows = guide(scene.session, scene.measured, scene.results, scene.stale).current.suggested_pose
-    return None if rows is None else RigidTransform.from_rounded(rows, "base", "tool0")
 
 
 def _shown_captures(session: Session, *, boards_told: bool) -> list[Capture]:

@@ -2,10 +2,12 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from calib_core.errors import NotFoundError
+from server.scenes.advice import SceneAdvice, advice_for
 from server.scenes.facts import SceneInput
 from server.scenes.stored import scene_of, stored_scene
 from server.store.history import compared, moment
@@ -23,16 +25,22 @@ class PastScenes:
     Parameters
     ----------
     store : Store
+    advise : callable, optional
+        Gives what takes long to work out.
     """
 
-    def __init__(self, store: "Store") -> None:
-        self._store = store
+    def __init__(self, store: "Store", advise: "Callable[[SceneInput], SceneAdvice]" = advice_for) -> None:
+        self._store, self._advise = store, advise
         self._places: OrderedDict[str, int] = OrderedDict()
         self._compared: OrderedDict[str, tuple[str, str, str]] = OrderedDict()
         self._lock = threading.Lock()
 
     def load(self, key: str) -> SceneInput | None:
         """Return a scene as it is now, or at its place on the time line; None where there is no such session."""
+        found = self._loaded(key)
+        return None if found is None else replace(found, advise=self._advise)
+
+    def _loaded(self, key: str) -> SceneInput | None:
         session_id = session_of(key)
         if (both := self._compared.get(key)) is not None:
             return self._both(session_id, *both)

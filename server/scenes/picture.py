@@ -10,6 +10,7 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Measured
+from server.scenes.advice import no_advice
 from server.scenes.facts import CaptureFacts, SceneFacts, SceneInput, scene_facts
 
 WIDTH, HEIGHT = 240, 120
@@ -24,7 +25,8 @@ _RIGHT, _UP = np.array([0.86, 0.50, 0.0]), np.array([-0.17, 0.30, 0.94])
 
 def session_picture(scene: SceneInput) -> str:
     """Return a session's picture as SVG of 240 × 120: its poses about the sphere, or where a board was seen."""
-    facts = scene_facts(replace(scene, load_points=_no_points, load_scans=_nothing, load_merged=_nothing))
+    bare = replace(scene, load_points=_no_points, load_scans=_nothing, load_merged=_nothing, advise=no_advice)
+    facts = scene_facts(bare)
     parts = list(_cell(facts)) if facts.captures else list(_frames(scene.measured))
     size = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{"".join(parts)}</svg>'

@@ -1,13 +1,10 @@
 """Scanner, sphere and table as far as they are known while measuring; the doubt shrinks at each capture."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.frames import FloatArray
-from calib_core.records import Result
-from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
 from server.scenes import nodes
 from server.scenes.colors import GHOST, LIGHT, MOUNTS, SPHERE, WAITING
 from server.scenes.ghost import fan_mm
@@ -18,37 +15,10 @@ from server.scenes.turntable_layers import ring_mm
 from server.scenes.uncertainty import about_axis, axis_ends_mm, ellipsoid
 
 if TYPE_CHECKING:
-    from calib_core.guidance.so_far import KnownSoFar, TableSoFar
-    from server.scenes.facts import SceneFacts, SceneInput
+    from calib_core.guidance.so_far import TableSoFar
+    from server.scenes.facts import SceneFacts
 
 AXIS_TIMES = 10  # always the same while measuring, so that the tube is seen to shrink
-_KNOWN_MM = 150.0  # where the sphere's place is less certain than that (k = 2), nothing is drawn of it
-
-
-def read_so_far(scene: "SceneInput") -> "KnownSoFar | None":
-    """Return what the captures tell by now where no result does, None before they tell where the sphere is."""
-    if any(stage in scene.results and stage not in scene.stale for stage in tool_stages()):
-        return None
-    from calib_core.guidance.so_far import known_so_far
-
-    solved = {name: _told(result) for name, result in scene.results.items()}
-    found = known_so_far(scene.session, scene.measured, solved)
-    if found is None or 2.0 * _worst(found.center) > _KNOWN_MM:
-        return None
-    return found
-
-
-def read_table_so_far(scene: "SceneInput") -> "TableSoFar | None":
-    """Return what the captures on the table tell by now where no result does, None before they tell its axis."""
-    if any(stage in scene.results and stage not in scene.stale for stage in table_stages()):
-        return None
-    if not any(capture.step in steps_that_show("sphere-on-table") for capture in scene.session.captures):
-        return None
-    from calib_core.guidance.so_far import table_so_far
-
-    return table_so_far(
-        scene.session, scene.measured, {n: _told(r, n in scene.stale) for n, r in scene.results.items()}
-    )
 
 
 def so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
@@ -96,11 +66,3 @@ def table_so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
 def reach_so_far_mm(known: "TableSoFar") -> tuple[float, float, float]:
     """Return how far the table's things reach: lowest and highest along the axis, and away from it."""
     return TableFacts(known.base_from_turntable, known.direction, known.mounts).reach_mm
-
-
-def _told(result: Result, stale: bool = True) -> Mapping[str, object]:
-    return {**result.to_json(), "stale": stale}
-
-
-def _worst(covariance: FloatArray) -> float:
-    return float(np.sqrt(max(np.linalg.eigvalsh((covariance + covariance.T) / 2)[-1], 0.0)))

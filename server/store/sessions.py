@@ -64,22 +64,28 @@ class StoredSession:
 
     def results_with_stale(self) -> dict[str, Data]:
         """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""
-        from calib_core.stages.graph import Graph
+        return with_stale(self.session, self.results, self.digests)
 
-        stale = Graph(self.session, self.digests.__getitem__).stale(self.results)
-        return {
-            stage: {**result, "stale": stage in stale, **self._seen_from_poses(result)}
-            for stage, result in self.results.items()
-        }
 
-    def _seen_from_poses(self, result: Data) -> Data:
-        from calib_core.exports.workpiece import at_workpiece, turned_deg
+def with_stale(session: Session, results: Mapping[str, Data], digests: Mapping[str, str]) -> dict[str, Data]:
+    """Return what `StoredSession.results_with_stale` does."""
+    from calib_core.stages.graph import Graph
 
-        try:
-            at = [row.to_json() for row in at_workpiece(self.session, result)]
-            return {"at_workpiece": at, "turned_deg": turned_deg(self.session, result)}
-        except CalibrationError:
-            return {"at_workpiece": [], "turned_deg": {}}  # of an archive whose numbers are none
+    stale = Graph(session, digests.__getitem__).stale(results)
+    return {
+        stage: {**result, "stale": stage in stale, **_seen_from_poses(session, result)}
+        for stage, result in results.items()
+    }
+
+
+def _seen_from_poses(session: Session, result: Data) -> Data:
+    from calib_core.exports.workpiece import at_workpiece, turned_deg
+
+    try:
+        at = [row.to_json() for row in at_workpiece(session, result)]
+        return {"at_workpiece": at, "turned_deg": turned_deg(session, result)}
+    except CalibrationError:
+        return {"at_workpiece": [], "turned_deg": {}}  # of an archive whose numbers are none
 
 
 def new_id() -> str:
