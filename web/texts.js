@@ -100,8 +100,14 @@ function* textsIn(value) {
   else if (value && typeof value === "object") for (const part of Object.values(value)) yield* textsIn(part);
 }
 
+/** Before a number, a hyphen is a minus. */
+const HYPHEN = /(?<=^|[\s(])-(?=\d)/g;
+
 /** What the server says, in the chosen language as far as it is known; the rest is asked for, and said again. @param {string} text @returns {string} */
-export function said(text) {
+export const said = (text) => spoken(text).replace(HYPHEN, "\u2212");
+
+/** @param {string} text */
+function spoken(text) {
   if (!sayings) return text;
   if (wonder(text) && waiting.length === 1) {
     asking = asking.then(ask);

@@ -82,9 +82,9 @@ def _signed(axis: FloatArray) -> FloatArray:
 def _axis_name(axis: FloatArray, frame: str) -> str:
     largest = int(np.argmax(np.abs(axis)))
     if abs(axis[largest]) > np.cos(np.deg2rad(20)):
-        return f"the {frame}'s {'xyz'[largest]} axis"
+        return f"{frame} {'xyz'[largest]}"
     signed = _signed(axis)
-    return f"the {frame}'s direction ({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f})"
+    return f"{frame} ({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f})"
 
 
 def _across(axis: FloatArray) -> str:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]
+BY_HAND = "left out by hand"
+"""The reason of what the user has excluded."""
 
 MAX_POINTS = 200_000
 _LARGEST_SPHERE_MM = 200.0  # in radius: what a failed result says beyond it is no sphere
@@ -290,7 +292,7 @@ def _links_mm(arm: str | ArmTable | None, capture: Capture) -> FloatArray | None
 def _state(capture: Capture, placing: _Placing) -> tuple[State, str]:
     """Return whether a capture counts, and if not, why."""
     if capture.excluded:
-        return "rejected", "left out by hand"
+        return "rejected", BY_HAND
     measured = placing.measured.get(capture.id)
     if measured is not None and measured.verdict == "fail":
         return "rejected", measured.reason or "nothing usable in it"

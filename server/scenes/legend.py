@@ -25,7 +25,7 @@ from server.scenes.colors import (
     length_text,
 )
 from server.scenes.deviation import CloudDeviation
-from server.scenes.facts import KnownHowWell, SceneFacts
+from server.scenes.facts import BY_HAND, KnownHowWell, SceneFacts
 from server.scenes.look import Look
 from server.scenes.merged import MergedScans
 from server.scenes.optics import OpticsFacts
@@ -91,8 +91,11 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
         parts.append(_key(USED, "●", f"{count['used']} used"))
     elif facts.optics is None and facts.table is None:
         parts.append("<p>No captures yet. They appear here as they come in.</p>")
-    if count["rejected"]:
-        parts.append(_key(REJECTED, "✕", f"{count['rejected']} rejected"))
+    excluded = sum(c.state == "rejected" and c.reason == BY_HAND for c in facts.captures)
+    if count["rejected"] > excluded:
+        parts.append(_key(REJECTED, "✕", f"{count['rejected'] - excluded} rejected"))
+    if excluded:
+        parts.append(_key(REJECTED, "✕", f"{excluded} excluded"))
     return parts
 
 

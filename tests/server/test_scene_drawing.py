@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Session
 from server.scenes.colors import DIVERGING, REJECTED, USED, diverging_colors, length_text, residual_limit_mm
-from server.scenes.facts import MAX_POINTS, SceneFacts, scene_facts
+from server.scenes.facts import BY_HAND, MAX_POINTS, SceneFacts, scene_facts
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
 from server.scenes.look import look_at
@@ -86,6 +86,10 @@ def test_rejected_captures_are_crossed_out_coloured_and_say_why() -> None:
     assert nodes["/frames/p01/flange"].arguments["origin_color"] == USED
     assert "/frames/p01/cross" not in nodes
     assert "2 rejected" in legend_html(facts, look_at(facts))
+    by_hand = (dataclasses.replace(c, reason=BY_HAND) if c.id == "p09" else c for c in facts.captures)
+    words = legend_html(dataclasses.replace(facts, captures=tuple(by_hand)), look_at(facts))
+    assert "1 rejected" in words
+    assert "1 excluded" in words
 
 
 def test_before_a_result_only_flanges_are_shown_and_no_file_is_read() -> None:

@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { h, make } from "../dom.js";
 import { mark } from "../icons.js";
-import { said, t } from "../texts.js";
+import { language, said, t } from "../texts.js";
 import { nextStep } from "../state/next-step.js";
 import { StateElement } from "./base.js";
 import { copyButton } from "./copy.js";
@@ -77,7 +77,7 @@ function repeated(sessionId) {
 }
 
 /** @param {RootCause} cause @param {string} name of the step */
-const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h1", {}, `${cause.title}.`), h("p", { class: "soft" }, cause.sentence)];
+const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h1", {}, `${said(cause.title)}${language === "zh" ? "。" : "."}`), h("p", { class: "soft" }, said(cause.sentence))];
 
 /** @param {GuideNow} now @param {string} name of the step @param {SessionState} state */
 function words(now, name, state) {
@@ -104,7 +104,7 @@ function suggestion({ suggested_pose_numbers: numbers, suggested_note: note }) {
   const text = numbers.join(" ");
   return h("details", { class: "suggestion" }, h("summary", {}, t("guide.pose")),
     h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
-    note ? h("p", { class: "soft small" }, note) : null);
+    note ? h("p", { class: "soft small" }, said(note)) : null);
 }
 
 customElements.define("sc-guide", GuideElement);

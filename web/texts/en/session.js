@@ -24,7 +24,7 @@ export const session = {
   "meter.enough": "enough",
   "meter.more_one": "about {count} more",
   "meter.more_many": "about {count} more",
-  "meter.history": "From ±{first} to ±{last} over {count} captures",
+  "meter.history": "From {first} to {last} over {count} captures",
   "guide.exit": "Enough:",
   "guide.pose": "Suggested pose",
   "guide.needed": "{count} to go",

@@ -19,7 +19,7 @@ export const texts = {
   "Every capture has a pose that can be read.": "Jede Aufnahme hat eine lesbare Pose.",
   "{}, and take the first capture.": "{}, und machen Sie die erste Aufnahme.",
   "The sphere stands still from now on: every capture sees the same point from another pose.": "Die Kugel bleibt ab jetzt stehen: Jede Aufnahme sieht denselben Punkt aus einer anderen Pose.",
-  "The sphere is found. For a stripe: r/R between 0.45 and 0.95, 70° of arc or more.": "Die Kugel ist gefunden. Bei einem Streifen: r/R zwischen 0,45 und 0,95, mindestens 70° Bogen.",
+  "The sphere is found. For a stripe: r/R between 0.45 and 0.95, 70° of arc or more.": "Die Kugel ist gefunden. Bei einem Streifen: r/R zwischen 0.45 und 0,95, mindestens 70° Bogen.",
   "0 of {} captures": "0 von {} Aufnahmen",
   "Shift the scanner 30–80 mm {}. Keep its orientation.": "Verschieben Sie den Scanner 30–80 mm {}. Behalten Sie die Orientierung bei.",
   "{} shifts with one orientation, not all parallel; {} are the least.": "{} Verschiebungen mit einer Orientierung, nicht alle parallel; mindestens {}.",

@@ -34,6 +34,7 @@ export const texts = {
   "first answer": "erstes Ergebnis",
   "second answer": "zweites Ergebnis",
   "{} used": "{} verwendet",
+  "{} excluded": "{} ausgeschlossen",
   "{} rejected": "{} verworfen",
   "axis, T at 0°": "Achse, T bei 0°",
   "sphere {}": "Kugel {}",

@@ -270,8 +270,6 @@ export const texts = {
   "three times": "三次",
   "twice": "两次",
   "90° or more": "90° 以上",
-  "the {}'s {} axis": "{1}的 {2} 轴",
-  "the {}'s direction ({}, {}, {})": "{1}的方向（{2}, {3}, {4}）",
   "its {} axis": "其 {} 轴",
   "{} of {}": "{}/{}",
   "left out": "已略去",

@@ -34,6 +34,7 @@ export const texts = {
   "first answer": "第一个结果",
   "second answer": "第二个结果",
   "{} used": "使用 {} 个",
+  "{} excluded": "排除 {} 个",
   "{} rejected": "剔除 {} 个",
   "axis, T at 0°": "轴，0° 处的 T",
   "sphere {}": "球 {}",
