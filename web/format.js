@@ -25,14 +25,6 @@ export function decimalsFor(uncertainty) {
 }
 
 /**
- * Decimals that serve several numbers in a column.
- * @param {readonly number[]} uncertainties
- */
-export function decimalsForAll(uncertainties) {
-  return Math.max(...uncertainties.map(decimalsFor));
-}
-
-/**
  * `140.32 ± 0.08 mm`.
  * @param {number} value
  * @param {number | null | undefined} uncertainty expanded, k = 2

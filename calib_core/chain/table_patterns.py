@@ -67,7 +67,7 @@ def _least(kind: str) -> float:
 
 
 def _patterns(judged: Judged, table_column: int) -> list[Pattern]:
-    from scipy.stats import chi2
+    from scipy.special import chdtrc  # scipy.stats has it too, but takes a second to import
 
     at, table = judged.fit.minimum.at, judged.data.table
     assert table is not None
@@ -88,7 +88,7 @@ def _patterns(judged: Judged, table_column: int) -> list[Pattern]:
         gain, size = _score(judged, rows)
         # The amplitude of a wave of two components (leans across, cos and sin), at its largest.
         largest = float(np.linalg.svd(size.reshape(2, -1), compute_uv=False)[0])
-        found.append(Pattern(kind, times, largest, float(chi2.sf(gain, width))))
+        found.append(Pattern(kind, times, largest, float(chdtrc(width, gain))))
     return found
 
 

@@ -27,31 +27,6 @@ class Mesh:
     points_mm: NDArray[np.float32]
     triangles: NDArray[np.int32]
 
-    @property
-    def area_mm2(self) -> float:
-        """The surface's area."""
-        a, b, c = (self.points_mm[self.triangles[:, k]].astype(float) for k in range(3))
-        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-
-
-def grid_mesh(scans: CleanScan | Sequence[CleanScan]) -> Mesh:
-    """Return the scans' own rows and columns as triangles, each scan its own sheet.
-
-    A cell of four points becomes two triangles, one where a point is missing, none across a jump or where the cell
-    is seen from behind.
-
-    Parameters
-    ----------
-    scans : CleanScan or sequence of them
-        Scans without a grid give no triangles.
-
-    Raises
-    ------
-    MeasurementError
-        If there is no triangle at all.
-    """
-    return joined([sheet(scan) for scan in ([scans] if isinstance(scans, CleanScan) else scans)])
-
 
 def joined(sheets: Sequence[Mesh]) -> Mesh:
     """Return the scans' sheets as one mesh; raises MeasurementError where there is no triangle at all."""

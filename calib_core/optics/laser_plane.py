@@ -257,21 +257,34 @@ def _start(lines: Sequence[BoardLine], rng: np.random.Generator) -> tuple[FloatA
     """Return the plane through three points of two or three boards that most points are near to."""
     points = np.concatenate([line.points_in_camera_mm for line in lines])
     scored = points[:: max(1, len(points) // _MOST_SCORED)]
-    best, least = (np.array([0.0, 0.0, 1.0]), 0.0), np.inf
-    for _ in range(_TRIALS):
-        first, second = rng.choice(len(lines), 2, replace=False)
-        one, other = lines[first].points_in_camera_mm, lines[second].points_in_camera_mm
-        a, b = one[rng.choice(len(one), 2, replace=False)]
-        c = other[rng.integers(len(other))]
-        normal = np.cross(b - a, c - a)
-        length = float(np.linalg.norm(normal))
-        if length < 1e-9:
-            continue
-        normal /= length
-        cost = float(np.partition(np.abs((scored - a) @ normal), int(0.6 * len(scored)))[int(0.6 * len(scored))])
-        if cost < least:
-            best, least = (normal, float(normal @ a)), cost
-    return best
+    a, b, c = _three_points(points, np.array([len(line.points_in_camera_mm) for line in lines]), rng)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1)
+    spans = lengths > 1e-9
+    if not spans.any():
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    normals = normals[spans] / lengths[spans, None]
+    distances = np.einsum("ti,ti->t", normals, a[spans])
+    most = int(0.6 * len(scored))
+    costs = np.partition(np.abs(normals @ scored.T - distances[:, None]), most, axis=1)[:, most]
+    best = int(np.argmin(costs))
+    return normals[best], float(distances[best])
+
+
+def _three_points(
+    points: FloatArray, counts: NDArray[np.int_], rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return for each trial two points of one line and one of another, of lines with so many points in turn."""
+    begins = np.cumsum(counts) - counts
+    one = rng.integers(len(counts), size=_TRIALS)
+    other = (one + rng.integers(1, len(counts), size=_TRIALS)) % len(counts)
+    first = rng.integers(counts[one])
+    second = (first + rng.integers(1, counts[one])) % counts[one]
+    return (
+        points[begins[one] + first],
+        points[begins[one] + second],
+        points[begins[other] + rng.integers(counts[other])],
+    )
 
 
 def _weighted_plane(points: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:

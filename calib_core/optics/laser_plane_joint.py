@@ -140,7 +140,7 @@ def refine_together(
 
 def _moved_sigmas(camera: CameraModel, shared: FloatArray, uncertainty: CameraUncertainty) -> float:
     """Return how far the camera moved: the boards' own covariance is what moving it costs them."""
-    from scipy.stats import chi2, norm
+    from scipy.special import chdtrc, ndtri  # scipy.stats has them too, but takes a second to import
 
     before = shared_vector(camera.camera_matrix, camera.bands[0])[uncertainty.free]
     change, sigma = shared[uncertainty.free] - before, np.sqrt(np.diag(uncertainty.covariance))
@@ -149,7 +149,7 @@ def _moved_sigmas(camera: CameraModel, shared: FloatArray, uncertainty: CameraUn
     together = float(
         change @ np.linalg.pinv(uncertainty.covariance[np.ix_(moves, moves)], hermitian=True) @ change
     )
-    as_one = float(norm.isf(chi2.sf(together, len(change)) / 2)) if len(change) else 0.0
+    as_one = -float(ndtri(chdtrc(len(change), together) / 2)) if len(change) else 0.0
     return max(float(np.max(np.abs(change) / sigma, initial=0.0)), as_one)
 
 

@@ -15,7 +15,6 @@ from server.live.robot_port import RobotPorts, RobotPortSettings, acting_now
 from server.routes.sessions import existing_session
 
 router = api_router("live", f"{API}/sessions/{{session_id}}")
-_ANSWER = "OK p07 good 0.71"
 _POSE = "p07 -195.8 1363.305 524.812 -179.924 0.889 179.635"
 
 

@@ -198,19 +198,6 @@ def test_export_refuses_a_stored_result_that_is_not_current(folder, result, tmp_
     assert "an export format among " in capsys.readouterr().err
 
 
-def test_demo_prints_the_truth_beside_the_result_and_ends_when_asked(capsys):
-    assert main(["demo", "--no-serve", "--seed", "5"]) == 0
-    out = capsys.readouterr().out
-    for words in ("truth", "error", "two-step", "verdict pass", "turntable: ", "chain: "):
-        assert words in out
-    line = next(line for line in out.splitlines() if line.strip().startswith("x, mm"))
-    found, _, rest = line.split("mm", 1)[1].partition("±")
-    _, truth, error = rest.split()
-    true_mm = simulate("turntable", 5).truth["tool0_from_laser"][0][3]
-    assert float(truth) == pytest.approx(true_mm, abs=6e-4)
-    assert float(error) == pytest.approx(float(found) - true_mm, abs=6e-3)
-
-
 def test_all_stages_solve_nothing_twice_and_answer_as_each_alone(monkeypatch):
     simulated = simulate("turntable", 7)
     read = simulated.files.__getitem__

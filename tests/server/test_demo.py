@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from server.cli import parser
+from calib_core.simulation import simulate
+from server.cli import main, parser
 from server.commands.demo.chain import demo
 
 
@@ -22,6 +23,13 @@ def test_the_demo_prints_the_chain_beside_its_truth_and_leaves_it_in_the_workben
     assert error is not None
     # Scans of the ball disagree by 0.1 mm RMS; 12 of them, and the post hides some of it.
     assert abs(float(error[1])) < 0.1
+    assert "two-step" in printed
+    tool_x = next(line for line in printed.splitlines() if line.strip().startswith("x, mm"))
+    found, _, rest = tool_x.split("mm", 1)[1].partition("±")
+    _, truth, off = rest.split()
+    true_mm = simulate("turntable", 1).truth["tool0_from_laser"][0][3]
+    assert float(truth) == pytest.approx(true_mm, abs=6e-4)
+    assert float(off) == pytest.approx(float(found) - true_mm, abs=6e-3)
 
     with start() as client:
         (session,) = client.get("/sessions").json()["items"]
@@ -33,3 +41,14 @@ def test_the_demo_prints_the_chain_beside_its_truth_and_leaves_it_in_the_workben
         guide = client.get(f"/sessions/{session['id']}/guide").json()
         done = {step["step"] for step in guide["steps"] if step["status"] == "done"}
         assert {"tcp", "turntable", "merge"} <= done
+
+
+@pytest.mark.parametrize(("words", "done"), [([], ["demo", "serve"]), (["--no-serve"], ["demo"])])
+def test_it_serves_afterwards_unless_told_not_to(
+    words: list[str], done: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[str] = []
+    monkeypatch.setattr("server.commands.demo.chain.demo", lambda _: called.append("demo") or 0)
+    monkeypatch.setattr("server.commands.serve.serve", lambda _: called.append("serve") or 0)
+    assert main(["demo", *words]) == 0
+    assert called == done

@@ -129,7 +129,7 @@ class InCell(Controller):
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Any:
-    with rig(tmp_path / "exposures", every_s=0.03, travel_s=0.1) as made:
+    with rig(tmp_path / "exposures", every_s=0.08, travel_s=0.1) as made:
         yield made
 
 

@@ -28,7 +28,7 @@ REFUSED = "status of 4(09|22).*/live/(sweep|clock-offset)"
 
 @pytest.fixture
 def cell() -> Iterator[SimulatedDevices]:
-    made = SimulatedDevices("turntable", SEED, rate_hz=40.0, travel_s=0.25, scanner_clock_s=0.037)
+    made = SimulatedDevices("turntable", SEED, rate_hz=16.0, travel_s=0.25, scanner_clock_s=0.037)
     yield made
     made.stop()
 

@@ -78,7 +78,7 @@ function messages(result) {
 const grouped = (texts) => [...new Map(texts.map((text) => [brief(text), text])).values()];
 
 /** What a message says, in one line: its first sentence, up to where a clause ends. @param {string} text */
-export function brief(text) {
+function brief(text) {
   const [sentence = text] = text.replace(/\s*\([^)]*\)/g, "").split(/(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u);
   const bare = sentence.replace(/[.。]$/u, "");
   const count = (/** @type {string} */ words) => Math.max(words.split(" ").length, words.length / LONGEST_WORD);

@@ -59,7 +59,7 @@ function statusOf({ stale, verdict }) {
 }
 
 /** The figures that stand first. @param {StageResult} result @returns {FigureBlock[]} */
-export function headlines({ evidence = [] }) {
+function headlines({ evidence = [] }) {
   return /** @type {FigureBlock[]} */ ((evidence ?? []).filter((block) => block.kind === "figure" && block.headline));
 }
 

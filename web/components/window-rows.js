@@ -3,7 +3,7 @@
 import { h } from "../dom.js";
 
 /** Up to here all rows are there. */
-export const MOST_ROWS = 240;
+const MOST_ROWS = 240;
 const AROUND = 12;
 const LIKELY_HEIGHT_PX = 40;
 

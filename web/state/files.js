@@ -40,7 +40,7 @@ export async function controllerFiles(found) {
 }
 
 /** @param {string} name */
-export const baseOf = (name) => name.split("/").at(-1) ?? name;
+const baseOf = (name) => name.split("/").at(-1) ?? name;
 
 /** @param {string} name */
 export const stemOf = (name) => baseOf(name).replace(/\.[^.]+$/, "");

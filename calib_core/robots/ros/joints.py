@@ -4,7 +4,6 @@ import math
 import re
 
 _UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-_NUMBERED = re.compile(r"(?:joint|axis|[aj])_?([1-9])(?!\d)[a-z_]*$", re.IGNORECASE)
 
 
 def in_order(names: list[str], positions: list[float]) -> tuple[float, ...]:

@@ -14,7 +14,7 @@ const BINS = 9;
 const SIZE = { width: 560, height: 360, margin: 34 };
 
 /** @param {number} share from −1 (inside) to 1 (outside) */
-export function deviationColor(share) {
+function deviationColor(share) {
   const at = (Math.min(1, Math.max(-1, share)) + 1) * 2;
   const low = Math.min(3, Math.floor(at));
   const mix = (/** @type {number} */ channel) => Math.round((DIVERGING[low]?.[channel] ?? 0) * (low + 1 - at) + (DIVERGING[low + 1]?.[channel] ?? 0) * (at - low));
