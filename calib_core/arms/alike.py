@@ -54,6 +54,29 @@ def alike_factors(poses: Poses, others: Poses | None, reach: float) -> tuple[Flo
     return factor, np.linalg.solve(factor[pivots], correlation.T).T
 
 
+def alike_pivots(rotations: FloatArray, translations: FloatArray, reach: float = 1.0) -> np.ndarray:
+    """Return which of K poses, (m,), stand for all in `alike_factor`: one a column, the most telling first."""
+    from calib_core.kernels.alike import pivoted_factor
+
+    features = _features((rotations, translations), reach)
+    most = min(len(features), MOST_COLUMNS)
+    factor, pivots = np.zeros((len(features), most)), np.zeros(most, dtype=np.int64)
+    return pivots[: pivoted_factor(features, pivots, most, _NEGLIGIBLE, factor)]
+
+
+def alike_correlation(poses: Poses, reach: float, others: Poses | None = None) -> FloatArray:
+    """Return the correlation (N, m) of errors at N other poses, or at the same, with those at m poses."""
+    places = _features(poses, reach)
+    at = places if others is None else _features(others, reach)
+    return np.exp(-0.5 * np.sum((at[:, None] - places) ** 2, axis=2))
+
+
+def alike_weights(poses: Poses, others: Poses, reach: float) -> FloatArray:
+    """Return by which weights (N, m) the errors at m poses give those at N others, as far as they are alike."""
+    weights = np.linalg.solve(alike_correlation(poses, reach), alike_correlation(poses, reach, others).T)
+    return np.ascontiguousarray(weights.T, dtype=float)
+
+
 def _features(poses: Poses, reach: float) -> FloatArray:
     rotations, translations = poses
     # The distance of two rotation matrices as vectors is √2 · 2 sin(angle / 2).

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.likelihood import ChainLinearisation, fit
 from calib_core.chain.model import ARM_SCALE_SIGMA, ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
@@ -56,6 +57,11 @@ class Held:
         What the answer was found from.
     half_width_mm : float
         Half the width that the scanner's points fill.
+    arm : ArmErrors or None
+        How the unknowns and the nuisances err together with the arm.
+    left : (9 + table + n,) or None
+        By how much they are off, as far as that is known: for errors of the scanner that were found and stay in
+        its files. Its square is in the covariance.
     """
 
     state: ChainState
@@ -69,6 +75,8 @@ class Held:
     data: ChainData
     sigmas: Sigmas
     half_width_mm: float = 1.0
+    arm: ArmErrors | None = None
+    left: FloatArray | None = None
 
     @property
     def tool_and_scanner(self) -> np.ndarray:
@@ -102,7 +110,20 @@ def point_rows(
 
 def hold_files(judged: Judged, apply: bool) -> Held:
     """Return the answer of captures that were judged, for corrected files or for files as they are."""
-    return replace(_held(judged, apply), half_width_mm=judged.data.half_width_mm)
+    held = _held(judged, apply)
+    return replace(held, half_width_mm=judged.data.half_width_mm, arm=_arm(judged, held.applied))
+
+
+def _arm(judged: Judged, applied: bool) -> ArmErrors | None:
+    """Return how the answer errs together with the arm."""
+    arm, data = judged.fit.arm, judged.data
+    if arm is None:
+        return None
+    arm = arm.of(judged.inflation * np.eye(data.width))
+    of_files = OF_FILES[data.active]
+    if applied or not of_files.any():
+        return arm
+    return arm.held_at(judged.fit.covariance, data.unknowns + np.flatnonzero(of_files))
 
 
 def _held(judged: Judged, apply: bool) -> Held:
@@ -139,6 +160,7 @@ def _held(judged: Judged, apply: bool) -> Held:
         errors,
         exact,
         judged.fit.sigmas,
+        left=np.sqrt(surprise) * shift if surprise > 0 else None,
     )
 
 

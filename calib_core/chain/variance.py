@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.arms.alike import visits
+from calib_core.chain.arm_errors import ArmErrors, ArmShares
 from calib_core.chain.centers import centers_suffice, fit_centers
 from calib_core.chain.likelihood import (
     ChainLinearisation,
@@ -51,11 +52,14 @@ class ChainFit:
         Given, or the posterior's mode.
     covariance : (P, P)
         Of the unknowns (9, the table's, the nuisances), the uncertainty of estimated sigmas included.
+    arm : ArmErrors or None
+        How these err together with the arm; of a fit whose covariance is averaged.
     """
 
     minimum: Minimum[ChainState, ChainLinearisation]
     sigmas: Sigmas
     covariance: FloatArray
+    arm: ArmErrors | None = None
 
     @property
     def state(self) -> ChainState:
@@ -118,15 +122,18 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
     size = data.width
     kept = posterior.weights > 1e-3
     weights = posterior.weights[kept] / posterior.weights[kept].sum()
-    inverses, steps = [], []
-    for node in posterior.nodes[kept]:
-        hessian, gradient, _ = whole.equations(_sigmas(density.with_free(node), given))
-        inverse = covariance_of(hessian)
-        inverses.append(inverse[:size, :size])
-        steps.append(-(inverse @ gradient)[:size])
+    shares = ArmShares.about(data, found.sigmas)
+    inverses, steps, every = [], [], [_sigmas(density.with_free(node), given) for node in posterior.nodes[kept]]
+    for sigmas in every:
+        hessian, gradient, _ = whole.equations(sigmas)
+        inverse, by_shared = covariance_of(hessian), shares.by_shared(sigmas)
+        step = -(inverse @ gradient)
+        inverses.append(np.hstack([inverse[:size, :size], inverse[:size, size:] @ by_shared.T]))
+        steps.append(np.concatenate([step[:size], by_shared @ step[size:]]))
     spread = np.array(steps) - weights @ np.array(steps)
-    covariance = np.einsum("n,nij->ij", weights, inverses) + np.einsum("n,ni,nj->ij", weights, spread, spread)
-    return replace(found, covariance=covariance)
+    covariance = np.einsum("n,nij->ij", weights, inverses)
+    covariance += np.einsum("n,ni,nj->ij", weights, spread[:, :size], spread)
+    return replace(found, covariance=covariance[:, :size], arm=shares.errors(covariance[:, size:], every, weights))
 
 
 def _sigmas(log_sigmas: FloatArray, given: GivenSigmas) -> Sigmas:

@@ -12,6 +12,7 @@ import numpy as np
 
 from calib_core.arms.alike import visits
 from calib_core.chain.answer import answer_of
+from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
@@ -64,6 +65,10 @@ class ChainSolution:
         Of tool0_from_laser with base_from_turntable.
     scanner_with_table : (6, n)
         Of base_from_turntable with the nuisances.
+    arm_with_table : ArmErrors or None
+        How base_from_turntable errs together with the arm, (6, …).
+    left_of_table : (6,) or None
+        By how much base_from_turntable is off for what stays in the scanner's files: see `Held.left`.
     tcp_distance, turntable_distance : float
         Squared Mahalanobis distance of the stages' own answers from the whole chain's: 6 and 5 degrees of freedom.
     tcp_difference, turntable_difference : (6,)
@@ -78,6 +83,8 @@ class ChainSolution:
     turntable_distance: float
     tcp_difference: FloatArray
     turntable_difference: FloatArray
+    arm_with_table: ArmErrors | None = None
+    left_of_table: FloatArray | None = None
 
 
 def solve_chain(
@@ -118,6 +125,8 @@ def solve_chain(
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
     some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
+    by_unknowns = np.zeros((6, len(covariance)))
+    by_unknowns[:, size] = turning.covariance.pose_by_unknowns
     return ChainSolution(
         tcp=still,
         turntable=turning,
@@ -129,6 +138,8 @@ def solve_chain(
         ),
         tcp_difference=tool_shift,
         turntable_difference=table_shift,
+        arm_with_table=held.arm and held.arm.of(by_unknowns),
+        left_of_table=None if held.left is None else by_unknowns @ held.left,
     )
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
-from calib_core.guidance.budget import Calibrated, View, together
+from calib_core.guidance.budget import together
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.records import Record, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.registry import steps_that_show, table_stages, tool_stages

@@ -7,7 +7,8 @@ import numpy as np
 
 from calib_core.captures.poses import middle_pose
 from calib_core.errors import ConflictError, InputError
-from calib_core.guidance.budget import Budget, Calibrated, View, budget
+from calib_core.guidance.budget import Budget, budget
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.field import FieldPoint, field_over_table
 from calib_core.records import Session
 from calib_core.stages.registry import steps_that_show, tool_stages
@@ -83,7 +84,8 @@ def _views(session: Session, result: Mapping[str, Any], known: Calibrated) -> li
                 pose = middle_pose(session.cell, capture)
             except InputError:
                 continue  # changed since; the stage says so when it is solved again
-            views.append(View(pose.rotation, float(np.deg2rad(capture.table_deg or 0.0))))
+            angle = float(np.deg2rad(capture.table_deg or 0.0))
+            views.append(View(pose.rotation, angle, place_mm=pose.translation_mm))
     if not views:
         to_do = "Give the captures their poses, and solve again."
         raise InputError("captures of the answer with poses that can be read", "none", to_do, str(result["stage"]))

@@ -5,25 +5,23 @@ A point p of L, measured from pose k with the table at angle θ, comes out in T 
     Rz(−θ) · base_from_turntable⁻¹ · base_from_tool0(k) · tool0_from_laser · p.
 
 Tool, table and scanner are what was calibrated: their errors are alike in every scan, and partly cancel, because
-the same captures gave them.  Errors of a pose, of the table's angle and of a point are new in each scan: the mean
-of many scans knows less of them.
+the same captures gave them.  What the arm does alike where poses are alike it did to these too, so that part of
+it cancels as well (`arm_share`).  Errors of a pose, of the table's angle and of a point are new in each scan:
+the mean of many scans knows less of them.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from calib_core.chain.held import point_rows
 from calib_core.chain.likelihood import pose_spread
 from calib_core.chain.model import Sigmas
-from calib_core.chain.scanner import NAMES
-from calib_core.errors import InputError
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
-from calib_core.frames import FloatArray, RigidTransform, skew
+from calib_core.frames import FloatArray, rotation_from_vector, skew
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.records import Record
-from calib_core.records.results import OpticsShift
 
 PartName = Literal["tool", "scanner", "camera", "plane", "table", "arm", "arm_alike", "angle", "points"]
 
@@ -57,144 +55,23 @@ class Budget(Record):
 
     `uncertainty_mm` is k = 2 in the worst direction for one scan, `shared_uncertainty_mm` what any number of
     scans leaves. The parts do not add up in squares: tool, scanner and table were found together, and
-    `cancelled_mm` (RMS of the axes) is what their errors take off each other, negative where they add. `sigmas_mm`
-    are along the axes of the frame of `point_mm`.
+    `cancelled_mm` (RMS of the axes) is what their errors take off each other, negative where they add: with what
+    the arm does alike where poses are alike, where the result says how that is in them. `sigmas_mm` are along
+    the axes of the frame of `point_mm`. `known_offset_mm` is where a point lies off for errors of the scanner
+    that were found and stay in its files, mean over the views; within ± `within_95_mm` of a measured point the
+    true one lies with 95 %, axis by axis: less than 1.96 sigmas where much of them is a known offset.
     """
 
     frame: Literal["turntable", "laser"]
     point_mm: list[float]
     sigmas_mm: list[float]
+    known_offset_mm: list[float]
+    within_95_mm: list[float]
     uncertainty_mm: float
     shared_uncertainty_mm: float
     cancelled_mm: float
     parts: list[BudgetPart]
     helps_most: str
-
-
-@dataclass(frozen=True, eq=False)
-class Calibrated:
-    """Tool, table and scanner as a result has them, with all their covariances.
-
-    Attributes
-    ----------
-    tool0_from_laser : RigidTransform
-    base_from_turntable : RigidTransform or None
-    direction : {1, -1}
-        Of the table's angles.
-    nuisances : tuple of int
-        Which of the scanner's errors the covariance has.
-    covariance : (6 + 6 + n + m, …)
-        Of tool, table (zero without one), the scanner's errors, and m unit variances of camera and plane of light.
-    half_width_mm, facing, point_in_laser_mm
-        See `chain.held`; where the scanner sees the workpiece, (3,).
-    sigmas : Sigmas
-    point_sigma_mm : float
-    optics : tuple of OpticsShift
-        What those m do; the tool's, table's and scanner's covariances are without them.
-    """
-
-    tool0_from_laser: RigidTransform
-    base_from_turntable: RigidTransform | None
-    direction: int
-    nuisances: tuple[int, ...]
-    covariance: FloatArray
-    half_width_mm: float
-    facing: int
-    point_in_laser_mm: FloatArray
-    sigmas: Sigmas
-    point_sigma_mm: float
-    optics: tuple[OpticsShift, ...] = ()
-
-    @classmethod
-    def of(cls, result: Mapping[str, Any], point_in_laser_mm: Sequence[float] | None = None) -> "Calibrated":
-        """Return what a result of `chain` or `tcp` has.
-
-        A result of before the whole chain told how scanner and table are correlated is taken without the scanner.
-
-        Raises
-        ------
-        InputError
-            If its covariances are none, or nothing says where the scanner sees the workpiece.
-        """
-        scanner: Mapping[str, Any] | None = result.get("scanner")
-        found: Mapping[str, Any] = result.get("variance_components") or {}
-        table = result.get("base_from_turntable") if result.get("stage") == "chain" else None
-        if scanner is None or (table is not None and scanner.get("covariance_with_table") is None):
-            scanner = {
-                "names": [],
-                "covariance": [],
-                "covariance_with_tool": [[]] * 6,
-                "covariance_with_table": [[]] * 6,
-            }
-        seen = (result.get("workpiece") or {}).get("point_in_laser_mm")
-        point = point_in_laser_mm if point_in_laser_mm is not None else seen
-        if point is None:
-            where = f"results/{result.get('stage')}.json: workpiece"
-            raise InputError("where the scanner sees the workpiece", "nothing", "Solve the session again.", where)
-        names = tuple(NAMES.index(name) for name in scanner["names"])
-        count = len(names)
-        covariance = np.zeros((12 + count, 12 + count))
-        covariance[:6, :6] = result["covariance"]
-        covariance[12:, 12:] = np.reshape(scanner["covariance"], (count, count))
-        covariance[:6, 12:] = scanner["covariance_with_tool"]
-        if table is not None:
-            covariance[6:12, 6:12] = result["turntable_covariance"]
-            covariance[:6, 6:12] = result["cross_covariance"]
-            covariance[6:12, 12:] = scanner["covariance_with_table"]
-        covariance = np.triu(covariance) + np.triu(covariance, 1).T
-        if not np.isfinite(covariance).all():
-            raise InputError("covariances of finite numbers", "others", "Solve the session again.")
-        optics = tuple(OpticsShift.model_validate(one) for one in result.get("optics") or [])
-        covariance = _with_optics_apart(covariance, optics)
-        angle = float(np.deg2rad(result.get("angle_sigma_deg") or 0.0))
-        return cls(
-            tool0_from_laser=RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser"),
-            base_from_turntable=None if table is None else RigidTransform.from_rounded(table, "base", "turntable"),
-            direction=int(result.get("direction") or 1),
-            nuisances=names,
-            covariance=covariance,
-            half_width_mm=float(scanner.get("half_width_mm") or 1.0),
-            facing=int(scanner.get("facing") or 1),
-            point_in_laser_mm=np.array(point, dtype=float),
-            sigmas=Sigmas(
-                found.get("position_sigma_mm") or 0.0,
-                found.get("orientation_sigma_rad") or 0.0,
-                angle,
-                found.get("alike_position_sigma_mm") or 0.0,
-                found.get("alike_orientation_sigma_rad") or 0.0,
-            ),
-            point_sigma_mm=float(found.get("point_sigma_mm") or 0.0),
-            optics=optics,
-        )
-
-    @property
-    def moves_by_optics(self) -> FloatArray:
-        """By how much camera's and plane's errors move tool, table and scanner, (12 + n, m)."""
-        return _moves_by(self.optics, 12 + len(self.nuisances))
-
-
-def _moves_by(optics: Sequence[OpticsShift], size: int) -> FloatArray:
-    """Return by how much each of camera's and plane's errors moves tool, table and scanner (size), (size, m)."""
-    columns = [[*one.tool, *(one.turntable or [0.0] * 6), *one.scanner][:size] for one in optics]
-    return np.array(columns, dtype=float).reshape(-1, size).T
-
-
-def _with_optics_apart(covariance: FloatArray, optics: Sequence[OpticsShift]) -> FloatArray:
-    """Return a covariance with the errors of camera and plane of light as members of their own."""
-    size, many = len(covariance), len(optics)
-    moves = _moves_by(optics, size)
-    apart = np.eye(size + many)
-    apart[:size, :size] = covariance - moves @ moves.T
-    return apart
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """One scan: the flange's orientation in base (3, 3), the table's angle as read, and where L sees the point."""
-
-    rotation: FloatArray
-    angle_rad: float = 0.0
-    point_in_laser_mm: FloatArray | None = None
 
 
 def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -203,8 +80,7 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
     `point_mm` is in T at angle zero; without a table it is not needed. The rows are along T's axes at angle zero,
     without a table along the flange's; the second matrix turns from the flange's axes into these.
     """
-    seen = known.point_in_laser_mm if view.point_in_laser_mm is None else view.point_in_laser_mm
-    tool = known.tool0_from_laser
+    seen, tool = view.seen(known), known.tool0_from_laser
     by_flange = point_rows(tool.rotation, seen, known.half_width_mm, known.facing)
     rows = np.zeros((3, len(known.covariance)))
     table = known.base_from_turntable
@@ -229,18 +105,16 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
 def covariances(known: Calibrated, view: View, point_mm: FloatArray) -> dict[PartName, FloatArray]:
     """Return each source's own covariance (3, 3), mm², of a measured point."""
     rows, out = calibrated_rows(known, view, point_mm)
-    seen = known.point_in_laser_mm if view.point_in_laser_mm is None else view.point_in_laser_mm
-    tool, sigmas = known.tool0_from_laser, known.sigmas
+    seen, tool, sigmas = view.seen(known), known.tool0_from_laser, known.sigmas
     # What moves the sphere's centre in L moves a measured point the other way: the same covariance.
     in_laser = tool.rotation.T @ tool.translation_mm
     own = pose_spread(seen[None], in_laser, Sigmas(sigmas.position_mm, sigmas.orientation_rad))[0]
-    alike = pose_spread(seen[None], in_laser, Sigmas(sigmas.alike_position_mm, sigmas.alike_orientation_rad))[0]
     axes = out @ tool.rotation
     found: dict[PartName, FloatArray] = {}
     for name, part in _calibrated_parts(known).items():
         found[name] = rows[:, part] @ known.covariance[np.ix_(part, part)] @ rows[:, part].T
     found["arm"] = axes @ own @ axes.T
-    found["arm_alike"] = axes @ alike @ axes.T
+    found["arm_alike"] = arm_at_points(known, view, point_mm[None])[0][0]
     if known.base_from_turntable is not None:
         lever = np.array([-point_mm[1], point_mm[0], 0.0])
         found["angle"] = sigmas.angle_rad**2 * np.outer(lever, lever)
@@ -265,6 +139,7 @@ def _calibrated_parts(known: Calibrated) -> dict[PartName, np.ndarray]:
 
 
 _OPTICS: tuple[PartName, ...] = ("camera", "plane")
+_HELD, _HALVINGS = 0.95, 30
 _TOGETHER: tuple[PartName, ...] = ("tool", "table", "scanner")
 _CALIBRATED: frozenset[PartName] = frozenset({*_TOGETHER, *_OPTICS})
 _SHARED: frozenset[PartName] = frozenset({*_CALIBRATED, "arm_alike"})
@@ -276,11 +151,69 @@ def together(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
     return rows @ known.covariance @ rows.T
 
 
+def arm_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what the arm's shared errors put into points (P, 3), by themselves and with what was calibrated.
+
+    Both are to be added, (P, 3, 3), mm². The second is mostly less than nothing: tool and table erred with the
+    arm.
+    """
+    origin = np.zeros(3)
+    rows, out = calibrated_rows(known, view, origin)
+    in_base = view.rotation @ known.tool0_from_laser.apply(view.seen(known))
+    axes = out @ view.rotation.T
+    shared = Sigmas(known.sigmas.alike_position_mm, known.sigmas.alike_orientation_rad)
+    alike = np.broadcast_to(axes @ pose_spread(in_base[None], origin, shared)[0] @ axes.T, (len(points_mm), 3, 3))
+    if known.arm is None:
+        return alike, np.zeros((len(points_mm), 3, 3))
+    places = view.places(known, points_mm)
+    alike = alike + axes @ known.arm.by_lengths(places) @ axes.T
+    together = known.arm.with_answer(view.rotation, places, in_base)
+    half = rows[:, : together.shape[1]] @ together
+    if known.base_from_turntable is not None:  # a turn of the table moves a point by how far it is from the origin
+        turned = turned_back(known.direction * view.angle_rad)
+        half = half + np.array([skew(point) for point in points_mm]) @ turned @ together[:, 6:9]
+    half = half @ axes.T
+    return alike, half + np.swapaxes(half, 1, 2)
+
+
+def turned_back(angle_rad: float) -> FloatArray:
+    """Return the turn by −angle about z, (3, 3)."""
+    return rotation_from_vector(np.array([0.0, 0.0, -angle_rad]))
+
+
 def stated(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
     """Return the covariance (3, 3), mm², of one measured point from one scan."""
     parts = covariances(known, view, point_mm)
     new = sum((parts[name] for name in parts if name not in _CALIBRATED), np.zeros((3, 3)))
-    return together(known, view, point_mm) + new
+    return together(known, view, point_mm) + new + arm_at_points(known, view, point_mm[None])[1][0]
+
+
+def known_offset(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
+    """Return where a measured point lies off for what is known of the scanner and stays in its files, (3,), mm."""
+    if known.left is None:
+        return np.zeros(3)
+    rows, _ = calibrated_rows(known, view, point_mm)
+    return rows[:, : len(known.left)] @ known.left
+
+
+def within_95(offsets_mm: FloatArray, covariances_mm2: FloatArray) -> FloatArray:
+    """Return half the width about measured points that holds the true ones with 95 %, axis by axis, (3,), mm.
+
+    Parameters
+    ----------
+    offsets_mm, covariances_mm2 : (V, 3), (V, 3, 3)
+        Of each view, all alike likely; the offsets' squares are in the covariances.
+    """
+    from scipy.special import ndtr
+
+    variances = np.diagonal(covariances_mm2, axis1=1, axis2=2)
+    sigmas = np.sqrt(np.maximum(variances - offsets_mm**2, 1e-6 * variances + 1e-18))
+    low, high = np.zeros(3), np.abs(offsets_mm).max(axis=0) + 3 * sigmas.max(axis=0)
+    for _ in range(_HALVINGS):
+        half = (low + high) / 2
+        held = (ndtr((half - offsets_mm) / sigmas) - ndtr((-half - offsets_mm) / sigmas)).mean(axis=0)
+        low, high = np.where(held < _HELD, half, low), np.where(held < _HELD, high, half)
+    return high
 
 
 def budget(known: Calibrated, views: Sequence[View], point_mm: Sequence[float] | None = None) -> Budget:
@@ -302,34 +235,54 @@ def budget(known: Calibrated, views: Sequence[View], point_mm: Sequence[float] |
     }
     calibrated = np.mean([together(known, view, point) for view in views], axis=0)
     apart = sum((mean[name] for name in mean if name in _CALIBRATED), np.zeros((3, 3)))
-    total = calibrated + sum((mean[name] for name in mean if name not in _CALIBRATED), np.zeros((3, 3)))
-    shared = calibrated + mean["arm_alike"]
+    each_scan = np.array([stated(known, view, point) for view in views])
+    total = each_scan.mean(axis=0)
+    shared = total - sum((mean[name] for name in mean if name not in _SHARED), np.zeros((3, 3)))
+    offsets = np.array([known_offset(known, view, point) for view in views])
     parts = [
         BudgetPart(name=name, sigma_mm=_rms(one), worst_sigma_mm=_worst(one), shared=name in _SHARED)
         for name, one in mean.items()
         if name != "table" or on_table
     ]
     parts.sort(key=lambda part: -part.worst_sigma_mm)
-    cancelled = float(np.trace(apart - calibrated)) / 3
+    cancelled = float(np.trace(apart + mean["arm_alike"] - shared)) / 3
     return Budget(
         frame="turntable" if on_table else "laser",
         point_mm=point.tolist(),
         sigmas_mm=np.sqrt(np.maximum(np.diag(total), 0.0)).tolist(),
+        known_offset_mm=offsets.mean(axis=0).tolist(),
+        within_95_mm=within_95(offsets, each_scan).tolist(),
         uncertainty_mm=COVERAGE * _worst(total),
         shared_uncertainty_mm=COVERAGE * _worst(shared),
         cancelled_mm=float(np.sign(cancelled) * np.sqrt(abs(cancelled))),
         parts=parts,
-        helps_most=_helps_most(mean, calibrated, total),
+        helps_most=_helps_most(mean, calibrated, total, _by_arm(known, views, point, shared)),
     )
 
 
-def _helps_most(mean: Mapping[PartName, FloatArray], calibrated: FloatArray, total: FloatArray) -> str:
+def _by_arm(known: Calibrated, views: Sequence[View], point: FloatArray, shared: FloatArray) -> FloatArray | None:
+    """Return by how much less an arm whose shared errors are known would leave."""
+    if known.arm is None:
+        return None
+    explained = known.arm.explained(known.sigmas)
+    size = len(explained)
+    rows = [calibrated_rows(known, view, point)[0] for view in views]
+    left = [r @ known.covariance @ r.T - r[:, :size] @ explained @ r[:, :size].T for r in rows]
+    return shared - np.mean(left, axis=0)
+
+
+def _helps_most(
+    mean: Mapping[PartName, FloatArray], calibrated: FloatArray, total: FloatArray, by_arm: FloatArray | None
+) -> str:
     """Return what would help most, as a sentence: the source without which least would be left."""
     alone = {name: one for name, one in mean.items() if name not in _TOGETHER}
     optics = sum((mean[name] for name in _OPTICS if name in mean), np.zeros((3, 3)))
     largest = max(_TOGETHER, key=lambda name: float(np.trace(mean[name])))
     without = {name: _worst(total - one) for name, one in alone.items()}
-    without[largest] = _worst(total - calibrated + optics)
+    new = sum((one for name, one in mean.items() if name not in _SHARED), np.zeros((3, 3)))
+    without[largest] = _worst(optics + mean["arm_alike"] + new)
+    if by_arm is not None:
+        without["arm_alike"] = _worst(total - by_arm)
     best = min(without, key=lambda name: without[name])
     return (
         f"What would help most: {_HELPS[best]}. Without it {quantity_text(plus_minus(without[best], 'mm'))} "

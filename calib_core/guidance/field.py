@@ -7,7 +7,8 @@ import numpy as np
 
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, skew
-from calib_core.guidance.budget import Calibrated, View, calibrated_rows, covariances
+from calib_core.guidance.budget import arm_at_points, calibrated_rows, covariances, turned_back
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.records import Record
 
 _RINGS, _AROUND, _LAYERS = 4, 8, 3
@@ -43,25 +44,21 @@ def at_points(known: Calibrated, views: Sequence[View], points_mm: FloatArray) -
     for view in views:
         rows, _ = calibrated_rows(known, view, np.zeros(3))
         turned = np.zeros((3, many))
-        turned[:, 6:9] = _back_turned(known.direction * view.angle_rad)
+        turned[:, 6:9] = turned_back(known.direction * view.angle_rad)
         turned[:, count:] = turned[:, 6:9] @ moves[6:9]
         at_axis += rows @ known.covariance @ rows.T / len(views)
         by_lever += turned @ known.covariance @ rows.T / len(views)
         twice += turned @ known.covariance @ turned.T / len(views)
     parts = [covariances(known, view, np.zeros(3)) for view in views]
-    arm, alike, noise = (np.mean([p[name] for p in parts], axis=0) for name in ("arm", "arm_alike", "points"))
+    arm, noise = (np.mean([p[name] for p in parts], axis=0) for name in ("arm", "points"))
+    by_arm = [arm_at_points(known, view, points_mm) for view in views]
+    alike = np.mean([own + cancelled for own, cancelled in by_arm], axis=0)
     crossed = np.array([skew(point) for point in points_mm])
     leaning = crossed @ by_lever
     shared = at_axis + leaning + np.swapaxes(leaning, 1, 2) + crossed @ twice @ np.swapaxes(crossed, 1, 2) + alike
     lever = crossed[:, :, 2]  # what an error of the table's angle moves
     angle = known.sigmas.angle_rad**2 * lever[:, :, None] * lever[:, None, :]
     return shared + arm + noise + angle, shared
-
-
-def _back_turned(angle_rad: float) -> FloatArray:
-    """Return the turn by −angle about z, (3, 3)."""
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _uncertainty_mm(covariance: FloatArray) -> list[float]:

@@ -19,7 +19,8 @@ from calib_core.chain.table import SCALE_COLUMN, TableReadings, TableState
 from calib_core.chain.table_frame import TableFrame, frame_by_rule, pose_by_unknowns
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, rotation_from_vector
-from calib_core.guidance.budget import Calibrated, View, calibrated_rows
+from calib_core.guidance.budget import calibrated_rows
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.design import Assumed, with_tool, worst_sigma_mm
 
 _TABLE_COLUMN = 9

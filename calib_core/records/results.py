@@ -5,7 +5,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
-from calib_core.records.base import Record, Rows, Vector3, Verdict
+from calib_core.records.base import Matrix4, Record, Rows, Vector3, Verdict
 from calib_core.records.causes import RootCause
 from calib_core.records.evidence import AnyBlock
 
@@ -68,6 +68,18 @@ class VarianceComponents(Record):
     points_per_independent: float = 1.0
 
 
+class LeftInFiles(Record):
+    """By how much an answer is off for errors of the scanner that were found and stay in its files.
+
+    The tool (rx ry rz tx ty tz), base_from_turntable likewise, and what was found of the scanner, in the order of
+    its names. The squares are in the covariances; but one knows these shares, and they are the same in every scan.
+    """
+
+    tool: list[float]
+    scanner: list[float]
+    turntable: list[float] | None = None
+
+
 class ScannerFound(Record):
     """What was found of sphere and scanner with the tool, in the order of `names`, and how both are correlated.
 
@@ -75,6 +87,7 @@ class ScannerFound(Record):
     are taken out, otherwise to the files as they are.  `sphere_diameter_sigma_mm` is what was told or assumed.
     `covariance_with_table` is (6, n), of base_from_turntable in the whole chain; `half_width_mm` half the width
     that the points fill, in which a bow is measured; `facing` is 1 where z grows away from the scanner, else −1.
+    `left_in_files` is what stays in the files where nothing is applied.
     """
 
     names: list[str]
@@ -87,6 +100,7 @@ class ScannerFound(Record):
     covariance_with_table: Rows | None = None
     half_width_mm: float | None = None
     facing: int = 1
+    left_in_files: LeftInFiles | None = None
 
 
 class OpticsShift(Record):
@@ -105,6 +119,32 @@ class OpticsShift(Record):
     at_mm: Vector3
     point_mm: Vector3
     by_place: Rows
+
+
+class ArmErrorsFound(Record):
+    """How an answer's errors are correlated with the arm's: where a scan is taken, both cancel in part.
+
+    The arm's errors are those of its lengths, and those that are alike where poses are alike: the reported place
+    less the true one along base's axes, and the turn about base's axes from the reported orientation to the true
+    one. `poses` (base_from_tool0) stand for all; how alike two poses' errors are follows exp(−½ d²), d by
+    `reach_mm` and `reach_rad` of `variance_components`. `position_sigma_mm` and `orientation_sigma_rad` are of
+    the alike part, with what the captures leave open of it. Lengths are compared from `middle_mm` in base, and
+    are off by a share whose standard deviation is `lengths_sigma`. Of tool, scanner (in the order of its names)
+    and table the covariances with that share, and at each pose with its position (3) and orientation (3); for
+    frames of rx ry rz tx ty tz.
+    """
+
+    poses: list[Matrix4]
+    middle_mm: Vector3
+    lengths_sigma: float
+    position_sigma_mm: float
+    orientation_sigma_rad: float
+    tool_with_lengths: list[float]
+    tool_with_poses: list[Rows]
+    scanner_with_lengths: list[float]
+    scanner_with_poses: list[Rows]
+    table_with_lengths: list[float] | None = None
+    table_with_poses: list[Rows] | None = None
 
 
 class AtPoint(Record):

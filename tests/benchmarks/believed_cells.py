@@ -12,7 +12,8 @@ from calib_core.arms.alike import REACH_MM, REACH_RAD
 from calib_core.chain.model import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.frames import FloatArray
-from calib_core.guidance.budget import Calibrated, View, stated
+from calib_core.guidance.budget import known_offset, stated, within_95
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.design import SIGMAS
 from calib_core.records import Session
 from calib_core.robots import parse_pose
@@ -100,18 +101,21 @@ def believed(seed: int) -> Believed:
     return Believed(troubled_table(TableTrouble("as believed", change), seed, told=True), plans[0], field)
 
 
-def measured(seed: int, points: int) -> tuple[FloatArray, FloatArray]:
-    """Return errors (N, 3) and stated covariances (N, 3, 3) of points of one such cell's workpiece, mm."""
+def measured(seed: int, points: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return of points of one such cell's workpiece errors (N, 3), stated covariances (N, 3, 3), intervals (N, 3).
+
+    The workpiece lies in T as the table stands in truth; the arm, which errs there too, measures it.
+    """
     cell = believed(seed)
     made, plan, field = cell.made, cell.plan, cell.field
     known = Calibrated.of(solve_stage(made.session, "chain", made.files.__getitem__).to_json())
     assert known.base_from_turntable is not None
     rng = np.random.default_rng([seed, 4713])
-    poses = _on_table(made.session)
-    table = np.linalg.inv(_told_from_base(poses, field, made.base_from_turntable)) @ made.base_from_turntable
+    poses, table = _on_table(made.session), made.true_base_from_turntable
     solved_tool, solved_table = known.tool0_from_laser.matrix, known.base_from_turntable.matrix
     errors: list[FloatArray] = []
     covariances: list[FloatArray] = []
+    halves: list[FloatArray] = []
     for _ in range(points):
         rotation = poses[rng.integers(len(poses))][:3, :3]
         place = np.array([*rng.uniform(-100, 100, 2), rng.uniform(0, 160)])
@@ -127,30 +131,18 @@ def measured(seed: int, points: int) -> tuple[FloatArray, FloatArray]:
             reached[:3, :3] = reached[:3, :3] @ own
             reported[:3, 3] += there - (reached @ made.tool0_from_laser @ np.append(seen, 1.0))[:3]
         reported[:3, 3] += rng.standard_normal(3) * plan.position_mm
-        x, z = made.scanner(seen[None, [0, 2]])[0]
+        straight_on = float(plan.surface(np.zeros(1), rng)[0])  # the sphere's points err so where light meets it
+        x, z = made.scanner(seen[None, [0, 2]] - [0.0, straight_on])[0]
         told = np.array([x, 0.0, z + rng.standard_normal() * plan.point_mm, 1.0])
         read = angle + rng.standard_normal() * plan.encoder_rad
         in_table = (np.linalg.inv(solved_table) @ reported @ solved_tool @ told)[:3]
         errors.append(turn([0, 0, -known.direction * read]) @ in_table - place)
-        covariances.append(stated(known, View(rotation, known.direction * read, seen), place))
-    return np.array(errors), np.array(covariances)
+        view = View(rotation, known.direction * read, seen)
+        covariances.append(stated(known, view, place))
+        halves.append(within_95(known_offset(known, view, place)[None], covariances[-1][None]))
+    return np.array(errors), np.array(covariances), np.array(halves)
 
 
 def _on_table(session: Session) -> list[FloatArray]:
     convention = session.cell.pose_convention
     return [parse_pose(convention, c.pose or []).matrix for c in session.captures if c.step == "turntable"]
-
-
-def _told_from_base(poses: list[FloatArray], field: ArmField, table: FloatArray) -> FloatArray:
-    """Return base (4, 4) as the arm tells it about the table, by points at the table from its captures' poses."""
-    about = table[:3, 3] + np.random.default_rng(0).uniform(-100, 100, (len(poses), 3)) + [0, 0, 80]
-    told = np.array([
-        (pose @ np.linalg.inv(field.reached(pose)) @ np.append(p, 1.0))[:3]
-        for pose, p in zip(poses, about, strict=True)
-    ])  # fmt: skip
-    middles = about.mean(axis=0), told.mean(axis=0)
-    u, _, vt = np.linalg.svd((told - middles[1]).T @ (about - middles[0]))
-    found = np.eye(4)
-    found[:3, :3] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    found[:3, 3] = middles[1] - found[:3, :3] @ middles[0]
-    return found

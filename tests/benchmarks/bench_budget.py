@@ -14,7 +14,8 @@ from believed_cells import measured
 from harness import Row
 
 from calib_core.frames import FloatArray, rotation_from_vector
-from calib_core.guidance.budget import Calibrated, View, stated
+from calib_core.guidance.budget import known_offset, stated, within_95
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
 
@@ -23,10 +24,11 @@ POINTS = 20
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Errors (N, 3) and stated covariances (N, 3, 3) of one cell's points, mm."""
+    """Of one cell's points, mm: errors (N, 3), stated covariances (N, 3, 3), half the 95 % intervals (N, 3)."""
 
     errors_mm: FloatArray
     covariances: FloatArray
+    within_mm: FloatArray
 
 
 def one(seed: int, points: int = POINTS) -> Points:
@@ -39,7 +41,7 @@ def one(seed: int, points: int = POINTS) -> Points:
     known = Calibrated.of(result)
     assert known.base_from_turntable is not None
     rng = np.random.default_rng([seed, 80])
-    options, errors, covariances = world.options, [], []
+    options, errors, covariances, halves = world.options, [], [], []
     shots = [shot for shot in world.shots if shot.table is not None]
     tool, truth = world.tool0_from_laser, table.base_from_turntable
     solved_tool, solved_table = known.tool0_from_laser.matrix, known.base_from_turntable.matrix
@@ -64,8 +66,10 @@ def one(seed: int, points: int = POINTS) -> Points:
         back = rotation_from_vector(np.array([0, 0, -known.direction * read]))
         found = back @ (np.linalg.inv(solved_table) @ told)[:3]
         errors.append(found - place)
-        covariances.append(stated(known, View(rotation, read, seen), place))
-    return Points(np.array(errors), np.array(covariances))
+        view = View(rotation, read, seen)
+        covariances.append(stated(known, view, place))
+        halves.append(within_95(known_offset(known, view, place)[None], covariances[-1][None]))
+    return Points(np.array(errors), np.array(covariances), np.array(halves))
 
 
 def as_believed(seed: int, points: int = POINTS) -> Points:
@@ -81,7 +85,7 @@ def rows(found: list[Points], what: str = "cells as believed") -> list[Row]:
     )
     variances = np.diagonal(covariances, axis1=1, axis2=2)
     ratio = float(np.mean(errors**2 / variances))
-    share = float(np.mean(np.abs(errors) <= 1.96 * np.sqrt(variances)))
+    share = float(np.mean(np.abs(errors) <= np.concatenate([p.within_mm for p in found])))
     text = f"{ratio:.3f} ({len(found)} cells, {np.sqrt(np.mean(errors**2)):.3f} mm per axis)"
     covered = f"{100 * share:.1f} %"
     if what != "cells as believed":

@@ -7,9 +7,11 @@ from calib_core.archive.folder import result_data
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.workpiece import at_workpiece
 from calib_core.guidance.at_part import budget_at
-from calib_core.guidance.budget import Calibrated, View, budget, covariances, stated, together
+from calib_core.guidance.budget import budget, covariances, stated, together, within_95
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
 from calib_core.records.planning import FieldOfView
+from calib_core.robots import parse_pose
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
 from tests.benchmarks.bench_budget import as_believed, one
@@ -36,6 +38,9 @@ def test_cells_that_err_as_believed_err_as_stated() -> None:
     errors = np.concatenate([points.errors_mm for points in found])
     variances = np.diagonal(np.concatenate([points.covariances for points in found]), axis1=1, axis2=2)
     assert 0.2 < np.mean(errors**2 / variances) < 2.5  # two cells: their shared errors are few
+    half = np.concatenate([points.within_mm for points in found])
+    assert (half < 1.961 * np.sqrt(variances)).all()  # what is known to be off is not taken for chance
+    assert np.mean(np.abs(errors) <= half) > 0.8
 
 
 def test_the_scanners_errors_cancel_between_tool_and_point(solved) -> None:
@@ -61,6 +66,53 @@ def test_both_counts_what_the_scanner_did_to_tool_and_table(solved) -> None:
         assert new.worst_sigma_mm != pytest.approx(old.worst_sigma_mm, rel=1e-3)
         # What is unknown of the arm's lengths and the scanner's scale is in the tool, and back out at the point.
         assert new.worst_sigma_mm < 1.1 * old.worst_sigma_mm
+
+
+def test_the_arms_shared_errors_cancel_between_calibration_and_point(solved) -> None:
+    session, result = solved
+    known = Calibrated.of(result)
+    pose = parse_pose(session.cell.pose_convention, session.captures[-1].pose or [])
+    view, place = View(pose.rotation, 0.3), np.array([40.0, -20.0, 80.0])
+    older = Calibrated.of({**result, "arm_errors": None})  # as results were before they told it
+    both, apart = stated(known, view, place), stated(older, view, place)
+    assert np.trace(both) < 0.9 * np.trace(apart)
+    assert np.linalg.eigvalsh(both)[0] > 0
+    # An arm that stands quite elsewhere errs there by something else: nothing cancels but its lengths.
+    away = view.places(known, place[None])[0] + [5e3, 0.0, 0.0]
+    assert known.arm is not None
+    together = known.arm.with_answer(view.rotation, away[None], np.zeros(3))[0]
+    assert together == pytest.approx(np.outer(known.arm.with_lengths, away - known.arm.middle_mm))
+
+
+def test_an_offset_that_is_known_makes_the_interval_no_wider_than_it_must_be() -> None:
+    covariance = np.diag([1.0, 1.0, 1.0])[None]
+    none, some, all_of_it = within_95(np.array([[0.0, 0.8, 1.0]]), covariance)
+    assert none == pytest.approx(1.95996, abs=1e-4)
+    assert all_of_it == pytest.approx(1.0, abs=2e-3)
+    rng = np.random.default_rng(5)
+    drawn = np.abs(0.8 + 0.6 * rng.standard_normal(200_000)) <= some
+    assert drawn.mean() == pytest.approx(0.95, abs=2e-3)
+    spread = within_95(np.array([[0.0] * 3, [0.9] * 3]), np.repeat(covariance, 2, axis=0))
+    assert all_of_it < spread[0] < none  # views that see it differently: what holds over all of them
+
+
+def test_what_stays_in_the_files_is_told_as_an_offset(solved) -> None:
+    session, result = solved
+    assert result["scanner"]["left_in_files"] is None  # nothing was found of this scanner
+    values = [0.0] * len(result["scanner"]["names"])
+    values[result["scanner"]["names"].index("scale_z")] = 2e-4
+    left = {"tool": [0.0] * 6, "scanner": values, "turntable": [0.0, 0.0, 0.0, 0.0, 0.0, 0.03]}
+    known = {**result, "scanner": {**result["scanner"], "left_in_files": left}}
+    plain = budget_at(session, {"chain": result}, [30.0, 10.0, 60.0])
+    found = budget_at(session, {"chain": known}, [30.0, 10.0, 60.0])
+    assert plain.known_offset_mm == [0.0, 0.0, 0.0]
+    assert plain.within_95_mm == pytest.approx((1.95996 * np.array(plain.sigmas_mm)).tolist(), rel=0.02)
+    # The stripe's z, some 180 mm, points down here, and the table's origin counts the other way.
+    assert found.known_offset_mm[2] == pytest.approx(
+        -2e-4 * result["workpiece"]["point_in_laser_mm"][2] - 0.03, abs=0.004
+    )
+    assert found.sigmas_mm == plain.sigmas_mm
+    assert found.within_95_mm[2] < plain.within_95_mm[2]
 
 
 def test_a_budget_tells_shared_from_averaging_parts_and_what_helps(solved) -> None:

@@ -9,7 +9,8 @@ import pytest
 from calib_core.captures.measure import measure_capture
 from calib_core.errors import ConflictError
 from calib_core.frames import RigidTransform, rotation_from_vector
-from calib_core.guidance.budget import Calibrated, View, together
+from calib_core.guidance.budget import together
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.candidates import AWAY_DEG, AWAY_MM
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
 from calib_core.guidance.pose_list import planned_poses

@@ -16,7 +16,8 @@ from calib_core.chain.turntable import KnownTool, solve_turntable
 from calib_core.chain.whole import ChainSolution, solve_chain
 from calib_core.chain.with_optics import chain_with_optics
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.guidance.budget import Calibrated, View, budget, calibrated_rows, covariances, together
+from calib_core.guidance.budget import budget, calibrated_rows, covariances, together
+from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.field import at_points
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.triangulate import ProfileCalibration

@@ -49,9 +49,20 @@ function figuresOf(found) {
     h("p", {}, h("strong", {}, t("budget.one_scan", { one: plusMinus(found.uncertainty_mm, "mm"), many: plusMinus(found.shared_uncertainty_mm, "mm") }))),
     tableOf([t("budget.part"), t("budget.rms"), t("budget.worst"), t("budget.kind")], rows, t("budget.title")),
     h("p", { class: "soft" }, t(found.cancelled_mm < 0 ? "budget.add_up" : "budget.cancel", { amount: small(Math.abs(found.cancelled_mm)) })),
+    h("p", { class: "soft" }, t("budget.within", { within: each(found.within_95_mm) }), ...(found.known_offset_mm.some(worthSaying) ? [" ", t("budget.offset", { offset: each(found.known_offset_mm) })] : [])),
     h("p", {}, found.helps_most),
     ...(found.stale ? [h("p", { class: "form-problem" }, t("budget.stale"))] : []),
   ];
+}
+
+/** Three lengths as text. @param {number[]} lengths_mm */
+function each(lengths_mm) {
+  return lengths_mm.map(small).join(", ");
+}
+
+/** Whether a length is more than half a micrometre. @param {number} length_mm */
+function worthSaying(length_mm) {
+  return Math.abs(length_mm) >= 0.0005;
 }
 
 /** The field at one height, seen from above; a click picks a point. @param {FieldPoint[]} field @param {number[]} point @param {(point: number[]) => void} pick @returns {Element[]} */

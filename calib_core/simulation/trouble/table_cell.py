@@ -92,6 +92,8 @@ class TroubledTable:
         together by.
     scanner : callable
         As of `Troubled`.
+    true_base_from_turntable : (4, 4)
+        Where the table stands in truth, whatever the arm tells; x by the same rule in the true base.
     """
 
     session: Session
@@ -99,6 +101,7 @@ class TroubledTable:
     tool0_from_laser: FloatArray
     base_from_turntable: FloatArray
     scanner: Callable[[FloatArray], FloatArray]
+    true_base_from_turntable: FloatArray
 
 
 def troubled_table(trouble: TableTrouble, seed: int, told: bool = False) -> TroubledTable:
@@ -123,7 +126,7 @@ def troubled_table(trouble: TableTrouble, seed: int, told: bool = False) -> Trou
     turntable = plan.told_table | ({"angle_sigma_deg": _TOLD_ANGLE_DEG} if told else {})
     record = {"name": trouble.name, "cell": {**cell, "turntable": turntable}, "captures": captures}
     return TroubledTable(
-        Session.model_validate(record), files, tool, _by_the_rule(told_from_base @ table), seen_by(plan)
+        Session.model_validate(record), files, tool, _by_the_rule(told_from_base @ table), seen_by(plan), table
     )
 
 

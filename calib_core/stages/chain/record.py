@@ -5,7 +5,15 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.records.base import Matrix4, Rows, Vector3
-from calib_core.records.results import AtPoint, OpticsShift, Result, ScannerFound, Undetermined, VarianceComponents
+from calib_core.records.results import (
+    ArmErrorsFound,
+    AtPoint,
+    OpticsShift,
+    Result,
+    ScannerFound,
+    Undetermined,
+    VarianceComponents,
+)
 from calib_core.stages.tcp.record import TcpResidual, TwoStep
 from calib_core.stages.turntable.record import TableFields, TurntableResidual
 
@@ -33,5 +41,6 @@ class ChainResult(Result, TableFields):
     scanner: ScannerFound | None = None
     optics: list[OpticsShift] = Field(default_factory=list[OpticsShift])
     workpiece: AtPoint | None = None
+    arm_errors: ArmErrorsFound | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
     residuals: list[TcpResidual | TurntableResidual]

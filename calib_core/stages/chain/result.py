@@ -10,10 +10,10 @@ from calib_core.chain.table_reasons import remounted
 from calib_core.chain.whole import ChainSolution
 from calib_core.frames import FloatArray
 from calib_core.records import Verdict
-from calib_core.records.results import OpticsShift
+from calib_core.records.results import ArmErrorsFound, OpticsShift, ScannerFound
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
-from calib_core.stages.tcp.result import tcp_result
+from calib_core.stages.tcp.result import by_pose, tcp_result
 from calib_core.stages.tcp.verdict import doubts_about_two_steps
 from calib_core.stages.turntable.result import table_fields, table_rows, variance_components
 from calib_core.stages.turntable.verdict import TableJudgement, turntable_verdict
@@ -73,10 +73,10 @@ def chain_result(
         undetermined=tcp.undetermined,
         two_step=tcp.two_step,
         variance_components=variance_components(table.sigmas, table.point_sigma_mm, table.options),
-        scanner=tcp.scanner
-        and tcp.scanner.model_copy(update={"covariance_with_table": solution.scanner_with_table.tolist()}),
+        scanner=tcp.scanner and _with_table(tcp.scanner, solution),
         optics=_optics(solution, tcp),
         workpiece=tcp.workpiece,
+        arm_errors=_arm_errors(solution, tcp),
         confidence_95=tcp.confidence_95,
         residuals=[*tcp.residuals, *rows],
         **table_fields(
@@ -91,6 +91,24 @@ def chain_result(
             table.encoder,
         ),
     )
+
+
+def _with_table(scanner: ScannerFound, solution: ChainSolution) -> ScannerFound:
+    """Return what was found of the scanner, with what it does to the table."""
+    left = scanner.left_in_files
+    if left is not None and solution.left_of_table is not None:
+        left = left.model_copy(update={"turntable": solution.left_of_table.tolist()})
+    of_table = {"covariance_with_table": solution.scanner_with_table.tolist(), "left_in_files": left}
+    return scanner.model_copy(update=of_table)
+
+
+def _arm_errors(solution: ChainSolution, tcp: TcpResult) -> ArmErrorsFound | None:
+    """Return how the tool errs together with the arm, with the table's share."""
+    arm = solution.arm_with_table
+    if tcp.arm_errors is None or arm is None:
+        return None
+    of_table = {"table_with_lengths": arm.with_lengths.tolist(), "table_with_poses": by_pose(arm.with_poses)}
+    return tcp.arm_errors.model_copy(update=of_table)
 
 
 def _optics(solution: ChainSolution, tcp: TcpResult) -> list[OpticsShift]:

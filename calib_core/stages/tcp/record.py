@@ -6,6 +6,7 @@ from pydantic import Field
 
 from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import (
+    ArmErrorsFound,
     AtPoint,
     CaptureResidual,
     OpticsShift,
@@ -106,6 +107,7 @@ class TcpResult(Result):
     scanner: ScannerFound | None = None
     optics: list[OpticsShift] = Field(default_factory=list[OpticsShift])
     workpiece: AtPoint | None = None
+    arm_errors: ArmErrorsFound | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
     warm_up: SessionDrift | None = None
     residuals: list[TcpResidual]

@@ -4,13 +4,14 @@ import numpy as np
 
 from calib_core.arms.alike import REACH_MM, REACH_RAD
 from calib_core.chain.answer import Answer
+from calib_core.chain.held import Held
 from calib_core.chain.model import Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import TcpSolution
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Undetermined, VarianceComponents
-from calib_core.records.results import AtPoint, OpticsShift, ScannerFound
+from calib_core.records.results import ArmErrorsFound, AtPoint, LeftInFiles, OpticsShift, ScannerFound
 from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
 from calib_core.stages.tcp.verdict import tcp_notes, tcp_verdict
 from calib_core.stages.tcp.warm_up import is_covered, session_drift
@@ -55,6 +56,7 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
         workpiece=AtPoint(
             point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_point.tolist()
         ),
+        arm_errors=_arm_errors(solution),
         confidence_95=_confidence(covariance),
         warm_up=drift,
         residuals=_residuals(solution),
@@ -83,7 +85,40 @@ def scanner_found(solution: TcpSolution) -> ScannerFound:
         sphere_diameter_sigma_mm=solution.sphere.sigma_mm,
         half_width_mm=held.half_width_mm,
         facing=held.facing,
+        left_in_files=_left_in_files(held),
     )
+
+
+def _left_in_files(held: Held) -> LeftInFiles | None:
+    if held.left is None:
+        return None
+    some = held.left[held.tool_and_scanner]
+    return LeftInFiles(tool=some[:6].tolist(), scanner=some[6:].tolist())
+
+
+def _arm_errors(solution: TcpSolution) -> ArmErrorsFound | None:
+    held = solution.held
+    if held.arm is None:
+        return None
+    some = held.tool_and_scanner
+    arm = held.arm.of(np.eye(len(held.covariance))[some])
+    poses = zip(arm.rotations, arm.translations, strict=True)
+    return ArmErrorsFound(
+        poses=[RigidTransform.of(r, t, "base", "tool0").to_rows() for r, t in poses],
+        middle_mm=arm.middle_mm.tolist(),
+        lengths_sigma=held.data.arm_scale_sigma,
+        position_sigma_mm=arm.position_sigma_mm,
+        orientation_sigma_rad=arm.orientation_sigma_rad,
+        tool_with_lengths=arm.with_lengths[:6].tolist(),
+        tool_with_poses=by_pose(arm.with_poses[:6]),
+        scanner_with_lengths=arm.with_lengths[6:].tolist(),
+        scanner_with_poses=by_pose(arm.with_poses[6:]),
+    )
+
+
+def by_pose(covariances: FloatArray) -> list[list[list[float]]]:
+    """Return covariances (P, m, 6) with the errors at poses as rows (P) a pose."""
+    return np.moveaxis(covariances, 1, 0).tolist()
 
 
 def _optics_shift(solution: TcpSolution, error: OpticsError) -> OpticsShift:

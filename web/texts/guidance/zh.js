@@ -16,7 +16,8 @@ export const texts = {
   "budget.title": "误差预算", "budget.how": "各来源在所选点处对测量点的影响：在转台坐标系中（角度为零）；没有转台时为扫描仪看到它的位置。",
   "budget.axis": "{axis}，mm", "budget.go": "显示", "budget.one_scan": "单次扫描 {one}，无论平均多少次 {many}（k = 2，最不利方向）。",
   "budget.part": "来源", "budget.rms": "标准差", "budget.worst": "最不利方向", "budget.kind": "多次扫描", "budget.shared": "每次扫描相同", "budget.averages": "可平均消除",
-  "budget.part_tool": "法兰上的扫描仪（TCP）", "budget.part_scanner": "扫描仪自身误差", "budget.part_table": "转台", "budget.part_arm": "机械臂自身散布", "budget.part_arm_alike": "机械臂，相近位姿相同", "budget.part_angle": "转台角度", "budget.part_points": "单点噪声", "budget.part_camera": "相机", "budget.part_plane": "光平面",
+  "budget.part_tool": "法兰上的扫描仪（TCP）", "budget.part_scanner": "扫描仪自身误差", "budget.part_table": "转台", "budget.part_arm": "机械臂自身散布", "budget.part_arm_alike": "机械臂，相近位姿相同（部分抵消）", "budget.part_angle": "转台角度", "budget.part_points": "单点噪声", "budget.part_camera": "相机", "budget.part_plane": "光平面",
+  "budget.within": "95 % 的误差在 ± {within} 之内（x、y、z）。", "budget.offset": "已知偏差 {offset}（x、y、z），因为已查明的扫描仪误差仍留在其文件中。",
   "budget.cancel": "它们一同求得：误差相互抵消 {amount}。", "budget.add_up": "它们一同求得：误差相互叠加 {amount}。", "budget.stale": "此结果已过期：请重新求解。",
   "budget.height": "转台上方高度", "budget.picture": "转台上方的不确定度，从 {least} 到 {most}", "budget.pick": "单击选择一个点。浅色为 {least}，深色为 {most}。",
 

@@ -1,0 +1,124 @@
+"""How an answer errs together with the arm: its lengths, and what it does alike where poses are alike.
+
+Tool and table swallow part of the arm's errors.  Where a workpiece is measured from poses like those of the
+calibration, the arm errs there as it did then, and both partly cancel.  An answer that says how it is correlated
+with the arm's errors at some poses lets whoever measures count that.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.arms.alike import alike_factor, alike_pivots
+from calib_core.chain.model import ChainData, Sigmas
+from calib_core.frames import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ArmErrors:
+    """The arm's errors that captures share, and how an answer's errors are correlated with them.
+
+    A pose that is reported lies off the true one by `position` along base's axes and by the length error times its
+    way from the middle; the true orientation is the reported one turned by `orientation` about base's axes.
+
+    Attributes
+    ----------
+    rotations, translations : (m, 3, 3), (m, 3)
+        Poses that stand for all: base_from_tool0, mm.
+    middle_mm : (3,)
+        From where the arm's lengths are compared, in base.
+    with_lengths : (P,)
+        Covariance of the answer's errors with the share by which the arm's lengths are off.
+    with_poses : (P, m, 6)
+        The same with the errors at those poses: position, orientation, mm and rad.
+    position_sigma_mm, orientation_sigma_rad : float
+        Of the part that is alike, root mean squares over what the captures leave open of it.
+    """
+
+    rotations: FloatArray
+    translations: FloatArray
+    middle_mm: FloatArray
+    with_lengths: FloatArray
+    with_poses: FloatArray
+    position_sigma_mm: float
+    orientation_sigma_rad: float
+
+    def of(self, moves: FloatArray) -> "ArmErrors":
+        """Return the same for what follows the unknowns by a matrix (Q, P)."""
+        lengths = moves @ self.with_lengths
+        return replace(self, with_lengths=lengths, with_poses=np.tensordot(moves, self.with_poses, 1))
+
+    def held_at(self, covariance: FloatArray, columns: Sequence[int] | np.ndarray) -> "ArmErrors":
+        """Return the same for an answer that takes some unknowns for nothing instead of seeking them.
+
+        Parameters
+        ----------
+        covariance : (P, P)
+            Of the unknowns, all of them sought.
+        columns
+            Those that are taken for nothing: what they are in truth has nothing to do with the arm.
+        """
+        some = np.array(columns, dtype=int)
+        moves = np.eye(len(covariance))
+        moves[:, some] -= np.linalg.solve(covariance[np.ix_(some, some)], covariance[some]).T
+        return self.of(moves)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmShares:
+    """How the arm's errors follow the unknowns with which the likelihood describes them.
+
+    Attributes
+    ----------
+    data : ChainData
+    pivots : (m,)
+        Captures whose poses stand for all.
+    """
+
+    data: ChainData
+    pivots: np.ndarray
+
+    @classmethod
+    def about(cls, data: ChainData, sigmas: Sigmas) -> "ArmShares":
+        """Return them for captures and the sigmas that were found."""
+        return cls(data, alike_pivots(data.rotations, data.translations, sigmas.reach))
+
+    def by_shared(self, sigmas: Sigmas) -> FloatArray:
+        """Return how lengths and errors at the pivots, (1 + 6 m), follow the shared unknowns (L)."""
+        data, many = self.data, len(self.pivots)
+        lengths, drift = int(data.arm_scale_sigma > 0), 3 * int(data.drift_sigma_mm > 0)
+        alike = sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0
+        factor = np.empty((data.count, 0))
+        if alike:
+            factor = alike_factor(data.rotations, data.translations, sigmas.reach)
+        found = np.zeros((1 + 6 * many, lengths + drift + 6 * factor.shape[1]))
+        if lengths:
+            found[0, 0] = data.arm_scale_sigma
+        sizes = np.diag([sigmas.alike_position_mm] * 3 + [sigmas.alike_orientation_rad] * 3)
+        found[1:, lengths + drift :] = np.kron(factor[self.pivots], sizes)
+        return found
+
+    def errors(self, covariance: FloatArray, sigmas: Sequence[Sigmas], weights: FloatArray) -> ArmErrors:
+        """Return the arm's errors with those of an answer.
+
+        Parameters
+        ----------
+        covariance : (P, 1 + 6 m)
+            Of the unknowns with lengths and errors at the pivots.
+        sigmas, weights
+            What the sigmas may be, and how likely.
+        """
+        position = weights @ [one.alike_position_mm**2 for one in sigmas]
+        orientation = weights @ [one.alike_orientation_rad**2 for one in sigmas]
+        data, where = self.data, self.pivots
+        # What is sought errs by what is found less what is true.
+        return ArmErrors(
+            data.rotations[where],
+            data.translations[where],
+            data.translations.mean(axis=0),
+            -covariance[:, 0],
+            -covariance[:, 1:].reshape(len(covariance), len(where), 6),
+            float(np.sqrt(position)),
+            float(np.sqrt(orientation)),
+        )
