@@ -38,6 +38,20 @@ export interface ArchiveUpload {
   file: string;
 }
 
+export interface ArmErrorsFound {
+  poses: number[][][];
+  middle_mm: number[];
+  lengths_sigma: number;
+  position_sigma_mm: number;
+  orientation_sigma_rad: number;
+  tool_with_lengths: number[];
+  tool_with_poses: number[][][];
+  scanner_with_lengths: number[];
+  scanner_with_poses: number[][][];
+  table_with_lengths?: number[] | null;
+  table_with_poses?: number[][][] | null;
+}
+
 export interface ArmJoint {
   a_mm?: number;
   alpha_deg?: number;
@@ -196,6 +210,8 @@ export interface BudgetAtPart {
   frame: "turntable" | "laser";
   point_mm: number[];
   sigmas_mm: number[];
+  known_offset_mm: number[];
+  within_95_mm: number[];
   uncertainty_mm: number;
   shared_uncertainty_mm: number;
   cancelled_mm: number;
@@ -476,6 +492,7 @@ export interface ChainResult {
   scanner?: ScannerFound | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
+  arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
   residuals: (TcpResidual | TurntableResidual)[];
 }
@@ -943,6 +960,12 @@ export interface LayerShown {
   name: string;
   title: string;
   shown: boolean;
+}
+
+export interface LeftInFiles {
+  tool: number[];
+  scanner: number[];
+  turntable?: number[] | null;
 }
 
 export interface LikelyColumns {
@@ -1637,6 +1660,7 @@ export interface ScannerFound {
   covariance_with_table?: number[][] | null;
   half_width_mm?: number | null;
   facing?: number;
+  left_in_files?: LeftInFiles | null;
 }
 
 export interface SceneControls {
@@ -1926,6 +1950,7 @@ export interface StoredChainResult {
   scanner?: ScannerFound | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
+  arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
   residuals: (TcpResidual | TurntableResidual)[];
 }
@@ -2097,6 +2122,7 @@ export interface StoredTcpResult {
   scanner?: ScannerFound | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
+  arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
   warm_up?: SessionDrift | null;
   residuals: TcpResidual[];
@@ -2301,6 +2327,7 @@ export interface TcpResult {
   scanner?: ScannerFound | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
+  arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
   warm_up?: SessionDrift | null;
   residuals: TcpResidual[];

@@ -107,10 +107,9 @@ def test_what_stays_in_the_files_is_told_as_an_offset(solved) -> None:
     found = budget_at(session, {"chain": known}, [30.0, 10.0, 60.0])
     assert plain.known_offset_mm == [0.0, 0.0, 0.0]
     assert plain.within_95_mm == pytest.approx((1.95996 * np.array(plain.sigmas_mm)).tolist(), rel=0.02)
-    # The stripe's z, some 180 mm, points down here, and the table's origin counts the other way.
-    assert found.known_offset_mm[2] == pytest.approx(
-        -2e-4 * result["workpiece"]["point_in_laser_mm"][2] - 0.03, abs=0.004
-    )
+    # The stripe's z points down, tilted by up to 0.3 rad a component, and the table's origin counts the other way.
+    along_z_mm = 2e-4 * result["workpiece"]["point_in_laser_mm"][2]
+    assert 0.8 * along_z_mm < -0.03 - found.known_offset_mm[2] < along_z_mm
     assert found.sigmas_mm == plain.sigmas_mm
     assert found.within_95_mm[2] < plain.within_95_mm[2]
 
