@@ -88,6 +88,8 @@ class WorkbenchServer(uvicorn.Server):
         if looked != self._looked:
             gc.collect()
             give_back()
+            if not self._looked:  # what the start has made stays, too
+                gc.freeze()
             self._looked = gc.get_stats()[0]["collections"]
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
