@@ -142,21 +142,22 @@ def two_boards() -> NDArray[np.uint8]:
 
 
 BAD_FRAMES = {
-    "black": (np.full((480, 640), 3, np.uint8), "black frame"),
-    "blank": (np.full((480, 640), 128, np.uint8), "blank frame"),
-    "white": (np.full((480, 640), 255, np.uint8), "saturated"),
-    "saturated": (np.clip(render(CHESS).astype(int) * 7, 0, 255).astype(np.uint8), "saturated"),
-    "dark": (np.random.default_rng(2).integers(0, 40, (480, 640)).astype(np.uint8), "too dark"),
-    "blurred": (render(CHESS, blur_px=14.0, noise=1.0), "blurred"),
-    "no board": (np.random.default_rng(1).integers(60, 200, (480, 640)).astype(np.uint8), "no board"),
-    "partial": (half_seen(), r"inner corners, or a part of one"),
-    "two": (two_boards(), "two boards"),
+    "black": (lambda: np.full((480, 640), 3, np.uint8), "black frame"),
+    "blank": (lambda: np.full((480, 640), 128, np.uint8), "blank frame"),
+    "white": (lambda: np.full((480, 640), 255, np.uint8), "saturated"),
+    "saturated": (lambda: np.clip(render(CHESS).astype(int) * 7, 0, 255).astype(np.uint8), "saturated"),
+    "dark": (lambda: np.random.default_rng(2).integers(0, 40, (480, 640)).astype(np.uint8), "too dark"),
+    "blurred": (lambda: render(CHESS, blur_px=14.0, noise=1.0), "blurred"),
+    "no board": (lambda: np.random.default_rng(1).integers(60, 200, (480, 640)).astype(np.uint8), "no board"),
+    "partial": (half_seen, r"inner corners, or a part of one"),
+    "two": (two_boards, "two boards"),
 }
 
 
 @pytest.mark.parametrize("name", BAD_FRAMES)
 def test_a_bad_frame_is_refused_by_its_own_sentence(name: str) -> None:
-    image, sentence = BAD_FRAMES[name]
+    make, sentence = BAD_FRAMES[name]
+    image = make()
     with pytest.raises(MeasurementError, match=sentence) as caught:
         find_board(image, CHESS)
     assert caught.value.to_do.endswith(".")

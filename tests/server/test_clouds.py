@@ -8,9 +8,7 @@ from typing import Any
 
 import httpx
 import numpy as np
-import open3d as o3d
 import pytest
-import trimesh
 
 import server.jobs.worker
 from tests.server.live_server import assert_problem, upload, wait_for
@@ -66,6 +64,9 @@ def merged(client: httpx.Client, session: str) -> dict[str, Any]:
 
 
 def test_a_merge_stores_its_cloud_and_its_mesh_in_every_format(client: httpx.Client, tmp_path: Path) -> None:
+    import open3d as o3d  # a second or more, for this test alone
+    import trimesh
+
     session = scanned_session(client, mesh="grid")
     assert_problem(client.get(f"/sessions/{session}/clouds/merged.ply"), 404, "solve/merge")
     result = merged(client, session)

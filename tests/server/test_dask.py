@@ -8,9 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import dask.config
 import pytest
-from distributed import LocalCluster
 
 import server.jobs.worker
 from calib_core.errors import InputError
@@ -31,6 +29,9 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # of the cluster's own parts,
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
+    import dask.config  # a second, for these tests alone
+    from distributed import LocalCluster
+
     fork_from_one()
     dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"})
     with LocalCluster(

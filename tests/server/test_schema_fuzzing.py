@@ -4,7 +4,6 @@ from typing import Any
 
 import httpx
 import pytest
-import schemathesis
 from hypothesis import HealthCheck, Phase, given, settings
 
 from tests.server.live_server import simulated_session
@@ -23,6 +22,8 @@ def fuzzed(client: httpx.Client, examples: int, owner: httpx.Client | None = Non
 
     They go with the rights of `client`; where it has few, `owner` makes what they ask for.
     """
+    import schemathesis  # a second, for this test alone
+
     owner = owner or client
     site = str(client.base_url).removesuffix("/api/v1/")
     schema = schemathesis.openapi.from_dict(owner.get(f"{site}/openapi.json").json())
