@@ -6,8 +6,9 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import ConflictError, NotFoundError
 from calib_core.review.answer import cell_id
 from calib_core.review.drift import SolvedSession
+from server.store.database import record_event
 from server.store.models import Data, ReleaseRow, SessionRow, now
-from server.store.sessions import empty_session, latest_results
+from server.store.sessions import empty_session, latest_results, locked_session
 from server.store.webhooks import tell
 
 
@@ -93,7 +94,11 @@ def _add(db: Transaction, cell: str, session_id: str, action: str, answer: Data,
     )
     db.add(row)
     db.flush()
-    tell(db, "release", session_id, release_data(row), cell)
+    told = release_data(row)
+    tell(db, "release", session_id, told, cell)  # by the cell: the answer's session may be gone
+    rows = db.scalars(select(SessionRow).order_by(SessionRow.id))
+    for one in [row.id for row in rows if cell_of(row) == cell]:  # what is in force differs for all of them
+        record_event(db, locked_session(db, one), "release", told)
     return row
 
 

@@ -138,7 +138,9 @@ def tell(db: Session, kind: str, session_id: str, data: Data, cell: str | None =
 
 
 def tell_event(db: Session, event: EventRow) -> None:
-    """Tell webhooks of a session's event; of jobs, their ends alone."""
+    """Tell webhooks of a session's event; of jobs, their ends alone; of releases nothing: they are told once."""
+    if event.kind == "release":
+        return
     if event.kind != "job" or event.data["status"] not in ("queued", "running"):
         tell(db, event.kind, event.session_id, event.data)
 

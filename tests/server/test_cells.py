@@ -1,10 +1,12 @@
 """Released answers: what is in force for a cell stays as it was, and says who put it there."""
 
 import json
+from itertools import islice
 
 import httpx
 import pytest
 
+from scancell_client import Scancell
 from server.cli import main
 from tests.server.live_server import assert_problem, make_session, simulated_session
 
@@ -48,6 +50,10 @@ def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: h
     assert [s["id"] for s in history["sessions"]] == [session]
     (listed,) = (c for c in client.get("/cells").json()["items"] if c["id"] == cell)
     assert listed["released"]["number"] == again["number"]
+    # Each is told in the stream of every session of the cell, so that open pages show it.
+    with Scancell(str(client.base_url).removesuffix("/").removesuffix("/api/v1"), trust_env=False) as api:
+        releases = (event.data for event in api.events(session, after=0) if event.kind == "release")
+        assert list(islice(releases, 4)) == [first.json(), second, back, again]
     client.delete(f"/sessions/{session}")
     assert client.get(f"/cells/{cell}/answer").json()["stage"] == "tcp"  # it outlives its session
 

@@ -110,6 +110,12 @@ def test_an_answer_is_approved_stands_at_its_cell_and_is_rolled_back(
     page.goto(f"{site}/sessions/{first}#tcp.result")
     expect(approval).to_contain_text("Put in force again by one who may admin")
     expect(approval.get_by_role("button")).to_have_count(0)
+    # Another puts the other session's answer in force meanwhile: the open page tells it.
+    releases = client.get("/cells/cell-of-approvals/history").json()["releases"]
+    theirs = {"number": next(r["number"] for r in releases if r["session"] == second), "why": "from elsewhere"}
+    client.post("/cells/cell-of-approvals/rollback", json=theirs).raise_for_status()
+    expect(approval).to_contain_text("Its current answer is of another session")
+    expect(approval).to_contain_text(": from elsewhere")
 
 
 def test_limits_are_set_before_the_first_capture(

@@ -10,21 +10,32 @@ import { attempt, say } from "./toasts.js";
 import { whyDialog } from "./why-dialog.js";
 
 /** @import {Release, SessionAnswer} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
 
 export class ApprovalElement extends HTMLElement {
-  /** Of a session with an answer. */ sessionId = "";
+  /** Of a session with an answer. @type {SessionState} */ state = /** @type {any} */ (null);
   #title = h("h2", { id: "approval-title", tabindex: -1 }, t("release.title"));
   #section = h("section", { class: "panel approval", "aria-labelledby": "approval-title", hidden: true });
 
+  /** What is shown, so that it stays where nothing is new. */ #shown = "";
+  /** @type {(() => void) | null} */ #stop = null;
+
   connectedCallback() {
     if (!this.firstChild) this.append(this.#section);
-    void attempt(() => this.load());
+    this.#stop = this.state.watch(["release"], () => void attempt(() => this.load()));
+  }
+
+  disconnectedCallback() {
+    this.#stop?.();
   }
 
   async load() {
-    const { sessionId } = this;
+    const sessionId = this.state.id;
     const answer = await api.answer(sessionId);
     const releases = await api.releases(answer.cell);
+    const shown = JSON.stringify([answer.inputs_sha256, answer.solved, answer.faults, releases]);
+    if (shown === this.#shown) return;
+    this.#shown = shown;
     this.#section.replaceChildren(this.#title, ...standing(sessionId, answer, releases), ...offer(sessionId, answer, releases));
     this.#section.hidden = false;
   }

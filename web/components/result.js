@@ -91,7 +91,7 @@ export class ResultElement extends StateElement {
       if (own.settings) yield own.settings;
     }
     if ("timeline" in state) return; // the review itself has these
-    if (tellsTheAnswer(state, stage)) yield make(ApprovalElement, { sessionId: state.id });
+    if (tellsTheAnswer(state, stage)) yield make(ApprovalElement, { state });
     yield resultLinks(state.id, stage);
     yield historySection(state.id, stage);
   }

@@ -7,9 +7,9 @@ import { stages } from "./registries.js";
 
 /** @import {CaptureOut, Guide, GuideNow, Job, Results, SessionOut, StageInfo} from "./model.js" */
 /** @import {Liveness} from "./events.js" */
-/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place" | "devices"} Part */
+/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place" | "devices" | "release"} Part */
 
-const EVENTS = ["capture", "result", "job", "session", "device"];
+const EVENTS = ["capture", "result", "job", "session", "device", "release"];
 const WHOLE = /** @type {const} */ (["session", "captures", "guide", "results"]);
 const GATHER_MS = 40;
 // After a load so many times its duration passes before events cause the next: a page never burdens a busy service.
@@ -225,6 +225,7 @@ export class SessionState extends EventTarget {
       return;
     }
     if (name === "device") return this.tell("devices");
+    if (name === "release") return this.tell("release");
     if (name === "capture") {
       if (data.action === "removed") this.#drop(data.capture);
       else if (data.count) this.#later("captures");
