@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
+from calib_core.lean_open3d import open3d
 from calib_core.sphere.cloud import fit_sphere
 
 _BLOCK = 200_000
@@ -69,8 +70,7 @@ def mesh_deviations(points_mm: ArrayLike, corners_mm: ArrayLike, triangles: Arra
     InputError
         If there is no triangle.
     """
-    import open3d as o3d
-
+    o3d = open3d()
     faces = np.ascontiguousarray(triangles, dtype=np.uint32)
     if not len(faces):
         raise InputError(

@@ -10,6 +10,7 @@ from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.clean_scan import KEPT, CleanScan
 from calib_core.fusion.merge import VoxelCloud
+from calib_core.lean_open3d import open3d
 
 _FEWEST_POINTS = 50
 
@@ -92,9 +93,9 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, depth: int | None = None) -
     MeasurementError
         If the cloud has too few points with normals.
     """
-    import open3d as o3d
     from scipy.spatial import KDTree
 
+    o3d = open3d()
     good = np.isfinite(cloud.normals).all(axis=1) if len(cloud.normals) else np.zeros(len(cloud), dtype=bool)
     if np.count_nonzero(good) < _FEWEST_POINTS:
         got = f"{np.count_nonzero(good)}"

@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from calib_core.lean_open3d import open3d
 from calib_core.simulation.motion import FloatArray
 from calib_core.simulation.part import PartMesh
 
@@ -21,16 +22,14 @@ class MeshSurface:
     """A mesh; the ray tracer is set up once."""
 
     def __init__(self, part: PartMesh) -> None:
-        import open3d as o3d
-
+        o3d = open3d()
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         points = o3d.core.Tensor.from_numpy(part.points_mm.astype(np.float32))
         self._scene.add_triangles(points, o3d.core.Tensor.from_numpy(part.triangles.astype(np.uint32)))
 
     def cast(self, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return distance and normal where rays meet the mesh first."""
-        import open3d as o3d
-
+        o3d = open3d()
         rays = np.concatenate([origins, directions], axis=-1).astype(np.float32)
         found = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
         normals = found["primitive_normals"].numpy().astype(float)
