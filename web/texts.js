@@ -43,21 +43,26 @@ const sayings = language === "en" ? null : new (await import("./said.js")).Sayin
 const WORDS = /[a-z]{2}/i, NAME = /^\S*[\d_/\\]\S*$/;
 /** One question holds no more; the server takes twice that. */
 const MOST_LETTERS = 8000;
-/** Texts that the server was asked for or will be, each number in them as 0. @type {Set<string>} */
-const asked = new Set();
+/** Texts that the server was asked for or will be, each number in them as 0, and whether it has answered. @type {Map<string, boolean>} */
+const asked = new Map();
 /** @type {string[]} */
 let waiting = [];
-/** One question after another. @type {Promise<boolean>} */
-let asking = Promise.resolve(false);
+/** One question after another. */
+let asking = Promise.resolve();
+/** Whether something was shown in English that was asked for. */
+let shownEarly = false;
 
 /** Told once more is known of what was said before. */
 export const SAID = "scancell-said";
 
+/** @param {string} text */
+const plainly = (text) => text.slice(0, MOST_LETTERS).replace(/\d+/g, "0");
+
 /** @param {string} text @returns {boolean} whether it is new, and may have words in another language */
 function wonder(text) {
-  const plain = text.slice(0, MOST_LETTERS).replace(/\d+/g, "0");
+  const plain = plainly(text);
   if (!sayings || asked.has(plain) || sayings.knows(text) || !WORDS.test(text) || NAME.test(text)) return false;
-  asked.add(plain);
+  asked.set(plain, false);
   waiting.push(plain);
   return true;
 }
@@ -69,22 +74,24 @@ function question() {
   return waiting.splice(0, end < 0 ? waiting.length : Math.max(1, end));
 }
 
-/** Ask for the sentences that occur in what waits. @returns {Promise<boolean>} whether there were any */
+/** Ask for the sentences that occur in what waits; who showed some of it as it came shows it again. */
 async function ask() {
-  let found = false;
+  let answered = false;
   while (waiting.length) {
     const texts = question();
-    const answer = await fetch(`/said/${language}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ texts }) }).catch(() => null);
-    if (!answer?.ok) {
-      for (const text of texts) asked.delete(text); // until it is said again
-      continue;
+    const init = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ texts }) };
+    /** @type {Record<string, string> | null} */
+    const table = await fetch(`/said/${language}`, init).then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
+    for (const text of texts) {
+      if (table) asked.set(text, true);
+      else asked.delete(text); // until it is said again
     }
-    const table = await answer.json();
-    if (!Object.keys(table).length) continue;
-    sayings?.add(table);
-    found = true;
+    if (table) sayings?.add(table);
+    answered ||= table !== null;
   }
-  return found;
+  if (!answered || !shownEarly) return;
+  shownEarly = false;
+  window.dispatchEvent(new Event(SAID));
 }
 
 /** Know the words for every text in what the server has answered, before it is shown. @param {unknown} answer */
@@ -109,11 +116,10 @@ export const said = (text) => spoken(text).replace(HYPHEN, "\u2212");
 /** @param {string} text */
 function spoken(text) {
   if (!sayings) return text;
-  if (wonder(text) && waiting.length === 1) {
-    asking = asking.then(ask);
-    void asking.then((found) => found && window.dispatchEvent(new Event(SAID)));
-  }
-  return sayings.say(text);
+  if (wonder(text) && waiting.length === 1) asking = asking.then(ask);
+  if (asked.get(plainly(text)) !== false) return sayings.say(text);
+  shownEarly = true; // half of a sentence is not said before all of it is known
+  return text;
 }
 
 /** A refusal: its need, got and what to do are said each by itself, whatever they hold. @param {import("./state/model.js").ProblemBody} body */

@@ -102,9 +102,11 @@ class LiveScene:
         Where the session has no captures yet, everybody is taken to where these poses are in sight.
         """
         with self._lock:
-            new, self._trial = poses and not self._trial, poses
-            if new and not self._known.captures:
-                self._show(view_of_places(np.array([pose.translation_mm for pose in poses])))
+            places = np.array([pose.translation_mm for pose in poses])
+            moved = not np.array_equal(places, np.array([pose.translation_mm for pose in self._trial]))
+            self._trial = poses
+            if poses and moved and not self._known.captures:
+                self._take_all(view_of_places(places))
             return self._redraw()
 
     def follow(self, robot: RobotNow | None) -> int:
@@ -272,6 +274,12 @@ class LiveScene:
         for client in self._server.get_clients().values():
             with client.atomic():
                 take(client.camera, self._first_view_of(client, view))
+
+    def _take_all(self, view: View) -> None:
+        """Take everybody who is there to a view, whatever their page's story is."""
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                take(client.camera, view)
 
     def _first_view_of(self, client: "ClientHandle", otherwise: View | None = None) -> View:
         """Return where a page's own story looks from, else the scene's."""

@@ -99,8 +99,8 @@ def views_of(facts: SceneFacts) -> list[str]:
 
 
 def view_of_places(places_mm: FloatArray) -> View:
-    """Return a view that holds places (N, 3) in the base, mm, and the base itself."""
-    return _around(np.concatenate([places_mm, np.zeros((1, 3))]), _ISOMETRIC)
+    """Return a view that holds the axes of flanges at places (N, 3) in the base, mm, and the base itself."""
+    return _around(np.concatenate([places_mm, np.zeros((1, 3))]), _ISOMETRIC, AXES_MM)
 
 
 def _places_mm(facts: SceneFacts) -> FloatArray:

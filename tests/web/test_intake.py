@@ -57,6 +57,8 @@ def test_a_table_with_its_columns_in_any_order(
     expect(roles).to_have_count(9)
     chosen = [role.input_value() for role in roles.all()]
     assert chosen == ["ignore", "q1", "q2", "q3", "q4", "x", "y", "z", "file"]
+    expect(page.get_by_role("heading", name="Files and poses")).to_be_in_viewport()
+    expect(page.get_by_role("button", name="Add 3 captures")).to_be_in_viewport()  # however much is above it
     page.get_by_role("button", name="Add 3 captures").click()
     expect(page.locator(".captures tbody tr")).to_have_count(3)
     stored = {c["id"]: c["pose"] for c in api.get(f"/sessions/{session}/captures").json()["items"]}

@@ -9,7 +9,7 @@ import { quantityWords } from "./quantity.js";
 
 /** @param {FrameBlock} block */
 export function frame({ name, matrix, numbers = [], units = "", convention = "" }) {
-  const written = units.replace(convention, maybe(`convention.${convention}`, convention));
+  const written = units.replace(convention, maybe(`convention.${convention}`, convention)).replace("degrees", t("frame.degrees")).replace("radians", t("frame.radians"));
   const rows = matrix.map((row) => row.map((value) => value.toPrecision(12)).join(" ")).join("\n");
   const typed = numbers.map(({ quantity: { value, decimals = 0 } }) => (value ?? 0).toFixed(Math.max(decimals, 3))).join(" ");
   return h("div", { class: "frame-block" },

@@ -79,7 +79,8 @@ const grouped = (texts) => [...new Map(texts.map((text) => [brief(text), text]))
 
 /** What a message says, in one line: its first sentence, up to where a clause ends. @param {string} text */
 function brief(text) {
-  const [sentence = text] = text.replace(/\s*\([^)]*\)/g, "").split(/(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u);
+  // What stood in brackets is left out, and what is left of a list of it.
+  const [sentence = text] = text.replace(/\s*\([^)]*\)/g, "").replace(/[,、]?\s*(?:and|und|和)(?=[:：])/gu, "").split(/(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u);
   const bare = sentence.replace(/[.。]$/u, "");
   const count = (/** @type {string} */ words) => Math.max(words.split(" ").length, words.length / LONGEST_WORD);
   if (count(bare) <= MOST_WORDS) return bare;

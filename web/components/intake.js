@@ -134,7 +134,8 @@ export class IntakeElement extends StateElement {
     if (this.#panel.hidden) this.#step.value = this.#likelyStep();
     this.#panel.hidden = false;
     this.#draw();
-    (this.state.showsBoard(this.#step.value) ? this.#step : this.#text).focus();
+    (this.state.showsBoard(this.#step.value) ? this.#step : this.#text).focus({ preventScroll: true });
+    this.#panel.scrollIntoView({ block: "start" });
   }
 
   /** The guide's step; but boards are seen in frames alone, so other files are captures of the sphere. */

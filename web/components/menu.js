@@ -31,7 +31,7 @@ function languages() {
 /** The mode for a tablet at arm's length. */
 function shopFloor() {
   const box = h("input", { type: "checkbox", id: "shop", ".checked": atShop(), onchange: () => setShop(box.checked) });
-  return h("div", { class: "row" }, box, h("label", { for: "shop" }, t("menu.shop")));
+  return h("div", { class: "row shop-choice" }, box, h("label", { for: "shop" }, t("menu.shop")));
 }
 
 /** The button and what it opens. */

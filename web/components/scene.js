@@ -206,7 +206,9 @@ export class SceneElement extends StateElement {
   }
 
   #showPlay() {
-    this.#play.replaceChildren(icon(this.#timer ? "pause" : "play"), t(this.#timer ? "scene.pause" : "scene.play"));
+    const words = t(this.#timer ? "scene.pause" : "scene.play");
+    this.#play.replaceChildren(icon(this.#timer ? "pause" : "play"), h("span", { class: "word" }, words));
+    this.#play.setAttribute("aria-label", words);
   }
 
   async #download() {

@@ -16,6 +16,8 @@ export const result = {
   "verdict.stale": "out of date",
 
   "frame.what": "{units}. ± is k = 2.",
+  "frame.degrees": "degrees",
+  "frame.radians": "radians",
   "frame.copy": "Copy",
 
   "evidence.title": "Evidence",
