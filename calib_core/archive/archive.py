@@ -24,6 +24,7 @@ from calib_core.archive.folder import (
 from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
 from calib_core.archive.stored_results import require_result
+from calib_core.archive.sync import sync_folder
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
 from calib_core.formats.shared.writing import replacing
@@ -80,7 +81,7 @@ def pack(folder: Path, out: Path, extra: Mapping[str, Content] | None = None) ->
     payload = {**_folder_files(folder, out), **(extra or {})}
     with replacing(out) as file:
         facts = pack_files(session, payload, file, str(folder))
-    _sync_folder(out.parent)
+    sync_folder(out.parent)
     return facts
 
 
@@ -185,7 +186,7 @@ def unpack(source: Path, target: Path, limits: ArchiveLimits = LIMITS) -> Archiv
             for parent in made:
                 with suppress(OSError):
                     parent.rmdir()
-    _sync_folder(target.parent)
+    sync_folder(target.parent)
     return facts
 
 
@@ -323,17 +324,7 @@ def _write_all(bag: Bag, folder: Path) -> None:
             file.flush()
             os.fsync(file.fileno())
     for written in folders:
-        _sync_folder(written)
-
-
-def _sync_folder(folder: Path) -> None:
-    if os.name == "nt":  # folders cannot be opened there; the rename itself is journalled
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+        sync_folder(written)
 
 
 def _no_place(error: OSError, path: Path) -> InputError:

@@ -11,6 +11,7 @@ from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
+from calib_core.archive.sync import sync_folder
 from server.store.blobs import AT_ONCE, YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
 
 _FEW = 4  # more are worth the threads
@@ -33,7 +34,7 @@ class FolderBlobs(Blobs):
         self._arriving.mkdir(parents=True, exist_ok=True)
         for first in range(256):  # all at once, so that no blob has to wait until its folder's name is on the disk
             (self._folder / f"{first:02x}").mkdir(exist_ok=True)
-        _sync_folder(self._folder)
+        sync_folder(self._folder)
 
     def path(self, digest: str) -> Path:
         """Return where the blob with a SHA-256 (64 hex digits) lies."""
@@ -61,7 +62,7 @@ class FolderBlobs(Blobs):
                 list(threads.map(os.fsync, [file.fileno() for file, _ in written.values()]))
                 for digest, (_, path) in written.items():
                     path.replace(self.path(digest))
-                list(threads.map(_sync_folder, {self.path(digest).parent for digest in written}))
+                list(threads.map(sync_folder, {self.path(digest).parent for digest in written}))
         return digests
 
     def put_pieces(self, pieces: Pieces) -> tuple[str, int]:
@@ -167,7 +168,7 @@ class FolderBlobs(Blobs):
         file.flush()
         os.fsync(file.fileno())
         path.replace(target)
-        _sync_folder(target.parent)
+        sync_folder(target.parent)
 
     @contextmanager
     def _locked(self) -> Generator[None]:
@@ -183,13 +184,3 @@ class FolderBlobs(Blobs):
             yield
         finally:
             os.close(handle)
-
-
-def _sync_folder(folder: Path) -> None:
-    if os.name == "nt":  # folders cannot be opened there; the rename itself is journalled
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

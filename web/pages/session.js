@@ -10,8 +10,8 @@ import { QualityElement } from "../components/quality.js";
 import { RailElement } from "../components/rail.js";
 import { SceneElement } from "../components/scene.js";
 import { attempt } from "../components/toasts.js";
+import { takeDrops } from "../components/drops.js";
 import { h, make } from "../dom.js";
-import { allowed } from "../state/me.js";
 import { SessionState } from "../state/session.js";
 import { SAID, said, t } from "../texts.js";
 import { cellWords } from "../components/cell-words.js";
@@ -99,7 +99,7 @@ export class SessionPage extends HTMLElement {
     const session = h("div", { class: "session" }, make(RailElement, { state }), work);
     session.append(splitter(session), make(SceneElement, { state }));
     this.append(this.#loading, this.#problem, session);
-    this.#listenForDrops(sources[0]);
+    takeDrops(this, (data) => void sources[0].drop(data));
   }
 
   /** The live cell's panel is loaded when it is asked for, or a device speaks. @param {SessionState} state */
@@ -107,22 +107,6 @@ export class SessionPage extends HTMLElement {
     const { livePanel } = await import("../live/panel.js");
     if (!this.#devices.firstChild) this.#devices.append(livePanel(state));
     window.localStorage.setItem(`${LIVE}${state.id}`, "1");
-  }
-
-  /** @param {IntakeElement} intake */
-  #listenForDrops(intake) {
-    this.addEventListener("dragover", (event) => {
-      event.preventDefault();
-      this.classList.add("dropping");
-    });
-    this.addEventListener("dragleave", (event) => {
-      if (!(event.relatedTarget instanceof Node && this.contains(event.relatedTarget))) this.classList.remove("dropping");
-    });
-    this.addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.classList.remove("dropping");
-      if (event.dataTransfer && allowed("capture")) void intake.drop(event.dataTransfer);
-    });
   }
 
   /** @param {SessionState} state */

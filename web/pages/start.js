@@ -8,9 +8,10 @@ import { ProgressElement } from "../components/progress.js";
 import { SessionCardsElement } from "../components/session-cards.js";
 import { attempt, notify } from "../components/toasts.js";
 import { isFirstVisit, noteVisit } from "../components/tour.js";
+import { takeDrops } from "../components/drops.js";
 import { h, make, style } from "../dom.js";
 import { chosen, controllerFiles, dropped, isArchive, isMeasurement, knowFormats, sessionFolder } from "../state/files.js";
-import { allowed, me } from "../state/me.js";
+import { me } from "../state/me.js";
 import { go } from "../router.js";
 import { learnTexts, t } from "../texts.js";
 import { createFromFolder } from "../state/upload.js";
@@ -31,18 +32,7 @@ export class StartPage extends HTMLElement {
     if (!this.firstChild) this.append(this.#ways(), this.#progress, this.#cards, this.#folder, this.#archive);
     // Who comes back sees their cells first; with the keyboard the ways to begin are still the shorter way.
     this.#cards.addEventListener("loaded", (event) => this.classList.toggle("returning", /** @type {CustomEvent<number>} */ (event).detail > 0));
-    this.addEventListener("dragover", (event) => {
-      event.preventDefault();
-      this.classList.add("dropping");
-    });
-    this.addEventListener("dragleave", (event) => {
-      if (!(event.relatedTarget instanceof Node && this.contains(event.relatedTarget))) this.classList.remove("dropping");
-    });
-    this.addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.classList.remove("dropping");
-      if (event.dataTransfer && allowed("capture")) void dropped(event.dataTransfer).then((found) => this.#take(found));
-    });
+    takeDrops(this, (data) => void dropped(data).then((found) => this.#take(found)));
     void attempt(() => this.#cards.load()).then(() => performance.mark("scancell:ready"));
   }
 
