@@ -2181,10 +2181,10 @@ export interface StoredVerifyResult {
   stage?: "verify";
   verified: string;
   tool0_from_laser: number[][];
-  sphere_center_in_base_mm: number[];
-  sphere_center_covariance: number[][];
+  sphere_center_in_base_mm: number[] | null;
+  sphere_center_covariance: number[][] | null;
   surface_rms_mm: number | null;
-  held_out_scatter_rms_mm: number;
+  held_out_scatter_rms_mm: number | null;
   expected_scatter_rms_mm: number | null;
   chi_squared: number | null;
   degrees_of_freedom: number;
@@ -2545,10 +2545,10 @@ export interface VerifyResult {
   stage?: "verify";
   verified: string;
   tool0_from_laser: number[][];
-  sphere_center_in_base_mm: number[];
-  sphere_center_covariance: number[][];
+  sphere_center_in_base_mm: number[] | null;
+  sphere_center_covariance: number[][] | null;
   surface_rms_mm: number | null;
-  held_out_scatter_rms_mm: number;
+  held_out_scatter_rms_mm: number | null;
   expected_scatter_rms_mm: number | null;
   chi_squared: number | null;
   degrees_of_freedom: number;

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calib_core.errors import MotionError
 from calib_core.records import Measured, Session
 from calib_core.simulation import VERIFY_SCENARIOS, SimulatedSession, simulate_verify
 from calib_core.stages.guide import guide
@@ -103,3 +104,36 @@ def test_the_guide_asks_for_a_plate_only_where_a_limit_is_set(limits: dict[str, 
     now = guide(session, measured, {}).current
     assert (now.step, now.stage) == (step, "verify")
     assert now.action == ("capture" if step == "plate" else "solve")
+
+
+def test_a_plate_alone_is_decided_by_its_flatness() -> None:
+    def alone(cell: SimulatedSession, few: bool = False, **limits: float | None) -> VerifyResult:
+        record = cell.session.to_json()
+        kept = [c for c in record["captures"] if c["step"] == "plate"]
+        told = {"verification": {"flatness_mm": 1.0} | limits}
+        record = {**record, "cell": record["cell"] | told, "captures": kept[:3] if few else kept}
+        return verified(Session.model_validate(record), cell.files)
+
+    flat, bowed = alone(cell()), alone(cell(4.0))
+    assert (flat.decision, flat.verdict, bowed.decision, bowed.verdict) == ("pass", "pass", "fail", "fail")
+    assert [check.name for check in flat.checks] == ["flatness", "flatness_95"]
+    assert (flat.held_out_scatter_rms_mm, flat.sphere_center_in_base_mm) == (None, None)
+    assert "how far the tool is off at a sphere was not looked at" in flat.notes[0]
+    assert "Flatness" in str(flat)
+    both = alone(cell(), tool_mm=0.5)
+    assert (both.decision, both.verdict) == ("pass", "warn")
+    assert any(
+        "limit of the tool's error at the sphere, 0.5 mm, was not checked" in said for said in both.warnings
+    )
+    without = alone(cell(), flatness_mm=None)
+    assert (without.decision, without.verdict) == (None, "warn")
+    assert "No limit of the flatness is set" in without.warnings[0]
+    record = cell().session.to_json()
+    begun = [c for c in record["captures"] if c["step"] == "plate"]
+    told = {**record, "cell": record["cell"] | {"verification": {"flatness_mm": 1.0}}}
+    asked = [
+        guide(Session.model_validate({**told, "captures": begun[:n]}), [], {}).current for n in (3, len(begun))
+    ]
+    assert [(now.step, now.action) for now in asked] == [("plate", "capture"), ("verify", "solve")]
+    with pytest.raises(MotionError, match="captures of the plate that can be used"):
+        alone(cell(), few=True)

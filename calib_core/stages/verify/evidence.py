@@ -5,9 +5,9 @@ from typing import Final
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.evidence.parts import captures_used, left_out, provenance, residual_plot, residual_table
 from calib_core.records import Session
-from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
+from calib_core.records.evidence import AnyBlock, Column, Figure, Quantity, Row, Table
 from calib_core.stages.verify.limits import changes_table
-from calib_core.stages.verify.record import VerifyResult
+from calib_core.stages.verify.record import VerifyCheck, VerifyResult
 
 _COLUMNS: Final = (
     ("points", "Points", ""),
@@ -22,16 +22,9 @@ _COLUMNS: Final = (
 
 def evidence(session: Session, result: VerifyResult) -> list[AnyBlock]:
     """Return the verification told in blocks, the answer first."""
-    expected = result.expected_scatter_rms_mm
     return [
         *_decision(result),
-        Figure(
-            label="Held-out scatter of the sphere's centre, RMS",
-            quantity=quantity(result.held_out_scatter_rms_mm, "mm"),
-            limit=None if expected is None else quantity(expected, "mm"),
-            limit_label="expected",
-            headline=result.decision is None,
-        ),
+        *_scatter(result),
         Figure(label="Verified", text=result.verified),
         captures_used(result),
         *_chance(result),
@@ -42,6 +35,28 @@ def evidence(session: Session, result: VerifyResult) -> list[AnyBlock]:
         *residual_table(result.residuals, _COLUMNS),
         *provenance(result),
     ]
+
+
+def _scatter(result: VerifyResult) -> list[AnyBlock]:
+    """Return the sphere's scatter; of a plate alone its flatness leads where no limit decides."""
+    expected, scatter = result.expected_scatter_rms_mm, result.held_out_scatter_rms_mm
+    headline = result.decision is None
+    if scatter is None:
+        flat = [check for check in result.checks if check.name == "flatness" and headline]
+        return [Figure(label=one.title, quantity=_measured(one), headline=True) for one in flat]
+    return [
+        Figure(
+            label="Held-out scatter of the sphere's centre, RMS",
+            quantity=quantity(scatter, "mm"),
+            limit=None if expected is None else quantity(expected, "mm"),
+            limit_label="expected",
+            headline=headline,
+        )
+    ]
+
+
+def _measured(check: VerifyCheck) -> Quantity:
+    return quantity(check.value_mm, "mm", check.uncertainty_mm / 2)
 
 
 def _decision(result: VerifyResult) -> list[AnyBlock]:
@@ -57,7 +72,7 @@ def _checks(result: VerifyResult) -> list[AnyBlock]:
         Row(
             cells=[
                 check.title,
-                quantity(check.value_mm, "mm", check.uncertainty_mm / 2),
+                _measured(check),
                 None if check.limit_mm is None else quantity(check.limit_mm, "mm"),
                 (check.decision or "not judged").replace("-", " "),
             ]

@@ -36,10 +36,12 @@ def verify_now(view: GuideView) -> GuideNow | None:
     if fresh is not None:
         return _review(fresh)
     refused = {m.capture for m in view.measured if m.verdict == "fail"}
+    of_plate = sum(capture.id not in refused for capture in view.captures("plate"))
+    flat = limits.flatness_mm is not None or limits.flatness_95_mm is not None
+    if of_plate and flat and not captures:  # a plate alone, as somebody began
+        return _plate(of_plate) if of_plate < WANTED_OF_PLATE else _solve(again=result is not None)
     seen = sum(capture.id not in refused for capture in captures)
     if seen >= WANTED_CAPTURES:
-        of_plate = sum(capture.id not in refused for capture in view.captures("plate"))
-        flat = limits.flatness_mm is not None or limits.flatness_95_mm is not None
         if flat and of_plate < WANTED_OF_PLATE:
             return _plate(of_plate)
         return _solve(again=result is not None)

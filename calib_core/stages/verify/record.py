@@ -50,7 +50,8 @@ class VerifyResult(Result):
     `held_out_scatter_rms_mm` is the root mean square of the captures' distances to `sphere_center_in_base_mm`;
     `expected_scatter_rms_mm` follows from their own uncertainty, the robot's and the answer's, and is null where
     the tool was brought without any.  `chi_squared` has `degrees_of_freedom`; `chance` is how often a right answer
-    shows as large a one.  `verified` names the stage whose answer it is, or "known".
+    shows as large a one.  Where a flat plate alone was captured, what is of the sphere is null.  `verified` names
+    the stage whose answer it is, or "known".
 
     `checks` are the figures that limits may be set for (`cell.verification`), 2634-style; `decision` is the worst
     of theirs, null where no limit was set; `limits_changed` says in sentences which limits were changed after the
@@ -60,10 +61,10 @@ class VerifyResult(Result):
     stage: Literal["verify"] = "verify"
     verified: str
     tool0_from_laser: Matrix4
-    sphere_center_in_base_mm: Vector3
-    sphere_center_covariance: Rows
+    sphere_center_in_base_mm: Vector3 | None
+    sphere_center_covariance: Rows | None
     surface_rms_mm: float | None
-    held_out_scatter_rms_mm: float
+    held_out_scatter_rms_mm: float | None
     expected_scatter_rms_mm: float | None
     chi_squared: float | None
     degrees_of_freedom: int

@@ -24,12 +24,16 @@ from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
 
 _ANSWER_SHARE = 0.6
 _LEAST_PROBED = 4
+_NO_LIMIT = "No limit of the flatness is set, and a plate alone has nothing else to be judged by."
+_PLATE_ALONE = "Only a flat plate was captured: how far the tool is off at a sphere was not looked at."
 _DOUBTFUL_CHANCE = 0.01
 _FAILING_FACTOR = 3.0  # of the scatter over the expected one
 
 
 def solve_verify_stage(given: StageInput) -> VerifyResult:
     """Return how far the sphere's centre scatters over captures that the answer was not solved from.
+
+    Where a flat plate alone was captured its flatness decides.
 
     Raises
     ------
@@ -38,9 +42,12 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
     MeasurementError
         If most captures do not show the sphere.
     MotionError
-        If fewer than two captures show it.
+        If fewer than two captures show it, or captures of a plate alone do not tell its flatness.
     """
     tool, verified, doubts = _tool(given)
+    steps = {capture.step for capture in given.captures if not capture.excluded}
+    if "plate" in steps and "verify" not in steps:
+        return _by_plate_alone(given, tool, verified, doubts)
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
     of_sphere = [capture for capture in given.captures if capture.step == "verify"]
     observed = observe_stage(replace(given, captures=of_sphere))
@@ -107,6 +114,42 @@ def solve_verify_stage(given: StageInput) -> VerifyResult:
     )
 
 
+def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[str]) -> VerifyResult:
+    """Return what a flat plate says of the tool, where no sphere was captured."""
+    limits = given.session.cell.verification
+    captures = [capture for capture in given.captures if capture.step == "plate"]
+    flat = plate(given.session, captures, given.read, tool.tool0_from_laser)
+    checks = _flatness(limits, flat)
+    if flat is None or not checks:
+        to_do = "" if flat is None else flat.why_not
+        raise MotionError("captures of a plate that tell its flatness", "too few of use", to_do, "captures")
+    judged, late = overall(checks), late_limits(limits)
+    verdict, reasons = ("warn", [_NO_LIMIT]) if judged is None else judged[1:]
+    doubts = [*doubts, *_unchecked(limits, checks, flat), *flat.doubts, *late.doubts]
+    return VerifyResult(
+        method="flatness of a plate over held-out captures, with the answer's tool",
+        software=SOFTWARE,
+        inputs_sha256=given.inputs_sha256,
+        verdict="warn" if doubts and verdict == "pass" else verdict,
+        warnings=[*doubts, *reasons],
+        notes=[_PLATE_ALONE, *flat.notes, *late.notes],
+        verified=verified,
+        tool0_from_laser=tool.tool0_from_laser.to_rows(),
+        sphere_center_in_base_mm=None,
+        sphere_center_covariance=None,
+        surface_rms_mm=None,
+        held_out_scatter_rms_mm=None,
+        expected_scatter_rms_mm=None,
+        chi_squared=None,
+        degrees_of_freedom=0,
+        chance=None,
+        checks=checks,
+        decision=None if judged is None else judged[0],
+        limits_changed=late.sentences,
+        residuals=flat.residuals,
+    )
+
+
 def _checks(
     given: StageInput, observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool, found: HeldOut
 ) -> list[VerifyCheck]:
@@ -146,6 +189,11 @@ def _unchecked(limits: Verification, checks: Sequence[VerifyCheck], flat: Plate 
     spacing_to_do = "It needs verification.ball_bar_mm, and captures of both spheres, told apart by their `mount`."
     plate_to_do = flat.why_not if flat is not None else "It needs captures of a flat plate, with step 'plate'."
     every = {
+        "tool": (
+            "tool's error at the sphere",
+            limits.tool_mm,
+            "It needs captures of the sphere, with step 'verify'.",
+        ),
         "form": ("probing form", limits.form_mm, probing_to_do),
         "form_95": ("probing form of 95 %", limits.form_95_mm, probing_to_do),
         "size": ("probing size", limits.size_mm, probing_to_do),
