@@ -43,14 +43,16 @@ def cell_plan(cell: "CellToPlan") -> "CellPlan":
 def seen_in(text: str) -> Measured:
     """Return what was seen in a capture, kept from one question to the next.
 
-    It comes without the points that are drawn of a profile, most of the record: nobody who guides reads them.
+    It comes without the points that are drawn of a profile, most of the record: nobody who guides reads them.  The
+    guide reads what those of a frame cover; frames are few in a session, and are read again.
     """
     key = blake2b(text.encode(), digest_size=16).digest()
     known = _seen.pop(key, None)
     if known is None:
         known = Measured.model_validate_json(text)
-        if known.image_size is None:  # of a frame the guide reads what the points cover
-            known = known.model_copy(update=_NOT_READ)
+        if known.image_size is not None:
+            return known
+        known = known.model_copy(update=_NOT_READ)
     _seen[key] = known
     while len(_seen) > _MOST_SEEN:
         _seen.popitem(last=False)
