@@ -5,6 +5,7 @@ waits at each of its steps: fifty machines that send captures would feel the gui
 """
 
 import logging
+import os
 import threading
 import traceback
 from collections.abc import Callable
@@ -23,6 +24,7 @@ Answer = TypeVar("Answer")
 
 _TIMEOUT_S = 120.0  # the longest, the plan of a cell, takes two or three of a free core
 _STOP_S = 2.0
+_NICE = 5  # where all cores are taken, captures are answered and measured first
 _ATTEMPTS = 2  # the process may have been ended for what it did not do
 
 
@@ -122,6 +124,8 @@ class PageProcess:
 
 def _serve(connection: "Connection[Any, Any]") -> None:
     leave_interrupts_to_the_server()
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(_NICE)
     answer_questions(connection, _answer)
 
 
