@@ -10,17 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.arm_errors import ArmErrors
+from calib_core.chain.arm_lengths import arm_lengths_error
 from calib_core.chain.likelihood import ChainLinearisation, fit
-from calib_core.chain.model import ARM_SCALE_SIGMA, ChainData, ChainState, Sigmas
+from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import NAMES, OF_FILES, incidence_shapes
-from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 
 _SIGNIFICANT = 4.0
 # Real arcs are bent by some tenths of a per cent for other reasons; scanners that are wrong are wrong by more.
 _WORTH_SAYING = {"scale_x": 0.005, "scale_z": 0.005, "shear": 0.01, "bow": 0.01}
-_ARM_WORTH_SAYING = 0.002
 _CHANCE = 9.49  # χ² of four, 95 %
 
 
@@ -134,12 +133,14 @@ def _held(judged: Judged, apply: bool) -> Held:
     facing = -1 if len(heights) and heights.mean() > 0 else 1
     of_files = np.flatnonzero(OF_FILES & (data.nuisance_sigmas > 0))
     if len(of_files) == 0:
-        return Held(found, at, found, active, covariance, facing, apply, _arm_errors(judged), *given)
+        return Held(found, at, found, active, covariance, facing, apply, _with_arm(judged, []), *given)
     surprise, errors = _surprise(judged, covariance, of_files)
-    errors += _arm_errors(judged)
+    errors = _with_arm(judged, errors)
     if apply:
         return Held(found, at, found, active, covariance, facing, True, errors, *given)
-    exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas))
+    # The poses are used as they are told, too: an arm's lengths that took up the scanner's error here would leave
+    # the tool with a part of it alone.
+    exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas), arm_scale_sigma=0.0)
     if data.tool_prior is not None:
         exact = replace(exact, tool_prior=data.tool_prior.without(OF_FILES[active]))
     values = np.where(OF_FILES, 0.0, found.scanner)
@@ -200,14 +201,9 @@ def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> t
     return max(0.0, 1 - _CHANCE / max(square, 1e-12)), errors
 
 
-def _arm_errors(judged: Judged) -> list[ScannerError]:
-    """Return the arm's length scale where the captures show that it is off."""
-    data, state = judged.data, judged.fit.state
-    if data.arm_scale_sigma <= 0 or state.shared is None:
-        return []
-    column = data.width
-    variance = float(covariance_of(judged.fit.minimum.at.hessian)[column, column])
-    error, chance = float(state.shared[0]), float(np.sqrt(max(variance - variance**2, 1e-6)))
-    if abs(error) > _SIGNIFICANT * chance and abs(error) * ARM_SCALE_SIGMA > _ARM_WORTH_SAYING:
-        return [ScannerError("arm_scale", error * ARM_SCALE_SIGMA, ARM_SCALE_SIGMA * float(np.sqrt(variance)))]
-    return []
+def _with_arm(judged: Judged, errors: list[ScannerError]) -> list[ScannerError]:
+    """Return errors with the arm's where they may be its lengths' as well as the scanner's."""
+    arm = arm_lengths_error(judged)
+    if arm is None:
+        return errors
+    return [ScannerError("arm_scale", *arm), *(e for e in errors if e.name not in ("scale_x", "scale_z"))]

@@ -94,7 +94,7 @@ def _is_doubtful(result: TcpResult, solved: SolvedTcp) -> bool:
     scaled = any(
         abs(error.error) > _SUSPICIOUS_SCALE
         for error in solved.solution.held.errors
-        if error.name in ("scale_x", "scale_z")
+        if error.name in ("scale_x", "scale_z", "arm_scale")
     )
     scattered = solved.solution.start_scatter_mm > _SUSPICIOUS_SCATTER_MM
     return result.verdict == "fail" or scattered or scaled or rejected > 1

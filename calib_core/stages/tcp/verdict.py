@@ -152,8 +152,9 @@ def _contradicted(solution: TcpSolution) -> str:
 def _about(error: ScannerError, solution: TcpSolution) -> str:
     if error.name == "arm_scale":
         return (
-            f"The robot's poses seem too long by {-100 * error.error:.2f} ± {200 * error.sigma:.2f} %: check "
-            "their unit and the arm's calibration."
+            f"The robot's poses seem too long by {-100 * error.error:.2f} ± {200 * error.sigma:.2f} %, or the "
+            "scanner's lengths too short by as much: the captures hardly tell which. Check the arm's calibration, "
+            "the scanner's own and the sphere's diameter."
         )
     if error.name == "bow":
         return (

@@ -133,7 +133,7 @@ export const texts = {
   "The poses scatter by {} mm: more than a sound arm. Check its mastering, its tool and the sphere's stand.": "Die Posen streuen um {} mm: mehr als ein gesunder Arm. Prüfen Sie seine Justage, sein Werkzeug und den Stand der Kugel.",
   "the stated uncertainty is enlarged accordingly.": "Die angegebene Unsicherheit ist entsprechend vergrößert.",
   "the robot's were estimated instead. Leave them out, or check the arm.": "Die des Roboters wurden stattdessen geschätzt. Lassen Sie sie weg, oder prüfen Sie den Arm.",
-  "The robot's poses seem too long by {} ± {} %: check their unit and the arm's calibration.": "Die Posen des Roboters sind anscheinend um {} ± {} % zu lang: Prüfen Sie ihre Einheit und die Kalibrierung des Arms.",
+  "The robot's poses seem too long by {} ± {} %, or the scanner's lengths too short by as much: the captures hardly tell which. Check the arm's calibration, the scanner's own and the sphere's diameter.": "Die Posen des Roboters sind anscheinend um {} ± {} % zu lang oder die Längen des Scanners um ebenso viel zu kurz: Die Aufnahmen unterscheiden das kaum. Prüfen Sie die Kalibrierung des Arms, die des Scanners selbst und den Kugeldurchmesser.",
   "The scanner's z seems bent over its width: it hides in the TCP. Check the scanner's own calibration.": "Das z des Scanners ist über seine Breite anscheinend gebogen: Das verbirgt sich im TCP. Prüfen Sie die Kalibrierung des Scanners selbst.",
   "x leans with z (shear)": "x neigt sich mit z (Scherung)",
   "{} scale seems wrong": "Maßstab von {} ist anscheinend falsch",

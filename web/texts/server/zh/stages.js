@@ -133,7 +133,7 @@ export const texts = {
   "The poses scatter by {} mm: more than a sound arm. Check its mastering, its tool and the sphere's stand.": "位姿离散 {} mm：超过正常机械臂。请检查其零点、工具和球的支座。",
   "the stated uncertainty is enlarged accordingly.": "所给不确定度已相应放大。",
   "the robot's were estimated instead. Leave them out, or check the arm.": "机器人的已改为估计值。请省略它们，或检查机械臂。",
-  "The robot's poses seem too long by {} ± {} %: check their unit and the arm's calibration.": "机器人位姿似乎偏长 {} ± {} %：请检查单位和机械臂标定。",
+  "The robot's poses seem too long by {} ± {} %, or the scanner's lengths too short by as much: the captures hardly tell which. Check the arm's calibration, the scanner's own and the sphere's diameter.": "机器人位姿似乎偏长 {} ± {} %，或扫描仪的长度偏短同样多：采集几乎无法区分两者。请检查机械臂标定、扫描仪自身的标定和球直径。",
   "The scanner's z seems bent over its width: it hides in the TCP. Check the scanner's own calibration.": "扫描仪的 z 沿宽度似乎弯曲：会隐藏在 TCP 中。请检查扫描仪自身的标定。",
   "x leans with z (shear)": "x 随 z 倾斜（剪切）",
   "{} scale seems wrong": "{} 比例似乎有误",
