@@ -61,6 +61,8 @@ class Held:
     left : (9 + table + n,) or None
         By how much they are off, as far as that is known: for errors of the scanner that were found and stay in
         its files. Its square is in the covariance.
+    lengths_sigma : float
+        Of the arm's lengths, as a share, as is believed of them; the answer may hold them at nothing.
     """
 
     state: ChainState
@@ -76,6 +78,7 @@ class Held:
     half_width_mm: float = 1.0
     arm: ArmErrors | None = None
     left: FloatArray | None = None
+    lengths_sigma: float = 0.0
 
     @property
     def tool_and_scanner(self) -> np.ndarray:
@@ -110,7 +113,12 @@ def point_rows(
 def hold_files(judged: Judged, apply: bool) -> Held:
     """Return the answer of captures that were judged, for corrected files or for files as they are."""
     held = _held(judged, apply)
-    return replace(held, half_width_mm=judged.data.half_width_mm, arm=_arm(judged, held.applied))
+    return replace(
+        held,
+        half_width_mm=judged.data.half_width_mm,
+        arm=_arm(judged, held.applied),
+        lengths_sigma=judged.data.arm_scale_sigma,
+    )
 
 
 def _arm(judged: Judged, applied: bool) -> ArmErrors | None:

@@ -106,7 +106,7 @@ def _arm_errors(solution: TcpSolution) -> ArmErrorsFound | None:
     return ArmErrorsFound(
         poses=[RigidTransform.of(r, t, "base", "tool0").to_rows() for r, t in poses],
         middle_mm=arm.middle_mm.tolist(),
-        lengths_sigma=held.data.arm_scale_sigma,
+        lengths_sigma=held.lengths_sigma,
         position_sigma_mm=arm.position_sigma_mm,
         orientation_sigma_rad=arm.orientation_sigma_rad,
         tool_with_lengths=arm.with_lengths[:6].tolist(),
