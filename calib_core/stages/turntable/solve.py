@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from calib_core.chain.turntable import KnownTool, TurntableOptions
 
 _TCP_SHARE = 0.4
+_BY_TOOL_ALONE = (
+    "Camera and plane of light are counted here through the tool alone. What they do to the captures of the table "
+    "is counted by the whole chain: it knows the axis's place better and says more rightly how it may lean."
+)
 _R = TypeVar("_R", TurntableResult, ChainResult)
 
 
@@ -44,6 +48,7 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
     cell = given.session.cell
     known = cell.known.tool0_from_laser
     doubts: list[str] = []
+    notes: list[str] = []
     if known is not None:
         tool, sphere = (
             KnownTool(RigidTransform.from_rounded(known, "tool0", "laser")),
@@ -53,10 +58,12 @@ def solve_turntable_stage(given: StageInput) -> TurntableResult:
         solved = tcp_of(given)
         tool, sphere = tool_of(solved), solved.sphere
         doubts = _doubts_about_tool(solved)
+        notes = [_BY_TOOL_ALONE] if solved.solution.optics else []
     table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256)
     verdict = "warn" if doubts and result.verdict == "pass" else result.verdict
-    result = result.model_copy(update={"warnings": [*doubts, *result.warnings], "verdict": verdict})
+    told = {"warnings": [*doubts, *result.warnings], "verdict": verdict, "notes": [*result.notes, *notes]}
+    result = result.model_copy(update=told)
     if cell.turntable.angles != "unknown":
         result = with_play(result)
     result = with_lost_rays(result, [one.sphere for one in table.observations])

@@ -193,6 +193,7 @@ export const texts = {
   "captures of a plate that tell its flatness": "Aufnahmen einer Platte, die deren Ebenheit zeigen",
   "too few of use": "zu wenige brauchbare",
   "tool's error at the sphere": "Fehler des Werkzeugs an der Kugel",
+  "Camera and plane of light are counted here through the tool alone. What they do to the captures of the table is counted by the whole chain: it knows the axis's place better and says more rightly how it may lean.": "Kamera und Lichtebene zählen hier nur über das Werkzeug. Was sie an den Aufnahmen des Tisches ändern, berücksichtigt die ganze Kette: Sie kennt den Ort der Achse besser und sagt richtiger, wie weit diese geneigt sein kann.",
   "The limit of the {}, {} mm, was not checked. {}": "Die Grenze für {}, {} mm, wurde nicht geprüft. {}",
   "The tool was brought without an uncertainty: how large the scatter may be is not known. Solve the TCP from captures of this session, or give the robot's repeatability.": "Das Werkzeug wurde ohne Unsicherheit mitgebracht: Wie groß die Streuung sein darf, ist nicht bekannt. Lösen Sie den TCP aus Aufnahmen dieser Sitzung, oder geben Sie die Wiederholgenauigkeit des Roboters an.",
   "The held-out captures scatter {} times as much as their and the answer's uncertainty allow: {} mm, {} mm are expected.": "Die zurückgehaltenen Aufnahmen streuen {}-mal so viel, wie ihre Unsicherheit und die der Lösung erlauben: {} mm, erwartet werden {} mm.",

@@ -193,6 +193,7 @@ export const texts = {
   "captures of a plate that tell its flatness": "能体现平面度的平板采集",
   "too few of use": "可用的太少",
   "tool's error at the sphere": "工具在球体处的误差",
+  "Camera and plane of light are counted here through the tool alone. What they do to the captures of the table is counted by the whole chain: it knows the axis's place better and says more rightly how it may lean.": "此处只通过工具计入相机和光平面的不确定度。它们对转台采集的影响由整链计入：整链更准确地给出轴线位置，也更如实地说明轴线可能的倾斜。",
   "The limit of the {}, {} mm, was not checked. {}": "{} 的限值 {} mm 未检验。{}",
   "The tool was brought without an uncertainty: how large the scatter may be is not known. Solve the TCP from captures of this session, or give the robot's repeatability.": "工具未带不确定度：允许的离散未知。请由本会话采集求解 TCP，或给出机器人重复精度。",
   "The held-out captures scatter {} times as much as their and the answer's uncertainty allow: {} mm, {} mm are expected.": "留出采集的离散是其与结果不确定度所允许的 {} 倍：{} mm，预期 {} mm。",
