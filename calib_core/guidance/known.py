@@ -15,6 +15,7 @@ from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import SIGMAS, Assumed
 from calib_core.guidance.planner import Situation
+from calib_core.guidance.scatter import position_sigma_mm
 from calib_core.guidance.sight import Sight, sight_of
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.robots import parse_pose
@@ -29,12 +30,13 @@ MOST_TAKEN = 40  # captures beyond these change no advice, and would only make i
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A guess of tool and sphere, and how well they are known beside the captures."""
+    """A guess of tool and sphere, how well they are known beside the captures, and how these scatter about it."""
 
     tool0_from_laser: RigidTransform
     center_in_base_mm: FloatArray
     tool_sigma_mm: float = 300.0
     tool_sigma_rad: float = 1.0
+    position_sigma_mm: float | None = None
 
 
 def situation_of(
@@ -78,7 +80,7 @@ def situation_of(
         sphere=sphere,
         tool0_from_laser=place.tool0_from_laser,
         center_in_base_mm=place.center_in_base_mm,
-        sigmas=sigmas_of(cell, result),
+        sigmas=_scattering(sigmas_of(cell, result), cell, place),
         point_in_laser_mm=_middle(sight, result) if point is None else np.array(point),
         facing=sight.facing,
         tool_sigma_mm=place.tool_sigma_mm,
@@ -137,6 +139,13 @@ def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
     if table.angle_sigma_deg is not None:
         sigmas = replace(sigmas, angle_rad=float(np.deg2rad(table.angle_sigma_deg)))
     return sigmas
+
+
+def _scattering(sigmas: Sigmas, cell: Cell, place: _Place) -> Sigmas:
+    """Return the scatter with what the captures show of it, where nobody has told it."""
+    if cell.robot.position_sigma_mm is not None or place.position_sigma_mm is None:
+        return sigmas
+    return replace(sigmas, position_mm=place.position_sigma_mm)
 
 
 def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:
@@ -219,7 +228,8 @@ def _searched(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place |
     rival = start.rival_scatter_mm
     if start.scatter_mm > _GOOD_SCATTER_MM or (rival is not None and rival < 2 * start.scatter_mm):
         return None
-    return _Place(RigidTransform.of(start.rotation, start.translation, "tool0", "laser"), start.center)
+    tool = RigidTransform.of(start.rotation, start.translation, "tool0", "laser")
+    return _Place(tool, start.center, position_sigma_mm=position_sigma_mm(seen, sphere, start, SIGMAS))
 
 
 def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:

@@ -1,0 +1,48 @@
+"""Before a solve the guide takes the scatter from the captures where that is clearly not an ordinary arm's."""
+
+import numpy as np
+import pytest
+
+from calib_core.captures.measure import measure_capture
+from calib_core.chain.model import Sigmas
+from calib_core.guidance.design import SIGMAS
+from calib_core.guidance.known import situation_of
+from calib_core.records import Measured, Robot, Session
+from calib_core.simulation import simulate
+
+
+def scattered(seed: int, by_mm: float, robot: Robot | None = None) -> tuple[Session, list[Measured]]:
+    """Return a simulated session whose poses err by so much more, and what its captures show."""
+    simulated = simulate("tcp-unknown-sigmas", seed)
+    rng = np.random.default_rng(seed)
+    captures = [
+        capture.model_copy(
+            update={"pose": [*(np.array(capture.pose[:3]) + by_mm * rng.standard_normal(3)), *capture.pose[3:]]}
+        )
+        for capture in simulated.session.captures
+        if capture.pose is not None
+    ]
+    cell = simulated.session.cell.model_copy(update={"robot": robot} if robot else {})
+    session = simulated.session.model_copy(update={"captures": captures, "cell": cell})
+    return session, [measure_capture(session, capture, simulated.files.__getitem__) for capture in captures]
+
+
+def believed(session: Session, measured: list[Measured]) -> Sigmas:
+    situation = situation_of(session, measured, {})
+    assert situation is not None
+    return situation.assumed.sigmas
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_ordinary_arm_is_believed_as_one(seed: int) -> None:
+    assert believed(*scattered(seed, 0.0)) == SIGMAS
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_arm_that_scatters_far_more_is_believed_to(seed: int) -> None:
+    # 14 captures leave some 30 degrees of freedom: the root of their χ² is within ± 40 % (3 sigmas).
+    assert 0.3 < believed(*scattered(seed, 0.5)).position_mm < 0.7
+
+
+def test_what_is_told_of_the_arm_stays() -> None:
+    assert believed(*scattered(0, 0.5, Robot(position_sigma_mm=0.05))).position_mm == 0.05
