@@ -7,7 +7,7 @@ may be off by as much as a scanner is tried beside a scanner that is exact: wher
 it is told.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,8 +25,25 @@ _AS_WELL = (
 _WORTH_SAYING = 0.002
 
 
-def arm_lengths_error(judged: Judged) -> tuple[float, float] | None:
-    """Return by what share the arm's lengths are too short, and the standard deviation; None if they seem right.
+@dataclass(frozen=True, eq=False)
+class ArmLengths:
+    """Lengths of an arm that are off.
+
+    Attributes
+    ----------
+    share, sigma : float
+        By which they are too short, and its standard deviation.
+    state : ChainState
+        The answer by lengths that are right, and a scanner that is.
+    """
+
+    share: float
+    sigma: float
+    state: ChainState
+
+
+def arm_lengths_error(judged: Judged) -> ArmLengths | None:
+    """Return what is off of the arm's lengths; None if they seem right.
 
     Parameters
     ----------
@@ -48,7 +65,7 @@ def arm_lengths_error(judged: Judged) -> tuple[float, float] | None:
     if arm.at.cost - believed > _AS_WELL or neither - arm.at.cost < _BEYOND_CHANCE or abs(share) < _WORTH_SAYING:
         return None
     variance = float(covariance_of(arm.at.hessian)[free.width, free.width])
-    return -share, free.arm_scale_sigma * float(np.sqrt(variance))
+    return ArmLengths(-share, free.arm_scale_sigma * float(np.sqrt(variance)), arm.state)
 
 
 def _held(data: ChainData, state: ChainState) -> tuple[ChainData, ChainState]:

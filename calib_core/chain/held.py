@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.arm_errors import ArmErrors
-from calib_core.chain.arm_lengths import arm_lengths_error
+from calib_core.chain.arm_lengths import ArmLengths, arm_lengths_error
 from calib_core.chain.likelihood import ChainLinearisation, fit
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
@@ -63,6 +63,8 @@ class Held:
         its files. Its square is in the covariance.
     lengths_sigma : float
         Of the arm's lengths, as a share, as is believed of them; the answer may hold them at nothing.
+    by_lengths : (9 + table + n,) or None
+        What lengths of the arm that are off do to the unknowns. Its square is in the covariance.
     """
 
     state: ChainState
@@ -79,6 +81,13 @@ class Held:
     arm: ArmErrors | None = None
     left: FloatArray | None = None
     lengths_sigma: float = 0.0
+    by_lengths: FloatArray | None = None
+
+    @property
+    def by_motions(self) -> FloatArray:
+        """The covariance of the tool (6, 6) by the motions: lengths that are off are no missing motion."""
+        own = self.covariance[:6, :6]
+        return own if self.by_lengths is None else own - np.outer(self.by_lengths[:6], self.by_lengths[:6])
 
     @property
     def tool_and_scanner(self) -> np.ndarray:
@@ -140,36 +149,41 @@ def _held(judged: Judged, apply: bool) -> Held:
     heights = data.points[:, 2] - np.repeat(found.centers_in_laser[:, 2], np.diff(data.offsets))
     facing = -1 if len(heights) and heights.mean() > 0 else 1
     of_files = np.flatnonzero(OF_FILES & (data.nuisance_sigmas > 0))
+    lengths = arm_lengths_error(judged)
     if len(of_files) == 0:
-        return Held(found, at, found, active, covariance, facing, apply, _with_arm(judged, []), *given)
+        return Held(found, at, found, active, covariance, facing, apply, _with_arm(lengths, []), *given)
     surprise, errors = _surprise(judged, covariance, of_files)
-    errors = _with_arm(judged, errors)
+    errors = _with_arm(lengths, errors)
     if apply:
         return Held(found, at, found, active, covariance, facing, True, errors, *given)
-    # The poses are used as they are told, too: an arm's lengths that took up the scanner's error here would leave
-    # the tool with a part of it alone.
-    exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas), arm_scale_sigma=0.0)
+    exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas))
+    if lengths is not None:
+        # The poses are used as they are told, too. Of an arm whose lengths are off, what is believed of them would
+        # take up a part of the error and leave the tool with the rest. What the whole does is in the covariance.
+        exact = replace(exact, arm_scale_sigma=0.0)
     if data.tool_prior is not None:
         exact = replace(exact, tool_prior=data.tool_prior.without(OF_FILES[active]))
     values = np.where(OF_FILES, 0.0, found.scanner)
     answer = fit(exact, replace(found, scanner=values), judged.fit.sigmas)
-    shift = np.zeros(len(covariance))
-    shift[:9] = np.concatenate([tool_difference(found, answer.state), answer.state.center - found.center])
-    if found.table is not None and answer.state.table is not None:
-        shift[9 : data.unknowns] = found.table.step_to(answer.state.table)
+    shift = _moved(found, answer.state, len(covariance))
     shift[len(covariance) - len(active) :] = (values - found.scanner)[active]
+    covariance = covariance + surprise * np.outer(shift, shift)
+    by_lengths = None if lengths is None else _moved(lengths.state, answer.state, len(covariance))
+    if by_lengths is not None:
+        covariance = covariance + np.outer(by_lengths, by_lengths)
     return Held(
         answer.state,
         answer.at,
         found,
         active,
-        covariance + surprise * np.outer(shift, shift),
+        covariance,
         facing,
         False,
         errors,
         exact,
         judged.fit.sigmas,
         left=np.sqrt(surprise) * shift if surprise > 0 else None,
+        by_lengths=by_lengths,
     )
 
 
@@ -209,9 +223,19 @@ def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> t
     return max(0.0, 1 - _CHANCE / max(square, 1e-12)), errors
 
 
-def _with_arm(judged: Judged, errors: list[ScannerError]) -> list[ScannerError]:
+def _moved(before: ChainState, after: ChainState, size: int) -> FloatArray:
+    """Return by how much tool, sphere and table lie apart in two states, in a row of all unknowns (size,)."""
+    row = np.zeros(size)
+    row[:9] = np.concatenate([tool_difference(before, after), after.center - before.center])
+    if before.table is not None and after.table is not None:
+        step = before.table.step_to(after.table)
+        row[9 : 9 + len(step)] = step
+    return row
+
+
+def _with_arm(lengths: ArmLengths | None, errors: list[ScannerError]) -> list[ScannerError]:
     """Return errors with the arm's where they may be its lengths' as well as the scanner's."""
-    arm = arm_lengths_error(judged)
-    if arm is None:
+    if lengths is None:
         return errors
-    return [ScannerError("arm_scale", *arm), *(e for e in errors if e.name not in ("scale_x", "scale_z"))]
+    arm = ScannerError("arm_scale", lengths.share, lengths.sigma)
+    return [arm, *(e for e in errors if e.name not in ("scale_x", "scale_z"))]

@@ -207,8 +207,8 @@ def _tcp_part(
         seen_in_laser_mm=point,
         at_point=held.at_point(point, judged.data.half_width_mm),
         weights=np.minimum(1 / judged.data.pose_scale[:count], 1.0),
-        undetermined=open_directions(covariance[:6, :6]),
-        weak=open_directions(covariance[:6, :6], tolerance=0.2),
+        undetermined=open_directions(held.by_motions),
+        weak=open_directions(held.by_motions, tolerance=0.2),
     )
 
 
