@@ -12,6 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.spread import (
+    AGREE_MM,
+    TRIALS_BY_ALL,
+    most_agreed,
+    nearest_side,
+    robust_costs,
+    spread_captures,
+)
 from calib_core.chain.table_start import both_centers_in_base
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray, RigidTransform
@@ -24,7 +32,6 @@ Much larger, the mountings' own azimuths would be free to drift, and circles are
 
 _TRIPLES = 60
 _LEAST_ON_A_CIRCLE = 4
-_SCALE_MM = 1.0
 _LARGEST_RADIUS_MM = 5000.0
 _LEAST_AREA = 0.02  # of a triangle beside the square of its longest edge: flatter ones fix no circle
 
@@ -52,44 +59,56 @@ def with_found_angles(
     """
     centers = both_centers_in_base(observations, sphere, tool0_from_laser)
     mounts = np.array([o.mount for o in observations])
-    axis, point = _best_axis(centers, mounts)
+    names = list(dict.fromkeys(mounts.tolist()))
+    few = np.zeros(len(mounts), dtype=bool)
+    few[spread_captures(np.array([names.index(m) for m in mounts.tolist()]), np.zeros(len(mounts)))] = True
+    axis, point = _best_axis(centers, mounts, few)
     axis = axis * (1.0 if axis[2] >= 0 else -1.0)
     along, around, azimuth = _cylindrical(centers, axis, point)
     angles = np.zeros(len(observations))
-    for mount in dict.fromkeys(mounts.tolist()):
+    for mount in names:
         own = np.flatnonzero(mounts == mount)
-        place, _ = _best_place(np.stack([around[own], along[own]], axis=2))
+        place = most_agreed(np.stack([around[own], along[own]], axis=2), few[own], exact=True)
         off = np.hypot(around[own] - place[0], along[own] - place[1])
         chosen = azimuth[own, np.argmin(off, axis=1)]
         angles[own] = np.mod(chosen - chosen[0], 2 * np.pi)
     return [replace(o, angle_rad=direction * float(a)) for o, a in zip(observations, angles, strict=True)]
 
 
-def _best_axis(centers: FloatArray, mounts: np.ndarray) -> tuple[FloatArray, FloatArray]:
-    """Return direction and a point of the axis of the circle on which most captures agree."""
-    best: tuple[float, FloatArray, FloatArray] | None = None
+def _best_axis(centers: FloatArray, mounts: np.ndarray, few: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Return direction and a point of the axis of the circle on which most captures agree, sought with `few`."""
+    circles: list[tuple[FloatArray, FloatArray]] = []
     for mount in dict.fromkeys(mounts.tolist()):
         own = np.flatnonzero(mounts == mount)
-        if len(own) < _LEAST_ON_A_CIRCLE:
-            continue
-        for corners in _trials(centers[own]):
-            circle = _circle_of(corners)
-            if circle is None:
-                continue
-            along, around, _ = _cylindrical(centers, *circle)
-            cost = 0.0
-            for other in dict.fromkeys(mounts.tolist()):
-                chosen = mounts == other
-                cost += _best_place(np.stack([around[chosen], along[chosen]], axis=2))[1]
-            if best is None or cost < best[0]:
-                best = (cost, *circle)
-    if best is None:
+        if len(own) >= _LEAST_ON_A_CIRCLE:
+            found = (_circle_of(corners) for corners in _trials(centers[own]))
+            circles += [circle for circle in found if circle is not None]
+    if not circles:
         raise MotionError(
             "four captures or more of one mounting, the table turned between them (angles unknown)",
             f"{len(mounts)} captures, none of whose mountings has four at different places",
             "Turn the table by 45° and capture the sphere again, all around; then do so at a second height.",
         )
-    return best[1], best[2]
+    costs = [_axis_cost(centers, mounts, circle, few, exact=False) for circle in circles]
+    if not few.all():
+        best = np.sort(np.argsort(costs, kind="stable")[:TRIALS_BY_ALL])
+        circles = [circles[n] for n in best]
+        costs = [_axis_cost(centers, mounts, circle, few, exact=True) for circle in circles]
+    return circles[int(np.argmin(costs))]
+
+
+def _axis_cost(
+    centers: FloatArray, mounts: np.ndarray, circle: tuple[FloatArray, FloatArray], few: np.ndarray, exact: bool
+) -> float:
+    """Return the robust cost of all captures about an axis, each mounting where most of its captures agree."""
+    along, around, _ = _cylindrical(centers, *circle)
+    cost = 0.0
+    for mount in dict.fromkeys(mounts.tolist()):
+        own = np.flatnonzero(mounts == mount)
+        places = np.stack([around[own], along[own]], axis=2)
+        place = most_agreed(places, few[own], exact)
+        cost += float(robust_costs(nearest_side(place[None], places)[0]))
+    return cost
 
 
 def _trials(centers: FloatArray) -> FloatArray:
@@ -108,7 +127,7 @@ def _circle_of(corners: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     normal = np.cross(a, b)
     area2 = float(normal @ normal)
     longest2 = max(float(a @ a), float(b @ b), float((a - b) @ (a - b)))
-    if area2 < (_LEAST_AREA * longest2) ** 2 or longest2 < _SCALE_MM**2:
+    if area2 < (_LEAST_AREA * longest2) ** 2 or longest2 < AGREE_MM**2:
         return None
     center = corners[0] + np.cross(normal, (b @ b) * a - (a @ a) * b) / (2 * area2)
     if np.linalg.norm(center - corners[0]) > _LARGEST_RADIUS_MM:
@@ -125,12 +144,3 @@ def _cylindrical(
     local = centers - point
     x, y = local @ across, local @ np.cross(axis, across)
     return local @ axis, np.hypot(x, y), np.arctan2(y, x)
-
-
-def _best_place(places: FloatArray) -> tuple[FloatArray, float]:
-    """Return the radius and height on which most of the captures (K, 2, 2) agree, and the robust cost."""
-    guesses = places.reshape(-1, 2)
-    off2 = ((guesses[:, None, None] - places[None]) ** 2).sum(axis=3).min(axis=2)
-    costs = np.log1p(off2 / _SCALE_MM**2).sum(axis=1)
-    best = int(np.argmin(costs))
-    return guesses[best], float(costs[best])

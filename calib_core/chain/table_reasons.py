@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.chain.observations import TableObservation
+from calib_core.chain.spread import spread_over
 from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.table_residuals import TableResiduals
 from calib_core.frames import FloatArray
@@ -80,7 +81,7 @@ def remounted(
     if len(rejected) < 3:
         return None
     places = places_in_table(observations, residuals.both_in_base, frame)[rejected]
-    guesses = places.reshape(-1, 3)
+    guesses = places[spread_over(len(places))].reshape(-1, 3)
     agree = np.linalg.norm(places[None] - guesses[:, None, None], axis=3).min(axis=2) < _SAME_PLACE_MM
     best = int(np.argmax(agree.sum(axis=1)))
     middle, near = guesses[best], agree[best]

@@ -4,6 +4,7 @@ The centres of one mounting are linear in the cosine and sine of the table's ang
 captures, each with its two possible sides, fix a, b and d exactly; where they belong together b and d are equally
 long and at right angles, b × d is the axis and a the centre of the circle.  The guess on which most captures agree
 wins: neither right sides nor clean captures are needed.  The sense of b × d is that in which the angles count up.
+Of many captures few propose guesses; all of them say how well these fit.
 """
 
 from collections.abc import Sequence
@@ -13,13 +14,21 @@ from itertools import combinations, product
 import numpy as np
 
 from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.spread import (
+    AGREE_MM,
+    TRIALS_BY_ALL,
+    most_agreed,
+    nearest_side,
+    robust_costs,
+    spread_captures,
+    spread_over,
+)
 from calib_core.chain.table import TableReadings, TableState
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import FloatArray, RigidTransform
 
 _TRIPLES = 40
 _TRIALS = 160
-_SCALE_MM = 1.0  # of the robust loss: about the worst that a first TCP leaves
 _STILL_MM = 2.0
 _ANOTHER_PLACE_MM = 5.0
 _SAME_ANGLE_RAD = np.deg2rad(1.0)
@@ -79,7 +88,7 @@ def find_table_start(
     _require_motion(readings, centers)
     start = _best(readings, centers)
     degrees = np.rad2deg(readings.angles_rad)
-    if np.abs(degrees).max() <= _FULL_TURN_AND_MORE and start.scatter_mm > _SCALE_MM:
+    if np.abs(degrees).max() <= _FULL_TURN_AND_MORE and start.scatter_mm > AGREE_MM:
         other = _best(TableReadings(degrees, readings.mounts, readings.mount_count), centers)
         if other.scatter_mm * _MUCH_WORSE < start.scatter_mm:
             raise InputError(
@@ -126,13 +135,15 @@ def _different(angles_rad: FloatArray) -> int:
 
 def _require_motion(readings: TableReadings, centers: FloatArray) -> None:
     """Refuse captures in which no mounting's sphere moves with the table."""
+    few = spread_captures(readings.mounts, readings.angles_rad)
+    readings, centers = readings.chosen(few), centers[few]
     distances: list[float] = []
     for mount in range(readings.mount_count):
         chosen = readings.mounts == mount
         if _different(readings.angles_rad[chosen]) < 3:
             continue
         places = centers[chosen]
-        spread = _nearest_side(places.reshape(-1, 3), places)
+        spread = nearest_side(places.reshape(-1, 3), places)
         distances.append(float(np.median(spread, axis=1).min()))
     if distances and max(distances) < _STILL_MM:
         raise MotionError(
@@ -152,8 +163,8 @@ def _require_one_place(
         off = members[start.misfit_mm[members] > _ANOTHER_PLACE_MM]
         if len(off) < 3 or 3 * len(off) < len(members):
             continue
-        guesses = places[off].reshape(-1, 3)
-        agree = _nearest_side(guesses, places[off]) < _STILL_MM
+        guesses = places[off[spread_over(len(off))]].reshape(-1, 3)
+        agree = nearest_side(guesses, places[off]) < _STILL_MM
         best = int(np.argmax(agree.sum(axis=1)))
         if agree[best].sum() < max(3, len(members) // 3):
             continue
@@ -171,24 +182,24 @@ def _require_one_place(
         )
 
 
-def _nearest_side(guesses: FloatArray, places: FloatArray) -> FloatArray:
-    """Return the distances (N, K) of N guesses (N, 3) from the nearer side of K captures (K, 2, 3)."""
-    return np.linalg.norm(guesses[:, None, None] - places[None], axis=3).min(axis=2)
-
-
 def _best(readings: TableReadings, centers: FloatArray) -> TableStart:
     """Return the guess with the least robust cost."""
-    found: list[tuple[float, TableState]] = []
-    for constant, cosine, sine in _circles(readings, centers):
-        state = _state(readings, centers, constant, cosine, sine)
-        found.append((_cost(_misfits(readings, centers, state)[0]), state))
-    state = min(found, key=lambda pair: pair[0])[1]
+    few = np.zeros(len(centers), dtype=bool)
+    few[spread_captures(readings.mounts, readings.angles_rad)] = True
+    circles = _circles(readings, centers)
+    states = [_state(readings, centers, circle, few, exact=False) for circle in circles]
+    costs = [_cost(_misfits(readings, centers, state)[0]) for state in states]
+    if not few.all():
+        best = np.sort(np.argsort(costs, kind="stable")[:TRIALS_BY_ALL])
+        states = [_state(readings, centers, circles[n], few, exact=True) for n in best]
+        costs = [_cost(_misfits(readings, centers, state)[0]) for state in states]
+    state = states[int(np.argmin(costs))]
     misfit, sides = _misfits(readings, centers, state)
     return TableStart(state, sides, misfit)
 
 
 def _cost(misfit_mm: FloatArray) -> float:
-    return float(np.sum(np.log1p((misfit_mm / _SCALE_MM) ** 2)))
+    return float(robust_costs(misfit_mm))
 
 
 def _circles(readings: TableReadings, centers: FloatArray) -> list[FloatArray]:
@@ -228,9 +239,10 @@ def _triples(angles_rad: FloatArray) -> list[tuple[int, int, int]]:
 
 
 def _state(
-    readings: TableReadings, centers: FloatArray, constant: FloatArray, cosine: FloatArray, sine: FloatArray
+    readings: TableReadings, centers: FloatArray, circle: FloatArray, few: np.ndarray, exact: bool
 ) -> TableState:
     """Return the table of a trial circle, every mounting placed where most of its captures agree."""
+    constant, cosine, sine = (np.asarray(part, dtype=np.float64) for part in circle)
     axis = np.cross(cosine, sine)
     axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
     across = cosine + np.cross(sine, axis)
@@ -243,13 +255,13 @@ def _state(
     places = _turned_back(readings, centers, rotation, constant)
     mounts = np.zeros((readings.mount_count, 3))
     for mount in range(readings.mount_count):
-        own = places[readings.mounts == mount]
-        guesses = own.reshape(-1, 3)
-        distances = _nearest_side(guesses, own)
-        best = int(np.argmin(np.sum(np.log1p((distances / _SCALE_MM) ** 2), axis=1)))
-        near = own[np.arange(len(own)), np.argmin(np.linalg.norm(own - guesses[best], axis=2), axis=1)]
-        third = float(np.sort(distances[best])[(len(own) - 1) // 3])
-        agree = np.linalg.norm(near - guesses[best], axis=1) <= max(3 * third, _SCALE_MM)
+        chosen = readings.mounts == mount
+        own = places[chosen]
+        guess = most_agreed(own, few[chosen], exact)
+        distances = nearest_side(guess[None], own)[0]
+        near = own[np.arange(len(own)), np.argmin(np.linalg.norm(own - guess, axis=2), axis=1)]
+        third = float(np.sort(distances)[(len(own) - 1) // 3])
+        agree = np.linalg.norm(near - guess, axis=1) <= max(3 * third, AGREE_MM)
         mounts[mount] = near[agree].mean(axis=0)
     return TableState(rotation, constant, mounts)
 
