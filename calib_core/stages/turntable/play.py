@@ -4,6 +4,7 @@ Play that is taken up from one side alone shifts angle zero, and every capture a
 again after the table had been elsewhere, the sphere appears before or behind where it was.
 """
 
+from collections import defaultdict
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +18,7 @@ ASK_FOR_PLAY = "To check the table's play, capture an angle again, approached fr
 
 TableLike = TypeVar("TableLike", TurntableResult, ChainResult)
 _SAME_DEG = 0.01
+_CELLS = 18_000  # of a turn
 _BEYOND_CHANCE = 3.0
 _LEAST_DEG = 0.01
 _BY_MEDIAN = 1.4826  # a normal distribution's standard deviation by its median deviation
@@ -54,11 +56,41 @@ def with_play(result: TableLike) -> TableLike:
 def _pairs(rows: list[TurntableResidual]) -> list[tuple[TurntableResidual, TurntableResidual]]:
     """Return each capture of an angle that was captured before, beside the first one of that mounting."""
     found: list[tuple[TurntableResidual, TurntableResidual]] = []
+    before = _Before()
     for k, again in enumerate(rows):
-        same = [n for n in range(k) if _is_same(rows[n], again)]
-        if same and any(not _is_same(row, again) for row in rows[same[0] : k]):
-            found.append((rows[same[0]], again))
+        first = before.first_same(again, rows)
+        if first is not None and any(not _is_same(row, again) for row in rows[first:k]):
+            found.append((rows[first], again))
+        before.add(k, again)
     return found
+
+
+class _Before:
+    """The captures so far by their angles: each is compared with its neighbours alone."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[str | None, int], list[int]] = defaultdict(list)
+        self._angles: set[tuple[str | None, float]] = set()
+
+    def first_same(self, again: TurntableResidual, rows: list[TurntableResidual]) -> int | None:
+        """Return the number of the first capture of the same angle, None if there is none."""
+        if again.table_deg is None:
+            return None
+        own = _cell(again.table_deg)
+        near = [self._numbers.get((again.mount, (own + step) % _CELLS), []) for step in (-1, 0, 1)]
+        same = (next((n for n in numbers if _is_same(rows[n], again)), None) for numbers in near)
+        return min((n for n in same if n is not None), default=None)
+
+    def add(self, number: int, row: TurntableResidual) -> None:
+        """Keep a capture, unless one of exactly its angle came before it."""
+        if row.table_deg is not None and (row.mount, row.table_deg) not in self._angles:
+            self._angles.add((row.mount, row.table_deg))
+            self._numbers[row.mount, _cell(row.table_deg)].append(number)
+
+
+def _cell(angle_deg: float) -> int:
+    """Return the cell of an angle's direction; cells are twice as wide as same angles may be apart."""
+    return int(angle_deg % 360 / 360 * _CELLS) % _CELLS
 
 
 def _is_same(one: TurntableResidual, other: TurntableResidual) -> bool:
