@@ -57,7 +57,7 @@ def measuring(page: Page, client: httpx.Client) -> None:
     page.goto(f"/sessions/{simulated_session(client, captures=7)}")
     expect(page.locator(".captures tbody tr")).to_have_count(7)
     page.get_by_label("Compare p07 with").select_option("p02")
-    expect(page.get_by_role("region", name="p07 beside p02")).to_contain_text("turns by")
+    expect(page.get_by_role("region", name="p07 beside p02")).to_contain_text("turns")
 
 
 def refused(page: Page, client: httpx.Client) -> None:
