@@ -20,8 +20,7 @@ def surface_sigma_mm(seen: Patches, errors: PoseErrors) -> float:
     """
     levers = _levers(seen.points_mm, seen.normals)
     variance = seen.variances_mm2.copy()
-    for scan, (common, own) in enumerate(zip(errors.common, errors.own, strict=True)):
-        mine = seen.scans == scan
+    for mine, common, own in zip(seen.rows_of_scans(), errors.common, errors.own, strict=True):
         variance[mine] += ((levers[mine] @ common) ** 2).sum(axis=1)
         variance[mine] += np.einsum("ni,ij,nj->n", levers[mine], own, levers[mine])
     return float(np.sqrt(variance.mean())) if len(variance) else float("nan")

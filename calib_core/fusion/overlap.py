@@ -64,6 +64,12 @@ class Patches:
     bounds: NDArray[np.int64]
     size_mm: float
 
+    def rows_of_scans(self) -> list[NDArray[np.int64]]:
+        """Return each scan's rows, ascending; found once for all scans, of which there may be thousands."""
+        order = np.argsort(self.scans, kind="stable")
+        ends = np.searchsorted(self.scans[order], np.arange(1, len(self.names)))
+        return np.split(order, ends)
+
     def moved(self, moves: FloatArray, centre_mm: FloatArray) -> "Patches":
         """Return the patches after each scan's move (S, 6): rx ry rz about `centre_mm`, tx ty tz."""
         from calib_core.frames import rotation_from_vector

@@ -113,8 +113,8 @@ def _ways(seen: Patches, moves: FloatArray, centre: FloatArray) -> tuple[FloatAr
     """Return the scans' moves (S, 6) as transforms (S, 4, 4), and how far each scan's middle moves (S,), mm."""
     matrices = transforms_of_moves(moves, centre)
     shift_mm = np.zeros(len(moves))
-    for number, matrix in enumerate(matrices):
-        mine = seen.points_mm[seen.scans == number]
+    for number, (matrix, rows) in enumerate(zip(matrices, seen.rows_of_scans(), strict=True)):
+        mine = seen.points_mm[rows]
         if len(mine):
             middle = mine.mean(axis=0)
             shift_mm[number] = np.linalg.norm(matrix[:3, :3] @ middle + matrix[:3, 3] - middle)

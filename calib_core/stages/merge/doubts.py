@@ -80,11 +80,7 @@ def _far_off(solution: MergeSolution) -> list[str]:
 def _about_size(solution: MergeSolution) -> list[str]:
     """Return that the scans look like metres, where the half of them see less than a millimetre of the object."""
     seen = solution.patches
-    across = [
-        float(np.ptp(seen.points_mm[seen.scans == scan], axis=0).max())
-        for scan in range(len(seen.names))
-        if (seen.scans == scan).any()
-    ]
+    across = [float(np.ptp(seen.points_mm[mine], axis=0).max()) for mine in seen.rows_of_scans() if len(mine)]
     if (
         not across
         or np.median(across) + seen.size_mm > _LEAST_SIZES * seen.size_mm
