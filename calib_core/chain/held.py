@@ -157,10 +157,6 @@ def _held(judged: Judged, apply: bool) -> Held:
     if apply:
         return Held(found, at, found, active, covariance, facing, True, errors, *given)
     exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas))
-    if lengths is not None:
-        # The poses are used as they are told, too. Of an arm whose lengths are off, what is believed of them would
-        # take up a part of the error and leave the tool with the rest. What the whole does is in the covariance.
-        exact = replace(exact, arm_scale_sigma=0.0)
     if data.tool_prior is not None:
         exact = replace(exact, tool_prior=data.tool_prior.without(OF_FILES[active]))
     values = np.where(OF_FILES, 0.0, found.scanner)
