@@ -30,6 +30,11 @@ MOVED = """(from) => {
     const now = window.__viserMutable.camera.position.toArray();
     return Math.hypot(...now.map((value, axis) => value - from[axis])) > 0.05;
 }"""
+RESTS = """() => {
+    const before = window.cameraBefore;
+    window.cameraBefore = window.__viserMutable.camera.position.toArray().join();
+    return before === window.cameraBefore;
+}"""
 CAMERA = "() => window.__viserMutable.camera.position.toArray()"
 
 
@@ -55,6 +60,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
         before = np.array(scene.evaluate(CAMERA))
         page.locator("sc-scene select[aria-label=View]").select_option("Top")
         scene.wait_for_function(MOVED, arg=before.tolist())
+        scene.wait_for_function(RESTS, polling=500)  # where a flange is seen moves with it
 
         # A click on a flange picks its capture in the table.
         x, y = scene.evaluate(PLACE, "/frames/p02/flange")
