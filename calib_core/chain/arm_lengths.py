@@ -19,9 +19,7 @@ from calib_core.estimation import covariance_of
 
 _LENGTHS = np.isin(NAMES, ("scale_x", "scale_z"))
 _BEYOND_CHANCE = 18.0  # of a logarithm of the likelihood: six standard deviations, as told sigmas may be too small
-_AS_WELL = (
-    4.0  # the captures of arms that are wrong prefer the scanner by 3 at most, those of scanners by 9 and more
-)
+_AS_WELL = 4.0  # captures of arms that are wrong prefer the scanner by 3 at most, those of scanners by 9 and more
 _WORTH_SAYING = 0.002
 
 

@@ -62,7 +62,7 @@ class Held:
         By how much they are off, as far as that is known: for errors of the scanner that were found and stay in
         its files. Its square is in the covariance.
     lengths_sigma : float
-        Of the arm's lengths, as a share, as is believed of them; the answer may hold them at nothing.
+        Of the arm's lengths, as a share, as is believed of them.
     by_lengths : (9 + table + n,) or None
         What lengths of the arm that are off do to the unknowns. Its square is in the covariance.
     """
