@@ -105,6 +105,8 @@ def _kind(target: str) -> str:
     if target.startswith(("socket:", "pipe:", "anon_inode:")):
         return target.partition("[")[0].rstrip(":")
     path = Path(target)
+    if path.parent == Path("/dev"):
+        return target
     return path.name if path.suffix.startswith((".db", ".sqlite")) else str(path.parent)
 
 
