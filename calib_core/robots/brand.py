@@ -1,5 +1,8 @@
 """A robot brand: how it writes poses, how its files are known, read and written."""
 
+import re
+from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from calib_core.robots.convention import Convention
@@ -13,7 +16,9 @@ if TYPE_CHECKING:
 class Brand:
     """One brand, in a folder of its own with a constant `BRAND`; a subclass says what it knows.
 
-    What needs another module is imported when it is called for, so that listing the brands stays cheap.
+    Of the folder, `reader.py` with a function `find`, `writer.py` with an `EXPORT` and `check.py` with a `CHECK`
+    are found by their names; what there is no file for, the brand cannot do. They are imported when they are
+    called for, so that listing the brands stays cheap.
 
     Attributes
     ----------
@@ -27,6 +32,8 @@ class Brand:
         The convention of its files: its own, or the other brand's that has the same formula.
     endings : tuple of str
         File endings that it may be asked about, with the dot, in lower case.
+    marks : str
+        A pattern of statements that only this brand's files have, looked for line by line in any case.
     rank : int
         Where its conventions stand in lists: those of no brand and the most common brands first.
     flange, base : frozenset of str
@@ -42,6 +49,7 @@ class Brand:
     conventions: tuple[Convention, ...]
     writes_like: str = ""
     endings: tuple[str, ...] = ()
+    marks: str = ""
     rank: int = 1000
     flange: frozenset[str] = frozenset({"0"})
     base: frozenset[str] = frozenset({"0"})
@@ -50,7 +58,7 @@ class Brand:
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether a file is surely of this brand, by the text in it (unpacked, with plain line ends)."""
-        return False
+        return bool(self.marks) and re.search(self.marks, text, re.MULTILINE | re.IGNORECASE) is not None
 
     def telling(self, told: "Told") -> "Brand":
         """Return the brand with what the user says about its files; most files say all themselves."""
@@ -64,9 +72,11 @@ class Brand:
         InputError
             If this brand has no reader, or the file is not one of its files at all.
         """
-        from calib_core.errors import InputError
+        if not self._has("reader"):
+            from calib_core.errors import InputError
 
-        raise InputError("a file of a brand with a reader", f"{self.title}", "Paste the poses' numbers.", name)
+            raise InputError("a file of a brand with a reader", f"{self.title}", "Paste the poses' numbers.", name)
+        return self._own("reader").find(data, name)
 
     def read(self, data: bytes, name: str) -> "ControllerFile":
         """Return poses, tools and frames of one file; tools and frames that it defines are applied.
@@ -85,13 +95,14 @@ class Brand:
         return ""
 
     def exports(self) -> "tuple[Export, ...]":
-        """Return what this brand writes."""
-        return ()
+        """Return what this brand writes: the tool and frame data, and the program that checks them."""
+        named = (("writer", "EXPORT"), ("check", "CHECK"))
+        return tuple(getattr(self._own(file), constant) for file, constant in named if self._has(file))
 
     @property
     def reads(self) -> bool:
         """Whether files of this brand can be read."""
-        return type(self).find is not Brand.find
+        return type(self).find is not Brand.find or self._has("reader")
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data."""
@@ -103,3 +114,11 @@ class Brand:
             "reads": self.reads,
             "exports": [export.name for export in self.exports()],
         }
+
+    def _has(self, file: str) -> bool:
+        module = type(self).__module__
+        is_folder = hasattr(import_module(module), "__path__")
+        return is_folder and find_spec(f"{module}.{file}") is not None
+
+    def _own(self, file: str) -> Any:
+        return import_module(f"{type(self).__module__}.{file}")

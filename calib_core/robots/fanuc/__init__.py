@@ -1,14 +1,9 @@
 """FANUC: TP programs as listings, and listings of variables."""
 
 import re
-from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, XYZ_FIXED, Convention
-
-if TYPE_CHECKING:
-    from calib_core.exports.entry import Export
-    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "fanuc",
@@ -37,19 +32,6 @@ class Fanuc(Brand):
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a listing of a TP program or of variables."""
         return re.search(r"^\s*/PROG\b|^\s*P\[\d+[^\]]*\]\s*\{|^\[\*\w+\*\]\$", text, re.MULTILINE) is not None
-
-    def exports(self) -> "tuple[Export, ...]":
-        """Return the tool and frame data that it writes."""
-        from calib_core.robots.fanuc.check import CHECK
-        from calib_core.robots.fanuc.writer import EXPORT
-
-        return (EXPORT, CHECK)
-
-    def find(self, data: bytes, name: str) -> "Found":
-        """Return positions of a program, or frames and registers of a listing."""
-        from calib_core.robots.fanuc.reader import find
-
-        return find(data, name)
 
 
 BRAND = Fanuc()

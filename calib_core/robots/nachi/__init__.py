@@ -1,13 +1,7 @@
 """Nachi: programs, line by line."""
 
-import re
-from typing import TYPE_CHECKING
-
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import Convention
-
-if TYPE_CHECKING:
-    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "nachi",
@@ -20,10 +14,6 @@ CONVENTION = Convention(
     "ZYX",
     "forward",
 )
-_MARKS = re.compile(
-    r"""^\s*MOVEX\s+A\s*=""",
-    re.IGNORECASE | re.MULTILINE,
-)
 
 
 class Nachi(Brand):
@@ -34,17 +24,8 @@ class Nachi(Brand):
     conventions = (CONVENTION,)
     rank = 9
     endings = (".src", ".txt")
+    marks = r"^\s*MOVEX\s+A\s*="
     definitions = "the controller's tool constants"
-
-    def recognises(self, text: str, name: str) -> bool:
-        """Return whether it holds this brand's statements."""
-        return _MARKS.search(text) is not None
-
-    def find(self, data: bytes, name: str) -> "Found":
-        """Return poses, joints, tools and frames of a program."""
-        from calib_core.robots.nachi.reader import find
-
-        return find(data, name)
 
 
 BRAND = Nachi()

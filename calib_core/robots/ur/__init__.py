@@ -1,14 +1,9 @@
 """Universal Robots: scripts, programs, installations and recordings."""
 
 import re
-from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
 from calib_core.robots.convention import Convention
-
-if TYPE_CHECKING:
-    from calib_core.exports.entry import Export
-    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "ur",
@@ -40,19 +35,6 @@ class Ur(Brand):
         """Return whether it is a script, a program, an installation or a recording."""
         pattern = r"<URProgram|<Installation|tcpTransform|actual_TCP_pose_0|actual_q_0|\bp\s*\[[^\]]*,"
         return re.search(pattern, text) is not None
-
-    def exports(self) -> "tuple[Export, ...]":
-        """Return the tool and frame data that it writes."""
-        from calib_core.robots.ur.check import CHECK
-        from calib_core.robots.ur.writer import EXPORT
-
-        return (EXPORT, CHECK)
-
-    def find(self, data: bytes, name: str) -> "Found":
-        """Return poses and TCPs of a script, program, installation or recording."""
-        from calib_core.robots.ur.reader import find
-
-        return find(data, name)
 
 
 BRAND = Ur()

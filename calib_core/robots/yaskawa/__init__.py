@@ -7,8 +7,7 @@ from calib_core.robots.brand import Brand
 from calib_core.robots.convention import POSE_FORMATS, XYZ_FIXED, Convention
 
 if TYPE_CHECKING:
-    from calib_core.exports.entry import Export
-    from calib_core.robots.controller_file import Found, Reference
+    from calib_core.robots.controller_file import Reference
 
 CONVENTION = Convention(
     "yaskawa",
@@ -43,19 +42,6 @@ class Yaskawa(Brand):
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a job or a condition file."""
         return re.search(r"^(?:/JOB\b|//TOOL\b|//UFRAME\b|///POSTYPE\b)", text, re.MULTILINE) is not None
-
-    def exports(self) -> "tuple[Export, ...]":
-        """Return the tool and frame data that it writes."""
-        from calib_core.robots.yaskawa.check import CHECK
-        from calib_core.robots.yaskawa.writer import EXPORT
-
-        return (EXPORT, CHECK)
-
-    def find(self, data: bytes, name: str) -> "Found":
-        """Return positions of a job, or the tools or user frames of a condition file."""
-        from calib_core.robots.yaskawa.reader import find
-
-        return find(data, name)
 
 
 BRAND = Yaskawa()
