@@ -50,20 +50,20 @@ def label_of(name: str) -> tuple[str, str]:
 
 
 def frame_block(
-    session: Session, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None, **about: Any
+    convention_name: str, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None, **about: Any
 ) -> Frame:
-    """Return a frame in the session's convention, each number with its uncertainty; of a matrix, the translation.
+    """Return a frame in a convention, each number with its uncertainty; of a matrix, the translation.
 
     Parameters
     ----------
-    session : Session
+    convention_name : str
     frame : RigidTransform
     covariance : (6, 6), optional
         Of rx ry rz tx ty tz, the rotation perturbing on the right.
     about
         The block's `title`, `id` and `detail`.
     """
-    convention = CONVENTIONS[session.cell.pose_convention]
+    convention = CONVENTIONS[convention_name]
     return Frame(
         name=f"{frame.into}_from_{frame.outof}",
         into=frame.into,

@@ -183,7 +183,7 @@ def problems_of(solution: "CameraSolution") -> list[str]:
             "points. Show the board in the corners too."
         )
     if deviation > _UNSURE_FOCAL * focal:
-        found.append(f"The focal length is known only to ±{100 * deviation / focal:.1f} %: tilt the board more.")
+        found.append(f"The focal length is known only to ±{200 * deviation / focal:.1f} %: tilt the board more.")
     if solution.bend_gain is not None and solution.bend_gain > _NOTABLE_BEND_GAIN and solution.bend_mm is not None:
         found.append(
             f"The board seems to be bent by {solution.bend_mm:.2f} mm: the residuals would be "

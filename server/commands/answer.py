@@ -7,7 +7,7 @@ from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result
 
 if TYPE_CHECKING:
-    from calib_core.review.answer import AnsweredFrame, SessionAnswer
+    from calib_core.review.answer import SessionAnswer
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -33,23 +33,38 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _text(answer: "SessionAnswer") -> str:
-    state = ", ".join([answer.verdict, *(["stale: its inputs have changed since"] if answer.stale else [])])
-    lines = [
-        f"{answer.cell}: {answer.stage}, {state}",
-        *_frame("tool0_from_laser", answer, answer.tool0_from_laser),
-    ]
-    if answer.base_from_turntable is not None:
-        lines += _frame("base_from_turntable", answer, answer.base_from_turntable)
-    lines += [f"  {warning}" for warning in answer.warnings]
-    return "\n".join(lines)
+    """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller."""
+    from calib_core.evidence.numbers import plus_minus
+    from calib_core.evidence.parts import frame_block
+    from calib_core.evidence.text import result_text
+    from calib_core.frames import RigidTransform
+    from calib_core.records.evidence import AnyBlock, Figure
+    from calib_core.stages.registry import STAGES
 
-
-def _frame(name: str, answer: "SessionAnswer", frame: "AnsweredFrame") -> list[str]:
-    """Return a frame's numbers with their standard deviations, as the cell's controller writes them."""
-    numbers = zip(answer.names, frame.numbers, frame.number_sigmas, strict=True)
-    return [f"  {name} ({answer.pose_convention}, {answer.units})"] + [
-        f"    {number:>4} {value:12.4f} ± {sigma:.4f}" for number, value, sigma in numbers
+    known = (
+        ("At the workpiece", answer.workpiece_sigma_mm, "mm"),
+        ("Scanner's position", answer.position_sigma_mm, "mm"),
+        ("Scanner's orientation", answer.rotation_sigma_deg, "°"),
+    )
+    blocks: list[AnyBlock] = [
+        Figure(label=label, quantity=plus_minus(sigma, unit), remark="worst direction")
+        for label, sigma, unit in known
+        if sigma is not None
     ]
+    blocks += [
+        Figure(label="Cell", text=answer.cell),
+        *([Figure(label="Solved", text=f"{answer.solved[:16].replace('T', ' ')} UTC")] if answer.solved else []),
+        *([Figure(label="Verification", text=answer.decision)] if answer.decision else []),
+    ]
+    tool, table = answer.tool0_from_laser, answer.base_from_turntable
+    tool0_from_laser = RigidTransform.from_rounded(tool.matrix, "tool0", "laser")
+    about = {"title": "Scanner on the flange"}
+    blocks.append(frame_block(answer.pose_convention, tool0_from_laser, tool.covariance, **about))
+    if table is not None:
+        base_from_turntable = RigidTransform.from_rounded(table.matrix, "base", "turntable")
+        about = {"title": "Turntable in the robot's base"}
+        blocks.append(frame_block(answer.pose_convention, base_from_turntable, table.covariance, **about))
+    return result_text(STAGES.get(answer.stage, "stage").title, answer.to_json(), blocks)
 
 
 COMMAND = Command(

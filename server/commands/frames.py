@@ -7,6 +7,8 @@ from server.console.command import OK, Command, session_argument
 from server.console.output import print_result
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from calib_core.review.cell_frames import SessionFrames
 
 
@@ -50,13 +52,7 @@ def _text(frames: "SessionFrames") -> str:
         return "\n".join(lines)
     lines = [f"{frames.asked.name}, through {' · '.join(frames.asked.through) or 'nothing'}"]
     lines += ["  " + " ".join(f"{number:12.6f}" for number in row) for row in frames.asked.matrix]
-    sigmas = [frames.asked.covariance[k][k] ** 0.5 for k in range(6)]
-    lines.append(
-        "  ± (1 σ) " + ", ".join(f"{name} {sigma:.3g} rad" for name, sigma in zip(_R, sigmas, strict=False))
-    )
-    lines.append(
-        "          " + ", ".join(f"{name} {sigma:.3g} mm" for name, sigma in zip(_T, sigmas[3:], strict=True))
-    )
+    lines += _uncertainty(frames.asked.covariance)
     if frames.asked.without_covariance:
         lines.append(
             f"  without the uncertainty of {', '.join(frames.asked.without_covariance)}, which nobody stated"
@@ -66,7 +62,19 @@ def _text(frames: "SessionFrames") -> str:
     return "\n".join(lines)
 
 
-_R, _T = ("rx", "ry", "rz"), ("tx", "ty", "tz")
+def _uncertainty(covariance: "Sequence[Sequence[float]]") -> list[str]:
+    """Return the expanded uncertainty (k = 2) of rx ry rz tx ty tz, as results state it."""
+    from math import degrees
+
+    from calib_core.evidence.numbers import plus_minus, quantity_text
+    from calib_core.evidence.text import plain
+
+    sigmas = [covariance[k][k] ** 0.5 for k in range(6)]
+    turned = (quantity_text(plus_minus(degrees(sigma), "°")) for sigma in sigmas[:3])
+    shifted = (quantity_text(plus_minus(sigma, "mm")) for sigma in sigmas[3:])
+    named = zip(("rx", "ry", "rz", "tx", "ty", "tz"), (*turned, *shifted), strict=True)
+    return [plain("  " + ", ".join(f"{name} {text}" for name, text in named))]
+
 
 COMMAND = Command(
     "frames", "print the cell's transforms, or any that follows from them", "session", _arguments, _run

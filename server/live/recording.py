@@ -167,7 +167,7 @@ def sweep_fields(
         if (pose := sample.base_from_tool0) is not None
     ]
     speed_mm_s = speed_of(recorded)
-    known = "" if clocks is None else f", offset {1000 * clocks.offset_s:.2f} ± {1000 * clocks.sigma_s:.2f} ms"
+    known = "" if clocks is None else f", offset {1000 * clocks.offset_s:.2f} ± {2000 * clocks.sigma_s:.2f} ms"
     return {
         "timestamps_s": [round(time_s - track_s[0], 6) for time_s in frames_s],
         "pose_track": track,

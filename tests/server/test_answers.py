@@ -1,6 +1,7 @@
 """The answer that programs act on: never stale or failed in silence, always with the numbers that were solved."""
 
 import json
+import re
 import zipfile
 from collections.abc import Callable, Iterator
 from io import BytesIO
@@ -155,7 +156,12 @@ def test_the_command_prints_the_same_answer_as_the_server(
     served = client.get(f"/sessions/{solved}/answer").json()
     assert {**printed, "solved": None} == {**served, "solved": None}
     assert main(["answer", str(tmp_path / "cell.zip")]) == 0
-    assert "tool0_from_laser" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    tool = text[text.index("tool0_from_laser") :]
+    expanded = re.search(r"^ *x .*± ([\d.]+) mm$", tool, re.MULTILINE)
+    assert expanded is not None
+    # As everywhere: what stands behind ± is expanded, k = 2.
+    assert float(expanded[1]) == pytest.approx(2 * served["tool0_from_laser"]["number_sigmas"][0], rel=0.05)
 
 
 def test_any_transform_between_two_frames_is_answered_and_printed(
@@ -177,6 +183,7 @@ def test_any_transform_between_two_frames_is_answered_and_printed(
     assert main(["frames", str(tmp_path / "cell.zip"), "base", "laser", "--capture", "p04"]) == 0
     printed = capsys.readouterr().out
     assert "base_from_laser, through base_from_tool0 · tool0_from_laser" in printed
+    assert re.search(r"rx ± [\d.]+°, .* tz ± [\d.]+ mm$", printed, re.MULTILINE)
     assert "stale" in printed
     assert main(["frames", str(tmp_path / "cell.zip")]) == 0
     assert "tool0_from_laser: solved, tcp, stale" in capsys.readouterr().out

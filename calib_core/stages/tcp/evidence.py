@@ -80,7 +80,9 @@ def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
 def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
     """Return the scanner's frame on the flange, to be typed into the controller."""
     frame = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
-    return frame_block(session, frame, result.covariance, id="tool", title="Scanner on the flange")
+    return frame_block(
+        session.cell.pose_convention, frame, result.covariance, id="tool", title="Scanner on the flange"
+    )
 
 
 def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:

@@ -68,7 +68,9 @@ def axis_sigmas(result: TableLike) -> list[AnyBlock]:
 def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequence[float]]) -> AnyBlock:
     """Return the table's frame in the robot's base at angle zero; z is the axis."""
     frame = RigidTransform.from_rounded(result.base_from_turntable, "base", "turntable")
-    return frame_block(session, frame, covariance, id="table", title="Turntable in the robot's base")
+    return frame_block(
+        session.cell.pose_convention, frame, covariance, id="table", title="Turntable in the robot's base"
+    )
 
 
 def axis_figures(result: TableLike) -> list[AnyBlock]:
