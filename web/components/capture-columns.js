@@ -37,8 +37,8 @@ const COLUMNS = [
   plain("extent", ({ measured }) => number(measured.extent_deg), (value) => `${fixed(value, 0)}°`),
   plain("points", ({ measured }) => number(measured.on_sphere) || number(measured.points), integer),
   plain("edge", ({ measured }) => number(measured.edge_width_px), (value) => `${fixed(value, 1)} px`),
-  plain("rms", ({ measured }, residual) => number(residual?.surface_rms_mm) ?? number(residual?.line_rms_mm) ?? number(measured.rms_mm), (value) => `±${small(value)}`),
-  plain("rms_px", (_, residual) => number(residual?.rms_px), (value) => `±${fixed(value, 2)} px`),
+  plain("rms", ({ measured }, residual) => number(residual?.surface_rms_mm) ?? number(residual?.line_rms_mm) ?? number(measured.rms_mm), small),
+  plain("rms_px", (_, residual) => number(residual?.rms_px), (value) => `${fixed(value, 2)} px`),
   plain("off", (_, residual) => number(residual?.mahalanobis), (value) => `${fixed(value, 1)} σ`),
   { name: "state", title: t("column.state"), value: (capture, residual) => statusOf(capture, residual)[1], cell: (capture, residual) => status(capture, residual) },
 ];

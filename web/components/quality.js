@@ -121,9 +121,9 @@ function figures({ measured }) {
     "dl", { class: "figures" },
     typeof measured.edge_width_px === "number" && figure(t("quality.sharpness"), `${fixed(measured.edge_width_px, 1)} px`, sharpness(measured.edge_width_px)),
     zone !== null && zone !== undefined && figure(t("quality.zone"), fixed(zone, 2), zoneBar(zone)),
-    rms_mm !== null && rms_mm !== undefined && figure(t("quality.rms"), `±${small(rms_mm)}`),
+    rms_mm !== null && rms_mm !== undefined && figure(t("quality.rms"), small(rms_mm)),
     (points ?? 0) > 0 && figure(t("quality.points"), on_sphere ? t("quality.points_of", { on: integer(on_sphere), all: integer(points ?? 0) }) : integer(points ?? 0)),
-    point_sigma_mm !== null && point_sigma_mm !== undefined && figure(t("quality.noise"), `±${small(point_sigma_mm)}`),
+    point_sigma_mm !== null && point_sigma_mm !== undefined && figure(t("quality.noise"), small(point_sigma_mm)),
     extent_deg !== null && extent_deg !== undefined && figure(t("quality.extent"), `${fixed(extent_deg, 0)}°`),
     (on_sphere ?? 0) > 0 && figure(t("quality.still"), ...standstill(measured)),
   );
