@@ -61,8 +61,6 @@ class Held:
     left : (9 + table + n,) or None
         By how much they are off, as far as that is known: for errors of the scanner that were found and stay in
         its files. Its square is in the covariance.
-    lengths_sigma : float
-        Of the arm's lengths, as a share, as is believed of them.
     by_lengths : (9 + table + n,) or None
         What lengths of the arm that are off do to the unknowns. Its square is in the covariance.
     """
@@ -80,8 +78,12 @@ class Held:
     half_width_mm: float = 1.0
     arm: ArmErrors | None = None
     left: FloatArray | None = None
-    lengths_sigma: float = 0.0
     by_lengths: FloatArray | None = None
+
+    @property
+    def lengths_sigma(self) -> float:
+        """Of the arm's lengths, as a share, as is believed of them."""
+        return self.data.arm_scale_sigma
 
     @property
     def by_motions(self) -> FloatArray:
@@ -121,13 +123,13 @@ def point_rows(
 
 def hold_files(judged: Judged, apply: bool) -> Held:
     """Return the answer of captures that were judged, for corrected files or for files as they are."""
-    held = _held(judged, apply)
-    return replace(
-        held,
-        half_width_mm=judged.data.half_width_mm,
-        arm=_arm(judged, held.applied),
-        lengths_sigma=judged.data.arm_scale_sigma,
-    )
+    lengths = arm_lengths_error(judged)
+    held = _held(judged, apply, lengths)
+    if lengths is not None:
+        by_lengths = _off(lengths.state, held.state, held.active, len(held.covariance))
+        more = held.covariance + np.outer(by_lengths, by_lengths)
+        held = replace(held, covariance=more, by_lengths=by_lengths)
+    return replace(held, half_width_mm=judged.data.half_width_mm, arm=_arm(judged, held.applied))
 
 
 def _arm(judged: Judged, applied: bool) -> ArmErrors | None:
@@ -142,14 +144,13 @@ def _arm(judged: Judged, applied: bool) -> ArmErrors | None:
     return arm.held_at(judged.fit.covariance, data.unknowns + np.flatnonzero(of_files))
 
 
-def _held(judged: Judged, apply: bool) -> Held:
+def _held(judged: Judged, apply: bool, lengths: ArmLengths | None) -> Held:
     found, at, data = judged.fit.state, judged.fit.minimum.at, judged.data
     active, given = data.active, (data, judged.fit.sigmas)
     covariance = judged.fit.covariance * judged.inflation
     heights = data.points[:, 2] - np.repeat(found.centers_in_laser[:, 2], np.diff(data.offsets))
     facing = -1 if len(heights) and heights.mean() > 0 else 1
     of_files = np.flatnonzero(OF_FILES & (data.nuisance_sigmas > 0))
-    lengths = arm_lengths_error(judged)
     if len(of_files) == 0:
         return Held(found, at, found, active, covariance, facing, apply, _with_arm(lengths, []), *given)
     surprise, errors = _surprise(judged, covariance, of_files)
@@ -161,12 +162,8 @@ def _held(judged: Judged, apply: bool) -> Held:
         exact = replace(exact, tool_prior=data.tool_prior.without(OF_FILES[active]))
     values = np.where(OF_FILES, 0.0, found.scanner)
     answer = fit(exact, replace(found, scanner=values), judged.fit.sigmas)
-    shift = _moved(found, answer.state, len(covariance))
-    shift[len(covariance) - len(active) :] = (values - found.scanner)[active]
+    shift = _off(found, replace(answer.state, scanner=values), active, len(covariance))
     covariance = covariance + surprise * np.outer(shift, shift)
-    by_lengths = None if lengths is None else _moved(lengths.state, answer.state, len(covariance))
-    if by_lengths is not None:
-        covariance = covariance + np.outer(by_lengths, by_lengths)
     return Held(
         answer.state,
         answer.at,
@@ -179,7 +176,6 @@ def _held(judged: Judged, apply: bool) -> Held:
         exact,
         judged.fit.sigmas,
         left=np.sqrt(surprise) * shift if surprise > 0 else None,
-        by_lengths=by_lengths,
     )
 
 
@@ -219,13 +215,14 @@ def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> t
     return max(0.0, 1 - _CHANCE / max(square, 1e-12)), errors
 
 
-def _moved(before: ChainState, after: ChainState, size: int) -> FloatArray:
-    """Return by how much tool, sphere and table lie apart in two states, in a row of all unknowns (size,)."""
+def _off(truth: ChainState, answer: ChainState, active: np.ndarray, size: int) -> FloatArray:
+    """Return by how much all unknowns (size,) of an answer are off if another state is true."""
     row = np.zeros(size)
-    row[:9] = np.concatenate([tool_difference(before, after), after.center - before.center])
-    if before.table is not None and after.table is not None:
-        step = before.table.step_to(after.table)
+    row[:9] = np.concatenate([tool_difference(truth, answer), answer.center - truth.center])
+    if truth.table is not None and answer.table is not None:
+        step = truth.table.step_to(answer.table)
         row[9 : 9 + len(step)] = step
+    row[size - len(active) :] = (answer.scanner - truth.scanner)[active]
     return row
 
 

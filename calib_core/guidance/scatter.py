@@ -22,7 +22,7 @@ _GROSS: Final = 6.0  # times the median of the misfits: what a solve will leave 
 _LEAST_FREEDOM: Final = 3
 _MOST_MM: Final = 10.0
 _STEEPEST: Final = 50.0  # of a circle's radius against the height that follows from it
-_STEPS: Final = 30
+_PRECISE_MM: Final = 1e-4
 _RANK: Final = 1e-9
 
 
@@ -44,13 +44,23 @@ def position_sigma_mm(
     assumed : Sigmas
         Its position is the least that is returned.
     """
+    from scipy.optimize import root_scalar  # a tenth of a second to import
+
     used = start.misfit_mm <= _GROSS * max(start.scatter_mm, assumed.position_mm)
     chosen = [o for o, good in zip(seen, used, strict=True) if good]
-    residual, jacobian = _linear(chosen, sphere, start, start.sides[used])
-    own, arm = _covariances(chosen, sphere, start, assumed)
+    laser_from_base = np.array([(o.base_from_tool0.rotation @ start.rotation).T for o in chosen])
+    flange = np.array([o.base_from_tool0.translation_mm for o in chosen])
+    from_flange = np.einsum("kij,kj->ki", laser_from_base, start.center - flange)
+    expected = from_flange - start.rotation.T @ start.translation
+    sides = start.sides[used]
+    measured = np.array(
+        [o.sphere_center_in_laser_mm(sphere, int(s) or 1) for o, s in zip(chosen, sides, strict=True)]
+    )
+    residual, jacobian = measured - expected, _jacobian(laser_from_base, expected, start)
+    known = np.array([_center_covariance(o, sphere) for o in chosen]) + _arm_covariance(from_flange, assumed)
 
     def left_over(sigma_mm: float) -> tuple[float, int]:
-        covariance = own + arm + sigma_mm**2 * np.eye(3)
+        covariance = known + sigma_mm**2 * np.eye(3)
         whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         rows = (whiten @ jacobian).reshape(-1, 9)
         rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
@@ -63,43 +73,27 @@ def position_sigma_mm(
     squares, freedom = left_over(least)
     if freedom < _LEAST_FREEDOM or squares <= chdtri(freedom, _CLEARLY):
         return least
-    low, high = np.log([max(least, 1e-6), _MOST_MM])
-    for _ in range(_STEPS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if left_over(float(np.exp(middle)))[0] > freedom else (low, middle)
-    return float(np.exp(high))
+
+    def too_much(sigma_mm: float) -> float:
+        return left_over(sigma_mm)[0] - freedom
+
+    if too_much(_MOST_MM) > 0:
+        return _MOST_MM
+    return float(root_scalar(too_much, bracket=(least, _MOST_MM), xtol=_PRECISE_MM).root)
 
 
-def _linear(
-    seen: Sequence[SphereObservation], sphere: SphereSize, start: Start, sides: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return how far each sphere's centre lies from the fitted one in L (K, 3), and what moves that (K, 3, 9)."""
-    measured = np.array(
-        [o.sphere_center_in_laser_mm(sphere, int(side) or 1) for o, side in zip(seen, sides, strict=True)]
-    )
-    laser_from_base = np.array([(o.base_from_tool0.rotation @ start.rotation).T for o in seen])
-    flange = np.array([o.base_from_tool0.translation_mm for o in seen])
-    there = np.einsum("kij,kj->ki", laser_from_base, start.center - flange) - start.rotation.T @ start.translation
-    turned = np.array([skew(place) for place in there])
+def _jacobian(laser_from_base: FloatArray, expected: FloatArray, start: Start) -> FloatArray:
+    """Return how the expected centres (K, 3) in L move with the tool and the sphere's centre, (K, 3, 9)."""
+    turned = np.array([skew(place) for place in expected])
     shifted = np.broadcast_to(-start.rotation.T, turned.shape)
-    return measured - there, np.concatenate([turned, shifted, laser_from_base], axis=2)
+    return np.concatenate([turned, shifted, laser_from_base], axis=2)
 
 
-def _covariances(
-    seen: Sequence[SphereObservation], sphere: SphereSize, start: Start, assumed: Sigmas
-) -> tuple[FloatArray, FloatArray]:
-    """Return the covariances (K, 3, 3) in L of each sphere's centre, and of the arm without its own position."""
-    own = np.array([_center_covariance(o, sphere) for o in seen])
+def _arm_covariance(from_flange: FloatArray, assumed: Sigmas) -> FloatArray:
+    """Return the covariances (K, 3, 3) in L of centres that lie so far from the flange, its own position apart."""
     turn = assumed.orientation_rad**2 + assumed.alike_orientation_rad**2
-    levers = np.array(
-        [
-            skew(
-                (o.base_from_tool0.rotation @ start.rotation).T @ (start.center - o.base_from_tool0.translation_mm)
-            )
-            for o in seen
-        ]
-    )
-    return own, turn * levers @ np.swapaxes(levers, 1, 2) + assumed.alike_position_mm**2 * np.eye(3)
+    levers = np.array([skew(place) for place in from_flange])
+    return turn * levers @ np.swapaxes(levers, 1, 2) + assumed.alike_position_mm**2 * np.eye(3)
 
 
 def _center_covariance(one: SphereObservation, sphere: SphereSize) -> FloatArray:

@@ -3,7 +3,8 @@
 import pytest
 from bench_table_trouble import outcome
 
-from calib_core.simulation.trouble import all_table_troubles
+from calib_core.simulation.trouble import all_table_troubles, troubled_table
+from calib_core.stages.pipeline import solve_stage
 
 TROUBLES = all_table_troubles()
 
@@ -38,3 +39,10 @@ def test_a_tool_that_moved_before_the_table_is_said_once() -> None:
 def test_an_arm_that_errs_by_joints_gears_and_sag_is_covered() -> None:
     found = outcome(TROUBLES["joints, gears and sag"], 4)
     assert max(one.worst for one in found.values()) < 2  # 2.7 while shared position and orientation stood apart
+
+
+def test_a_right_arm_that_is_less_true_than_it_repeats_passes_with_a_note() -> None:
+    cell = troubled_table(TROUBLES["joints 0.01°, links 0.05 mm"], 0, told=True)
+    result = solve_stage(cell.session, "chain", cell.files.__getitem__)
+    assert result.verdict == "pass", result.warnings  # 0.05 mm where 0.03 mm were told, which the answer holds
+    assert any(note.startswith("The captures agree to 0.05 mm where the robot's") for note in result.notes)

@@ -1,9 +1,11 @@
 """What goes wrong in real cells: no `pass` is far off.  All classes, 40 seeds: `scancell bench trouble --full`."""
 
 import pytest
-from bench_trouble import outcome
+from bench_trouble import errors_over_stated, outcome
 
-from calib_core.simulation.trouble import all_troubles
+from calib_core.simulation.trouble import all_troubles, troubled
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
 
 TROUBLES = all_troubles()
 SOME = [
@@ -50,3 +52,15 @@ def test_no_pass_is_far_off_and_what_every_cell_has_passes(name: str) -> None:
         assert found.verdict == "pass", found.warnings
     if name in CAUSES:
         assert found.warnings[0].startswith(CAUSES[name]), found.warnings
+
+
+def test_a_tool_of_points_corrected_for_the_arms_lengths_is_as_unsure_as_they_are() -> None:
+    cell = troubled(TROUBLES["arms: poses 0.5 % too long"], 60)
+    scanner = cell.session.cell.scanner.model_copy(update={"errors": "apply"})
+    applied = cell.session.model_copy(update={"cell": cell.session.cell.model_copy(update={"scanner": scanner})})
+    result = solve_stage(applied, "tcp", cell.files.__getitem__)
+    assert isinstance(result, TcpResult)
+    assert result.scanner is not None
+    assert result.scanner.applied
+    assert result.verdict == "warn"
+    assert errors_over_stated(result, cell)[:6].max() < 2  # 5.9 while only the tool of files as they are had it

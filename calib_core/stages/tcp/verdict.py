@@ -24,6 +24,8 @@ _LIGHT = 0.5
 _RIVAL_NEAR = 1.5
 _CLEAR_LOG_ODDS = 5.0  # 150 : 1
 _LEAST_LAG_MM = 0.05
+_MUCH_MORE = 1.5
+_LEAST_SCATTER_MM = 0.02
 _FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may be small by chance alone
 
 
@@ -189,11 +191,34 @@ def tcp_notes(solution: TcpSolution) -> list[str]:
     ]
     if light:
         found.append(f"Counted less because they lie off: {', '.join(light)}.")
+    found += beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm)
     found.append(
         f"{NOT_CHECKED}, and errors of the arm that all captures share. "
         "Approach some poses from another side and let the arm come to rest to show them."
     )
     return found
+
+
+def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[str]:
+    """Return a sentence where poses are less true than the sigma that was told of them.
+
+    No reason for doubt: makers tell how well an arm repeats, and what it errs beyond that, alike where poses are
+    alike, is estimated whatever is told.  Arms that repeat to some hundredths of a millimetre are true to tenths.
+
+    Parameters
+    ----------
+    sigmas : Sigmas
+        As found.
+    told_mm : float or None
+        Of a pose's position.
+    """
+    alike = sigmas.alike_position_mm
+    if told_mm is None or alike <= _MUCH_MORE * max(told_mm, _LEAST_SCATTER_MM):
+        return []
+    return [
+        f"The captures agree to {alike:.2f} mm where the robot's sigma says {told_mm:.2f} mm: an arm repeats "
+        "better than it is true, and a table may wobble or have play. The stated uncertainty holds it."
+    ]
 
 
 def with_repeats(result: Judged, observations: Sequence[SphereObservation], sigmas: Sigmas) -> Judged:

@@ -16,6 +16,7 @@ from calib_core.chain.turntable import TurntableOptions, TurntableSolution
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
 from calib_core.stages.tcp.result import components
+from calib_core.stages.tcp.verdict import beyond_told_sigma
 from calib_core.stages.turntable.record import (
     EncoderScaleError,
     TableCircle,
@@ -61,6 +62,7 @@ def turntable_result(
         inputs_sha256=inputs_sha256,
         verdict=verdict,
         warnings=warnings,
+        notes=beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm),
         tool0_from_laser=tool.tolist(),
         covariance=solution.covariance.pose.tolist(),
         undetermined=undetermined_of_table(solution.covariance),

@@ -23,8 +23,6 @@ _MOST_REJECTED = 1 / 3
 _ONE_HEIGHT_MM = 20.0
 _LARGE_ANGLE_RAD = np.deg2rad(0.05)
 _HOPELESS_MM = 5.0
-_MUCH_MORE = 1.5
-_LEAST_SCATTER_MM = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +104,6 @@ def _doubts_about_captures(j: TableJudgement) -> list[str]:
         found.append(
             f"The captures scatter {np.sqrt(j.excess):.1f} times more than the given sigmas explain (wobble, play "
             "or a robot less exact than stated); the stated uncertainty is enlarged by that."
-        )
-    told, alike = j.options.position_sigma_mm, j.sigmas.alike_position_mm
-    if j.excess <= 1 and told is not None and alike > _MUCH_MORE * max(told, _LEAST_SCATTER_MM):
-        found.append(
-            f"The captures scatter by {alike:.2f} mm where the robot's sigma says {told:.2f} mm (wobble, play or "
-            "a robot less exact than stated); the stated uncertainty holds it."
         )
     return found
 

@@ -165,7 +165,7 @@ export const texts = {
   "{} of {} captures contradict the others ({}). Check table angles, mountings and poses, then repeat these.": "{}/{} 个采集与其他矛盾（{}）。请检查转台角度、安装和位姿，然后重做这些。",
   "Table angles and scans do not fit together: the sphere is {} mm off its circle. Check the angles, their unit, and that every capture has its own.": "转台角度与扫描不符：球偏离其圆 {} mm。请检查角度、单位，以及每个采集是否有自己的角度。",
   "The captures scatter {} times more than the given sigmas explain (wobble, play or a robot less exact than stated); the stated uncertainty is enlarged by that.": "采集的离散是给定 sigma 所能解释的 {} 倍（摆动、间隙或机器人精度不如所述）；所给不确定度已相应放大。",
-  "The captures scatter by {} mm where the robot's sigma says {} mm (wobble, play or a robot less exact than stated); the stated uncertainty holds it.": "采集离散 {} mm，而机器人 sigma 为 {} mm（摆动、间隙或机器人精度不如所述）；所给不确定度已包含。",
+  "The captures agree to {} mm where the robot's sigma says {} mm: an arm repeats better than it is true, and a table may wobble or have play. The stated uncertainty holds it.": "采集之间一致到 {} mm，而机器人 sigma 为 {} mm：机械臂的重复精度高于其绝对精度，转台也可能有摆动或间隙。所给不确定度已包含。",
   "; give turntable.direction before scanning by table angles": "；按转台角度扫描前请给出 turntable.direction",
   "The table's angles were not read: the axis rests on the shape of the circles alone, in direction {}, in place known to {} mm. The sense of turning, angle zero and the encoder stay unknown{}.": "未读取转台角度：轴仅由圆的形状确定，方向 {}，位置知至 {} mm。转向、零角和编码器仍未知{}。",
   "One height only: the axis's direction rests on the plane of one circle, {}. Mount the sphere 100 mm or more higher and capture it all around again.": "只有一个高度：轴方向仅由一个圆的平面确定，{}。请将球升高 100 mm 以上并再次一周采集。",
