@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from calib_core.errors import InputError
 from calib_core.records.base import PoseConvention, Record
+from calib_core.records.field_errors import field_error
 from calib_core.records.session import Capture, Cell, Session
 
 
@@ -55,10 +56,8 @@ def input_error_from_details(details: Sequence[Any], data: Any, where: str) -> I
     """Return the first of pydantic's error details as need, got and to_do (a request's `body` is left out)."""
     first = details[0]
     place = _place(first["loc"][1:] if first["loc"][:1] == ("body",) else first["loc"], data)
-    value = repr(first["input"])
-    got = value if len(value) < 80 else value[:77] + "…"
+    message, got = field_error(first)
     to_do = "Correct this field."
-    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if first["type"] == "missing":
         got, message = "nothing", f"the field '{first['loc'][-1]}'"
         to_do = "Add it."
@@ -70,7 +69,7 @@ def input_error_from_details(details: Sequence[Any], data: Any, where: str) -> I
     more = len(details) - 1
     if more:
         to_do += f" ({more} more field{'s' if more > 1 else ''} will need attention.)"
-    return InputError(message[0].lower() + message[1:], got, to_do, f"{where}: {place}" if place else where)
+    return InputError(message, got, to_do, f"{where}: {place}" if place else where)
 
 
 def _place(location: tuple[int | str, ...], data: Any) -> str:

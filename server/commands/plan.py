@@ -62,18 +62,30 @@ def _cell(options: argparse.Namespace) -> dict[str, Any]:
     data |= {name: value for name, value in told.items() if value is not None}
     names = ("near_mm", "far_mm", "near_width_mm", "far_width_mm")
     field = {name: value for name in names if (value := getattr(options, name)) is not None}
-    data["scanner"] = {**data.get("scanner", {}), **field}
+    _add(data, "scanner", field)
+    if "scanner" not in data:
+        from calib_core.errors import InputError
+
+        to_do = "Give --near-mm, --far-mm and --near-width-mm, or a cell as a JSON file; see docs/guidance.md."
+        raise InputError("where the scanner measures", "nothing", to_do, str(options.file or "plan"))
     table = {
         "radius_mm": options.part_radius_mm,
         "height_mm": options.part_height_mm,
         "angle_sigma_deg": options.angle_noise_deg,
     }
     table = {name: value for name, value in table.items() if value is not None}
-    if options.table or table:
-        data["table"] = {**(data.get("table") or {}), **table}
-    if options.tilt_deg is not None:
-        data["limits"] = {**data.get("limits", {}), "tilt_deg": options.tilt_deg}
+    if options.table and data.get("table") is None:
+        data["table"] = {}
+    _add(data, "table", table)
+    _add(data, "limits", {} if options.tilt_deg is None else {"tilt_deg": options.tilt_deg})
     return data
+
+
+def _add(data: dict[str, Any], name: str, told: dict[str, Any]) -> None:
+    """Let options win over a record of the file; what is no record stays, for the cell's check to refuse."""
+    given = data.get(name)
+    if told and (given is None or isinstance(given, dict)):
+        data[name] = {**(given or {}), **told}
 
 
 def _read(file: Path) -> dict[str, Any]:

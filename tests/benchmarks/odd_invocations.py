@@ -83,6 +83,7 @@ _ARGUMENTS = [
     ["drift"], ["drift", "none"], ["drift", "/dev/null", "good"], ["drift", "\x00"], ["drift", "pipe/x"],
     ["plan", "none"], ["plan", "/dev/null"], ["plan", "--near-mm", "nan"], ["plan", "--near-mm", "-1"],
     ["plan", "--near-mm", "100", "--far-mm", "50"], ["plan", "--arm", "wooden"], ["plan", "--noise-mm", DIGITS],
+    ["plan"], ["plan", "plan.json"], ["plan", "plan.json", "--near-mm", "90", "--table", "--tilt-deg", "3"],
     ["plan", "--sphere-mm", "0"], ["plan", "--wanted-mm", "inf"], ["plan", "precious"], ["plan", "\x00"],
     ["retention"], ["retention", "--days", "x", "--data", "none"], ["retention", "--days", "-1", "--data", "none"],
     ["retention", "--quota-mb", "nan", "--data", "none"], ["retention", "--days", "1", "--data", "/dev/null"],
@@ -140,6 +141,7 @@ def _prepare(place: Path) -> None:
     (place / "dangling").symlink_to("nowhere")
     os.mkfifo(place / "pipe")
     (place / "precious").write_bytes(b"precious")
+    (place / "plan.json").write_text('{"scanner": 3, "table": "big", "limits": []}')
     (place / "locked").mkdir(mode=0o500)
     assert main(["run", "good", "--quiet"]) == GOOD
 

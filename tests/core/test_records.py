@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+import re
 from typing import Any, get_args
 
 import pytest
@@ -265,3 +266,22 @@ def test_the_schema_names_every_field_of_a_capture() -> None:
         "poses",
         "timestamps_s",
     } <= known
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"cell": 3}, "cell: need an object in braces, got 3."),
+        ({"captures": {}}, "captures: need a list in brackets, got {}."),
+        ({"cell": {"pose_convention": "abb", "sphere_diameter_mm": -3}}, "need more than 0, got -3."),
+        ({"cell": {"pose_convention": "abb", "sphere_diameter_mm": "40 mm"}}, "need a number, got '40 mm'."),
+        (
+            {"cell": {"pose_convention": "abb", "known": {"tool0_from_laser": [[1, 2]]}}},
+            "known.tool0_from_laser[0]: need a list of at least 4, got 2: [1, 2].",
+        ),
+    ],
+)
+def test_a_field_of_another_kind_is_refused_in_plain_words(change: dict[str, Any], sentence: str) -> None:
+    record = {"format": "scancell-session/1", "cell": {"pose_convention": "abb"}, "captures": []}
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        parse_session({**record, **change})
