@@ -1,6 +1,7 @@
 """What a capture holds: the robot's pose, the points of its file, the sphere that they show."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,8 +101,9 @@ def diameter_sigma_mm(cell: Cell) -> float:
     return _CLASS_SIGMA_MM[cell.sphere_class or ASSUMED_CLASS]
 
 
+@lru_cache(maxsize=64)
 def thinning(count: int) -> NDArray[np.intp]:
-    """Return the indices of at most `_PREVIEW_POINTS` points, evenly spread over the capture."""
+    """Return the indices of at most `_PREVIEW_POINTS` points, evenly spread; nobody may change them."""
     return np.unique(np.linspace(0, count - 1, min(count, _PREVIEW_POINTS)).astype(np.intp))
 
 

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.captures.content import pose_of, read_points, reading_of, sphere_of
+from calib_core.captures.content import pose_of, reading_of, sphere_of
 from calib_core.captures.kept import seen_once
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.raw_frames import of_frames
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
+from calib_core.formats.format import Reading
+from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell, Session
 from calib_core.sphere.arc import ArcFit, fit_arc
@@ -106,7 +108,9 @@ def _scale(sigma_mm: float | None, fit: ArcFit | SphereFit) -> float:
 def points_of(session: Session, capture: Capture, read: ReadFile) -> SeenPoints:
     """Return the points of a capture in L; a raw frame's by the session's camera and plane of light."""
     if capture.kind != "frame":
-        return SeenPoints(read_points(capture, read))
+        reading = reading_of(capture, read)
+        _doubts(capture, read, reading)  # asked for next, as a rule: so the file is read once
+        return SeenPoints(known_points(reading, capture.files[0]))
     from calib_core.captures.stripe_frames import see_profile_frame
 
     return see_profile_frame(session, capture, read)
@@ -121,10 +125,14 @@ class Doubts:
 
 def doubts_of(capture: Capture, read: ReadFile) -> list[str]:
     """Return what the reader of a profile or cloud capture's file doubts; raises as `reading_of`."""
+    return _doubts(capture, read, None).sentences
+
+
+def _doubts(capture: Capture, read: ReadFile, reading: Reading | None) -> Doubts:
     told = [capture.kind, capture.format, capture.format_settings]
     return seen_once(
-        Doubts, capture.files, read, told, lambda: Doubts(list(reading_of(capture, read).doubts))
-    ).sentences
+        Doubts, capture.files, read, told, lambda: Doubts(list((reading or reading_of(capture, read)).doubts))
+    )
 
 
 def see_sphere(session: Session, capture: Capture, read: ReadFile) -> Seen:

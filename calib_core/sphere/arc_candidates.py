@@ -90,10 +90,14 @@ def _circles_of(points: FloatArray, triples: NDArray[np.intp]) -> FloatArray:
     """Return the circles through the triples whose points span an arc long enough to be told from a line."""
     a, b, c = (points[triples[:, k]] for k in range(3))
     circles = circles_through(a, b, c)
-    longest = np.maximum(np.hypot(*(c - a).T), np.maximum(np.hypot(*(b - a).T), np.hypot(*(c - b).T)))
-    with np.errstate(invalid="ignore"):
-        bent = longest > circles[:, 2] * 2 * np.sin(_LEAST_TRIPLE_EXTENT_RAD / 2)
+    longest2 = np.maximum(_squared(c - a), np.maximum(_squared(b - a), _squared(c - b)))
+    with np.errstate(invalid="ignore", over="ignore"):
+        bent = longest2 > (circles[:, 2] * 2 * np.sin(_LEAST_TRIPLE_EXTENT_RAD / 2)) ** 2
     return circles[np.isfinite(circles).all(axis=1) & bent & (circles[:, 2] > 0)]
+
+
+def _squared(offset: FloatArray) -> FloatArray:
+    return offset[:, 0] ** 2 + offset[:, 1] ** 2
 
 
 def _support(points: FloatArray, circles: FloatArray, band_at_least: float) -> FloatArray:
@@ -119,14 +123,15 @@ def _count(mask: NDArray[np.bool_]) -> FloatArray:
 def _distinct(circles: FloatArray, support: FloatArray) -> list[int]:
     """Return the indices of the best circles, best first, that are not nearly the same as a better one."""
     left = support.copy()
+    near2 = (0.25 * circles[:, 2]) ** 2
     chosen: list[int] = []
     while len(chosen) < _MOST:
         index = int(np.argmax(left))
         if not left[index] > 0:
             break
         chosen.append(index)
-        apart = np.hypot(*(circles[:, :2] - circles[index, :2]).T)
-        alike = (apart < 0.25 * circles[:, 2]) & (np.abs(circles[:, 2] - circles[index, 2]) < 0.25 * circles[:, 2])
+        apart2 = (circles - circles[index]) ** 2
+        alike = (apart2[:, 0] + apart2[:, 1] < near2) & (apart2[:, 2] < near2)
         left[alike] = -np.inf
         left[index] = -np.inf
     return chosen

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, repeat
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     InputError
         With the line that is at fault.
     """
-    if "#" in text or "nan(" in text or "NaN(" in text or "NAN(" in text:
+    if ".#" in text or ",#" in text or "nan(" in text or "NaN(" in text or "NAN(" in text:
         text = _C_NAN.sub("nan", text)
     lines = first_lines(text)
     head = _head(lines)
@@ -330,8 +330,8 @@ def _parse_lines(lines: list[str], head: _Head, before: int, where: str, example
     try:
         fields = _fields(lines, head)
         # Blank fields come often (",\n"): they are worth the quick way too.
-        numbers = [float(field or "nan") for field in fields] if "" in fields else list(map(float, fields))
-        values = np.array(numbers).reshape(-1, head.width)
+        numbers = (float(field) if field else np.nan for field in fields) if "" in fields else map(float, fields)
+        values = np.array(list(numbers)).reshape(-1, head.width)
     except ValueError:
         values = _parse_with_care(lines, head, before, where, example)
     values[~np.isfinite(values)] = np.nan
@@ -343,12 +343,12 @@ def _fields(lines: Sequence[str], head: _Head) -> list[str]:
     separator = head.style.separator
     if separator is None:
         rows = [line.split() for line in lines]
-        even = all(len(row) == head.width for row in rows)
+        even = {head.width}.issuperset(map(len, rows))
         fields = list(chain.from_iterable(rows))
         joined = " ".join(lines)
         fields = [field.replace(",", ".") for field in fields] if head.style.comma else fields
     else:
-        even = all(line.count(separator) == head.width - 1 for line in lines)
+        even = {head.width - 1}.issuperset(map(str.count, lines, repeat(separator)))
         joined = separator.join(lines)
         fields = (joined.replace(",", ".") if head.style.comma and separator != "," else joined).split(separator)
     if not even or "_" in joined or '"' in joined or not joined.isascii():
