@@ -16,6 +16,8 @@ from server.http.access_log import request_id
 _MOST_LINES = 10_000
 _LAST_LINES_S = 1.0
 
+_JSON = json.JSONEncoder(ensure_ascii=False, default=str)
+
 Form = Literal["json", "text", "auto"]
 
 
@@ -87,4 +89,4 @@ class JsonLines(logging.Formatter):
         line |= getattr(record, "facts", {})
         if record.exc_info:
             line["error"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False, default=str)
+        return _JSON.encode(line)

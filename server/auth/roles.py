@@ -217,13 +217,16 @@ def needed_role(method: str, path: str) -> Role:
         The highest of all rows that match; ``ADMIN`` where none does.
     """
     method = "GET" if method == "HEAD" else method
-    found = [role for own, pattern, role in _patterns() if own == method and pattern.fullmatch(path)]
+    found = [role for pattern, role in _patterns().get(method, ()) if pattern.fullmatch(path)]
     return max(found, default=Role.ADMIN)
 
 
 @cache
-def _patterns() -> list[tuple[str, re.Pattern[str], Role]]:
-    return list(_compiled())
+def _patterns() -> dict[str, list[tuple[re.Pattern[str], Role]]]:
+    found: dict[str, list[tuple[re.Pattern[str], Role]]] = {}
+    for method, pattern, role in _compiled():
+        found.setdefault(method, []).append((pattern, role))
+    return found
 
 
 def _compiled() -> Iterator[tuple[str, re.Pattern[str], Role]]:

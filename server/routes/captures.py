@@ -50,6 +50,8 @@ router = api_router("captures", f"{API}/sessions/{{session_id}}")
 
 FileName = Annotated[str, Path(examples=["captures/p01.csv"])]
 
+_LONG_RECORD = 20_000  # characters: poses of a sweep; what is shorter is read sooner than another thread begins
+
 _RECORD_EXAMPLE = (
     '{"id": "p01", "step": "tcp", "kind": "profile", "files": ["captures/p01.csv"], '
     '"pose": [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]}'
@@ -86,7 +88,10 @@ async def add(
     data.pop("measured", None)  # of a record that came from here
     async with memory.taken(sum(file.size or 0 for file in files)):
         contents = named_files(data, [(file.filename or "", await file.read()) for file in files])
-        capture = await run_in_threadpool(parse_capture, data, "record")
+        if len(record) > _LONG_RECORD:
+            capture = await run_in_threadpool(parse_capture, data, "record")
+        else:
+            capture = parse_capture(data, "record")
         require_known_fields(capture, "record")
         return _created(session_id, await intake.take(session_id, capture, contents, idempotency), capture.id)
 

@@ -5,11 +5,11 @@ cost several times as much.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import bindparam, insert, select, update
+from sqlalchemy import Executable, bindparam, insert, select, update
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError
@@ -29,6 +29,13 @@ _TAKEN_IDS = select(CaptureRow.id).where(
 )
 _TAKEN_NAMES = select(FileRow.name, FileRow.sha256, FileRow.capture_id).where(
     FileRow.session_id == bindparam("session_id"), FileRow.name.in_(bindparam("names", expanding=True))
+)
+# Of one capture with one file, as most come: lists of ids are put into a statement anew each time.
+_TAKEN_ID = select(CaptureRow.id).where(
+    CaptureRow.session_id == bindparam("session_id"), CaptureRow.id == bindparam("ids")
+)
+_TAKEN_NAME = select(FileRow.name, FileRow.sha256, FileRow.capture_id).where(
+    FileRow.session_id == bindparam("session_id"), FileRow.name == bindparam("names")
 )
 _TOUCH = (
     update(SessionRow)
@@ -70,14 +77,11 @@ def session_record(db: Transaction, session_id: str) -> Data:
 
 def _refusals(db: Transaction, session_id: str, arriving: Sequence[_Named]) -> list[CalibrationError | None]:
     """Return for each capture why it cannot be stored, None where it can."""
-    run = db.connection().execute
-    ids = {"session_id": session_id, "ids": [capture.id for capture, _ in arriving]}
-    taken_ids = set(run(_TAKEN_IDS, ids).scalars())
+    ids = [capture.id for capture, _ in arriving]
     names = [name for _, digests in arriving for name in digests]
-    taken_names: dict[str, tuple[str, str]] = {}
-    if names:
-        for name, digest, owner in run(_TAKEN_NAMES, {"session_id": session_id, "names": names}):
-            taken_names[name] = (digest, owner)
+    taken_ids = {found for (found,) in _found(db, session_id, (_TAKEN_ID, _TAKEN_IDS), "ids", ids)}
+    taken = _found(db, session_id, (_TAKEN_NAME, _TAKEN_NAMES), "names", names)
+    taken_names: dict[str, tuple[str, str]] = {name: (digest, owner) for name, digest, owner in taken}
     reasons: list[CalibrationError | None] = []
     for capture, digests in arriving:
         reason = _refusal(capture, digests, taken_ids, taken_names)
@@ -86,6 +90,17 @@ def _refusals(db: Transaction, session_id: str, arriving: Sequence[_Named]) -> l
             taken_ids.add(capture.id)
             taken_names.update({name: (digest, capture.id) for name, digest in digests.items()})
     return reasons
+
+
+def _found(
+    db: Transaction, session_id: str, statements: tuple[Executable, Executable], name: str, sought: list[str]
+) -> Iterable[Any]:
+    """Return the rows of what is sought, by the statement for one or the one for any number."""
+    if not sought:
+        return []
+    of_one = len(sought) == 1
+    told = {"session_id": session_id, name: sought[0] if of_one else sought}
+    return db.connection().execute(statements[0 if of_one else 1], told)
 
 
 def _refusal(

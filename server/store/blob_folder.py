@@ -14,7 +14,7 @@ from typing import IO
 from calib_core.archive.sync import sync_folder
 from server.store.blobs import AT_ONCE, YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
 
-_FEW = 4  # more are worth the threads
+_FEW = 2  # from here on threads are worth it
 
 
 class FolderBlobs(Blobs):
@@ -27,6 +27,7 @@ class FolderBlobs(Blobs):
     def __init__(self, folder: Path, make: bool = True) -> None:
         self._folder = folder
         self._arriving = folder / "arriving"
+        self._threads = ThreadPoolExecutor(AT_ONCE, "blobs")  # they begin when needed, and stay
         if make:
             self._make()
 
@@ -58,11 +59,10 @@ class FolderBlobs(Blobs):
                     written[digest][0].write(content)
                     written[digest][0].flush()
             # Many threads at once: the disk's journal is forced for all that wait, not for each.
-            with ThreadPoolExecutor(AT_ONCE) as threads:
-                list(threads.map(os.fsync, [file.fileno() for file, _ in written.values()]))
-                for digest, (_, path) in written.items():
-                    path.replace(self.path(digest))
-                list(threads.map(sync_folder, {self.path(digest).parent for digest in written}))
+            list(self._threads.map(os.fsync, [file.fileno() for file, _ in written.values()]))
+            for digest, (_, path) in written.items():
+                path.replace(self.path(digest))
+            list(self._threads.map(sync_folder, {self.path(digest).parent for digest in written}))
         return digests
 
     def put_pieces(self, pieces: Pieces) -> tuple[str, int]:

@@ -127,11 +127,13 @@ def delivery_data(row: DeliveryRow) -> Data:
     return {name: getattr(row, name) for name in names} | {"due": row.due if row.status == "waiting" else None}
 
 
+_WANTED = select(WebhookRow.id, WebhookRow.events, WebhookRow.cell).where(WebhookRow.disabled.is_(None))
+
+
 def tell(db: Session, kind: str, session_id: str, data: Data, cell: str | None = None) -> None:
     """Leave a delivery to each webhook that wants to know, in the transaction that makes it happen."""
     if _CACHE not in db.info:
-        wanted = select(WebhookRow.id, WebhookRow.events, WebhookRow.cell).where(WebhookRow.disabled.is_(None))
-        db.info[_CACHE] = db.connection().execute(wanted).all()
+        db.info[_CACHE] = db.connection().execute(_WANTED).all()
     for webhook_id, events, only_cell in db.info[_CACHE]:
         if kind in events.split(",") and (only_cell is None or only_cell == (cell or _cell_of(db, session_id))):
             send(db, webhook_id, kind, session_id, data)
