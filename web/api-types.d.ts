@@ -1051,6 +1051,7 @@ export interface Measured {
   radius_mm?: number | null;
   rms_mm?: number | null;
   point_sigma_mm?: number | null;
+  points_per_independent?: number | null;
   covariance?: number[][] | null;
   zone?: number | null;
   extent_deg?: number | null;

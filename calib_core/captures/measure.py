@@ -130,6 +130,7 @@ def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
         radius_mm=fit.radius_mm,
         rms_mm=fit.rms_mm,
         point_sigma_mm=fit.point_sigma_mm,
+        points_per_independent=fit.points_per_independent if isinstance(fit, ArcFit) else None,
         covariance=fit.covariance.tolist(),
         zone=zone,
         extent_deg=extent_deg,

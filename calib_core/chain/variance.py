@@ -33,6 +33,8 @@ _HIGH = np.log([50.0, 2e-2, 2e-2, 50.0, 2e-2, 3.0])
 _IMPOSSIBLE = -1e12
 _MOST_CAPTURES = 60  # from so many the amplitudes are known well enough
 
+_AMPLITUDES = ("position_mm", "orientation_rad", "angle_rad", "alike_position_mm", "alike_orientation_rad")
+
 _TIED = np.eye(6)  # inverse of the prior's correlation
 _TIED[3:5, 3:5] = np.linalg.inv([[1.0, 0.8], [0.8, 1.0]])
 
@@ -114,16 +116,11 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
 
     E[covariance | sigmas] + covariance of E[unknowns | sigmas] over the sigmas' posterior.
     """
-    free = np.array([value is None for value in given] + [True] * 3)
-    log_sigmas = _logarithms(found.sigmas)
-    density = _Density(data, found.minimum, log_sigmas, given, free)
-    posterior: Posterior = posterior_about(density, log_sigmas[free], _WIDTHS[free])
+    every, weights = _likely_sigmas(data, found, given)
     whole = _Restricted(data, found.minimum)
     size = data.width
-    kept = posterior.weights > 1e-3
-    weights = posterior.weights[kept] / posterior.weights[kept].sum()
     shares = ArmShares.about(data, found.sigmas)
-    inverses, steps, every = [], [], [_sigmas(density.with_free(node), given) for node in posterior.nodes[kept]]
+    inverses, steps = [], []
     for sigmas in every:
         hessian, gradient, _ = whole.equations(sigmas)
         inverse, by_shared = covariance_of(hessian), shares.by_shared(sigmas)
@@ -134,6 +131,25 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
     covariance = np.einsum("n,nij->ij", weights, inverses)
     covariance += np.einsum("n,ni,nj->ij", weights, spread[:, :size], spread)
     return replace(found, covariance=covariance[:, :size], arm=shares.errors(covariance[:, size:], every, weights))
+
+
+def mean_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> Sigmas:
+    """Return sigmas whose squares are means over what they may be: a covariance by them is near the mean one."""
+    every, weights = _likely_sigmas(data, found, given)
+    squares = np.array([[getattr(one, name) ** 2 for name in _AMPLITUDES] for one in every])
+    reach = float(np.exp(weights @ np.log([one.reach for one in every])))
+    return Sigmas(**dict(zip(_AMPLITUDES, np.sqrt(weights @ squares).tolist(), strict=True)), reach=reach)
+
+
+def _likely_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> tuple[list[Sigmas], FloatArray]:
+    """Return what the sigmas may be, and how likely that is: they add up to 1."""
+    free = np.array([value is None for value in given] + [True] * 3)
+    log_sigmas = _logarithms(found.sigmas)
+    density = _Density(data, found.minimum, log_sigmas, given, free)
+    posterior: Posterior = posterior_about(density, log_sigmas[free], _WIDTHS[free])
+    kept = posterior.weights > 1e-3
+    every = [_sigmas(density.with_free(node), given) for node in posterior.nodes[kept]]
+    return every, posterior.weights[kept] / posterior.weights[kept].sum()
 
 
 def _sigmas(log_sigmas: FloatArray, given: GivenSigmas) -> Sigmas:

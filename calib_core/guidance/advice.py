@@ -30,6 +30,7 @@ _OF_MEASURED = (
     "center_mm",
     "radius_mm",
     "point_sigma_mm",
+    "points_per_independent",
     "extent_deg",
     "on_sphere",
 )

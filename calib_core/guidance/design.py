@@ -20,7 +20,7 @@ from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
 
-_TURN_RAD, _MOUNTED_MM, _SPHERE_MM = 1.0, 300.0, 3000.0
+TURN_RAD, MOUNTED_MM, _SPHERE_MM = 1.0, 300.0, 3000.0
 """What is known of the tool's rotation and place and of the sphere's place before any capture."""
 
 SIGMAS = Sigmas(0.055, 1.8e-4, 1e-4, 0.033, 8e-5, 1.0)
@@ -56,8 +56,8 @@ class Assumed:
     point_in_laser_mm: FloatArray
     facing: int = 1
     priors: ScannerPriors | None = field(default_factory=ScannerPriors)
-    tool_sigma_mm: float = _MOUNTED_MM
-    tool_sigma_rad: float = _TURN_RAD
+    tool_sigma_mm: float = MOUNTED_MM
+    tool_sigma_rad: float = TURN_RAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ class Design:
         return with_tool(hessian)
 
 
-def with_tool(hessian: FloatArray, turn_rad: float = _TURN_RAD, shift_mm: float = _MOUNTED_MM) -> FloatArray:
+def with_tool(hessian: FloatArray, turn_rad: float = TURN_RAD, shift_mm: float = MOUNTED_MM) -> FloatArray:
     """Return a Hessian with what is known of the tool beforehand, and of the sphere's place."""
     known = hessian.copy()
     sigmas = np.array([turn_rad] * 3 + [shift_mm] * 3 + [_SPHERE_MM] * 3)

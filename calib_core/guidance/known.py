@@ -10,12 +10,13 @@ from calib_core.arms.alike import REACH_MM
 from calib_core.captures.content import sphere_of
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import SIGMAS, Assumed
 from calib_core.guidance.planner import Situation
-from calib_core.guidance.scatter import position_sigma_mm
+from calib_core.guidance.scatter import sigmas_seen
 from calib_core.guidance.sight import Sight, sight_of
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.robots import parse_pose
@@ -30,13 +31,13 @@ MOST_TAKEN = 40  # captures beyond these change no advice, and would only make i
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A guess of tool and sphere, how well they are known beside the captures, and how these scatter about it."""
+    """A guess of tool and sphere, how well they are known beside the captures, and whether these tell both."""
 
     tool0_from_laser: RigidTransform
     center_in_base_mm: FloatArray
     tool_sigma_mm: float = 300.0
     tool_sigma_rad: float = 1.0
-    position_sigma_mm: float | None = None
+    by_captures: bool = False
 
 
 def situation_of(
@@ -63,8 +64,9 @@ def situation_of(
     kept = {m.capture: m for m in measured if m.verdict != "fail"}
     sight = sight_of(cell, [c for c in captures if c.id in kept], list(kept.values()))
     sphere = sphere_of(cell, [])
-    seen = observations_of(cell, captures, kept, sight, sphere)
     result = _solved(results)
+    sight = _with_alike_points(sight, result)
+    seen = observations_of(cell, captures, kept, sight, sphere)
     keep_off: tuple[RigidTransform, ...] = ()
     if step == "tcp":
         seen = _used(seen, result)
@@ -76,11 +78,15 @@ def situation_of(
     if place is None or home is None:
         return None
     point = cell.workpiece_in_laser_mm
+    sigmas = sigmas_of(cell, result)
+    if place.by_captures:
+        tool, center = place.tool0_from_laser, place.center_in_base_mm
+        sigmas = sigmas_seen(seen[-MOST_TAKEN:], sphere, tool, center, _given(cell), sigmas)
     assumed = Assumed(
         sphere=sphere,
         tool0_from_laser=place.tool0_from_laser,
         center_in_base_mm=place.center_in_base_mm,
-        sigmas=_scattering(sigmas_of(cell, result), cell, place),
+        sigmas=sigmas,
         point_in_laser_mm=_middle(sight, result) if point is None else np.array(point),
         facing=sight.facing,
         tool_sigma_mm=place.tool_sigma_mm,
@@ -141,11 +147,10 @@ def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
     return sigmas
 
 
-def _scattering(sigmas: Sigmas, cell: Cell, place: _Place) -> Sigmas:
-    """Return the scatter with what the captures show of it, where nobody has told it."""
-    if cell.robot.position_sigma_mm is not None or place.position_sigma_mm is None:
-        return sigmas
-    return replace(sigmas, position_mm=place.position_sigma_mm)
+def _given(cell: Cell) -> GivenSigmas:
+    """Return what is told of a pose's own errors; no table turns beside the still sphere."""
+    degrees = cell.robot.orientation_sigma_deg
+    return cell.robot.position_sigma_mm, None if degrees is None else float(np.deg2rad(degrees)), 0.0
 
 
 def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:
@@ -161,6 +166,12 @@ def _used(seen: list[SphereObservation], result: Mapping[str, Any] | None) -> li
     rows = (result or {}).get("residuals", [])
     left_out = {row["capture"] for row in rows if not row.get("used", True)}
     return [o for o in seen if o.capture not in left_out]
+
+
+def _with_alike_points(sight: Sight, result: Mapping[str, Any] | None) -> Sight:
+    """Return a sight that knows what a result found of points that err together: more than neighbours tell."""
+    found = ((result or {}).get("variance_components") or {}).get("points_per_independent")
+    return sight if found is None else replace(sight, points_per_independent=found)
 
 
 def _middle(sight: Sight, result: Mapping[str, Any] | None) -> FloatArray:
@@ -210,7 +221,7 @@ def _place(
 ) -> _Place | None:
     if result is not None:
         tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
-        return _Place(tool, np.array(result["sphere_center_in_base_mm"], dtype=float))
+        return _Place(tool, np.array(result["sphere_center_in_base_mm"], dtype=float), by_captures=True)
     return _searched(seen, sphere) or _by_shifts(seen, sphere) or _by_drawing(cell, seen)
 
 
@@ -229,7 +240,7 @@ def _searched(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place |
     if start.scatter_mm > _GOOD_SCATTER_MM or (rival is not None and rival < 2 * start.scatter_mm):
         return None
     tool = RigidTransform.of(start.rotation, start.translation, "tool0", "laser")
-    return _Place(tool, start.center, position_sigma_mm=position_sigma_mm(seen, sphere, start, SIGMAS))
+    return _Place(tool, start.center, by_captures=True)
 
 
 def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:

@@ -168,6 +168,7 @@ def _as_seen(sight: Sight, seen: Sequence[Measured], radius_mm: float) -> Sight:
     half = max(float(np.abs(centers[:, :-1]).max()), 10.0) + radius_mm
     arcs = [np.deg2rad(m.extent_deg) / 2 for m in seen if m.extent_deg]
     sigmas = [m.point_sigma_mm for m in seen if m.point_sigma_mm]
+    alike = [m.points_per_independent for m in seen if m.points_per_independent]
     pitches = [
         2 * m.radius_mm * np.sin(min(np.deg2rad(m.extent_deg) / 2, np.pi / 2)) / m.on_sphere
         for m in seen
@@ -182,4 +183,5 @@ def _as_seen(sight: Sight, seen: Sequence[Measured], radius_mm: float) -> Sight:
         arc_rad=float(np.clip(np.median(arcs), 0.5, 1.3)) if arcs else sight.arc_rad,
         point_sigma_mm=float(np.median(sigmas)) if sigmas else sight.point_sigma_mm,
         pitch_mm=float(np.median(pitches)) if pitches else sight.pitch_mm,
+        points_per_independent=float(np.median(alike)) if alike else sight.points_per_independent,
     )

@@ -36,6 +36,8 @@ class Measured(Record):
     distortion, where a pixel has no ray.
 
     `still` tells of standstill where the capture has several exposures at one pose; of one it cannot be told.
+
+    So many neighbouring points of a profile as `points_per_independent` say what one alone would.
     """
 
     capture: str
@@ -50,6 +52,7 @@ class Measured(Record):
     radius_mm: float | None = None
     rms_mm: float | None = None
     point_sigma_mm: float | None = None
+    points_per_independent: float | None = None
     covariance: Rows | None = None
     zone: float | None = None
     extent_deg: float | None = None

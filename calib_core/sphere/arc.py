@@ -33,6 +33,7 @@ _WIDEST_GAP_RAD = np.deg2rad(4.0)
 _FORM_BINS = 12
 _LARGEST_FORM = 0.0075  # of the radius: bent otherwise than a circle, as walls and edges are
 _LEAST_FILLED = 0.5  # of the extent: the two walls of a corner touch a circle too, but not in between
+_MOST_ALIKE = 0.95  # of neighbours: beyond it an arc says nothing of itself
 _BEYOND_DOUBT_EXTENT_RAD = np.deg2rad(75.0)
 _BEYOND_DOUBT_RMS = 0.015  # of the radius
 _SMALL_PIECE = 0.05  # of the inliers: pieces beyond a gap that are smaller than this are left out
@@ -75,6 +76,12 @@ class ArcFit:
     extent_rad: float
     visible_side: int
     lag1_correlation: float
+
+    @property
+    def points_per_independent(self) -> float:
+        """How many of its points say as much as one that errs by itself, as far as neighbours tell."""
+        correlation = min(max(self.lag1_correlation, 0.0), _MOST_ALIKE)
+        return (1 + correlation) / (1 - correlation)
 
 
 @dataclass(frozen=True, eq=False)

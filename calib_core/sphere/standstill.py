@@ -89,5 +89,4 @@ def _compare(fits: Sequence[ArcFit]) -> tuple[float, float, float, float]:
 
 def _covariance(fit: ArcFit) -> FloatArray:
     """Return an arc's covariance, enlarged where neighbouring points err alike (see `ArcFit.lag1_correlation`)."""
-    correlation = min(max(fit.lag1_correlation, 0.0), 0.95)
-    return fit.covariance * (1 + correlation) / (1 - correlation)
+    return fit.covariance * fit.points_per_independent

@@ -1,7 +1,8 @@
-"""Before a solve the guide takes the scatter from the captures where that is clearly not an ordinary arm's."""
+"""Before a solve the guide takes the scatter from the captures, as the solve will."""
 
 import numpy as np
 import pytest
+from bench_guide import ratios
 
 from calib_core.captures.measure import measure_capture
 from calib_core.chain.model import Sigmas
@@ -35,7 +36,7 @@ def believed(session: Session, measured: list[Measured]) -> Sigmas:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_an_ordinary_arm_is_believed_as_one(seed: int) -> None:
-    assert believed(*scattered(seed, 0.0)) == SIGMAS
+    assert 0.03 < believed(*scattered(seed, 0.0)).position_mm < 0.08  # 0.05 mm; 14 captures tell it to ± 40 %
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -46,3 +47,14 @@ def test_an_arm_that_scatters_far_more_is_believed_to(seed: int) -> None:
 
 def test_what_is_told_of_the_arm_stays() -> None:
     assert believed(*scattered(0, 0.5, Robot(position_sigma_mm=0.05))).position_mm == 0.05
+
+
+def test_the_guide_promises_what_the_result_then_states() -> None:
+    assert all(0.85 < ratio < 1.2 for ratio in ratios("arms: joints 0.02°, links 0.1 mm", 0, (7, 14)))
+
+
+def test_few_captures_are_believed_of_an_ordinary_arm() -> None:
+    session, measured = scattered(0, 0.5)
+    few = session.model_copy(update={"captures": session.captures[:4]})
+    situation = situation_of(few, measured[:4], {})
+    assert situation is None or situation.assumed.sigmas == SIGMAS
