@@ -1,17 +1,42 @@
 // Numbers as an instrument shows them: always a unit, and only the digits that the uncertainty allows.
 
+import { pointed } from "./texts.js";
+
 const THIN = "\u202f";
 const MINUS = "\u2212";
 const NANOMETRE_MM = 1e-6;
+/** Numbers of five digits are read in groups. */
+const LONG = 10_000;
 
 /**
+ * With the decimal sign of the page's language; what is copied or sent keeps its point.
  * @param {number} value
  * @param {number} decimals
  */
 export function fixed(value, decimals) {
-  const text = Math.abs(value).toFixed(decimals);
-  return value < 0 && Number(text) !== 0 ? MINUS + text : text;
+  const text = decimals === 0 && Math.abs(value) >= LONG ? integer(Math.abs(value)) : Math.abs(value).toFixed(decimals);
+  return pointed(value < 0 && /[1-9]/.test(text) ? MINUS + text : text);
 }
+
+/** A number as people type it: with a point or a comma, a minus of either kind, its unit behind it or not; NaN where it is none. @param {string} text */
+export function typedNumber(text) {
+  const plain = text.trim().replace(/\s*(?:mm|°|deg)$/, "").replace(MINUS, "-").replace(",", ".");
+  return plain === "" ? NaN : Number(plain);
+}
+
+/**
+ * Numbers as people type them in a row. A comma between digits is the decimal sign where other signs part the numbers,
+ * and for readers who expect it there; else it parts them.
+ * @param {string} text
+ */
+export function typedNumbers(text) {
+  const parts = text.split(/[;\s°]+|,(?=\s|$)/).filter(Boolean);
+  const decimal = parts.length > 1 || pointed("0.5") === "0,5";
+  return parts.flatMap((part) => (decimal && /^[-\u2212+]?\d+,\d+$/.test(part) ? [part] : part.split(",")).filter(Boolean).map(typedNumber));
+}
+
+/** A number in a field that people change. @param {unknown} value */
+export const inField = (value) => (typeof value === "number" ? pointed(String(value)) : value ?? "");
 
 /**
  * Decimals that show an uncertainty: two digits where it starts with 1, 2 or 3, one otherwise.
@@ -33,7 +58,7 @@ export function decimalsFor(uncertainty) {
  */
 export function measured(value, uncertainty, unit, decimals = decimalsFor(uncertainty ?? 0)) {
   if (!uncertainty || !Number.isFinite(uncertainty)) return `${fixed(value, 3)}${THIN}${unit}`;
-  return `${fixed(value, decimals)} ± ${fixed(uncertainty, decimals)}${space(unit)}${unit}`;
+  return `${fixed(value, decimals)}\u00a0±\u00a0${fixed(uncertainty, decimals)}${space(unit)}${unit}`;
 }
 
 /**

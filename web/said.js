@@ -3,13 +3,15 @@
 /** @typedef {Record<string, string>} Table from a template to its translation; {2} there names the second hole */
 
 const ESCAPED = /[.*+?^$()|[\]\\]/g;
-const HOLE = /\{(\d?)\}/g;
+const HOLE = /\{(\d?)\}/g, LAST = /\{\d?\}$/;
 /** Names as the server lists them: `p03, p07 and p09`, `f13–f24 and 3 more`. */
 const LIST = /^(\S+(?:, \S+)*) and (\S+|\d+ more)$/;
 /** A template of few words is no sentence: it holds no list and no two sentences. */
-const FEW = 4, JOINED = / (?:and|or) |[.] /;
+const FEW = 4, JOINED = / (?:and|or) |[.] |: /;
 /** The frame of a refusal: what it holds is said by itself. */
 const REFUSAL = /need {}, got/i;
+/** A frame's axis, or a direction in it. */
+const AXIS = /^([a-z]+) ([xyz]|\([^a-z]*\))$/;
 /** What is added to a sentence in brackets. */
 const ADDED = /^(.*)( \([^()]*\)\.?)$/;
 /** More than a hole should hold where it can be taken apart; a place is a name or two, no sentence. */
@@ -18,13 +20,13 @@ const BETWEEN_SENTENCES = /(?<=[.!?]) (?=[A-Z±"])/;
 
 /** How a language joins what English joins by spaces, commas and "and". */
 const JOINS = /** @type {const} */ ({
-  de: { sentences: " ", and: " und ", or: " oder ", more: "weitere", comma: ", ", colon: ": " },
-  zh: { sentences: "", and: "和", or: "或", more: "个其他", comma: "、", colon: "：" },
+  de: { sentences: " ", stop: ".", and: " und ", or: " oder ", more: "weitere", comma: ", ", colon: ": " },
+  zh: { sentences: "", stop: "。", and: "和", or: "或", more: "个其他", comma: "、", colon: "：" },
 });
 
 export class Sayings {
   /** @type {Map<string, string>} */ #known = new Map();
-  /** @type {{ few: boolean, swallows: boolean, pattern: RegExp, words: string }[] | null} made when first asked: refusals first, then the longest, as it says most */ #patterns = null;
+  /** @type {{ few: boolean, swallows: boolean, open: boolean, pattern: RegExp, words: string }[] | null} made when first asked: refusals first, then the longest, as it says most */ #patterns = null;
   /** @type {Map<string, string>} */ #said = new Map();
   #joins;
 
@@ -61,36 +63,45 @@ export class Sayings {
 
   /** One template's text, as it stands or as it stands within others: with or without a stop, begun small. @param {string} text @returns {string | null} */
   #whole(text) {
-    return this.#exact(text) ?? this.#exact(`${text}.`)?.replace(/[.。]$/u, "") ?? this.#unstopped(text) ?? this.#begunSmall(text);
+    return this.#told(text, false) ?? this.#told(text, true);
   }
 
-  /** @param {string} text */
-  #unstopped(text) {
-    const words = text.endsWith(".") ? this.#exact(text.slice(0, -1)) : null;
-    return words === null ? null : `${words}${this.#joins.sentences ? "." : "。"}`;
+  /** By templates of many words, or of few: what more words agree with comes first. @param {string} text @param {boolean} few @returns {string | null} */
+  #told(text, few) {
+    return this.#exact(text, few) ?? this.#exact(`${text}.`, few)?.replace(/[.。]$/u, "") ?? this.#unstopped(text, few) ?? this.#begunSmall(text, few);
   }
 
-  /** @param {string} text */
-  #begunSmall(text) {
+  /** @param {string} text @param {boolean} few */
+  #unstopped(text, few) {
+    const words = text.endsWith(".") ? this.#exact(text.slice(0, -1), few) : null;
+    return words === null ? null : `${words}${this.#joins.stop}`;
+  }
+
+  /** @param {string} text @param {boolean} few */
+  #begunSmall(text, few) {
     const small = text.charAt(0).toLowerCase() + text.slice(1);
-    const words = small === text ? null : this.#exact(small) ?? this.#exact(`${small}.`)?.replace(/[.。]$/u, "") ?? this.#unstopped(small);
+    const words = small === text ? null : this.#exact(small, few) ?? this.#exact(`${small}.`, few)?.replace(/[.。]$/u, "") ?? this.#unstopped(small, few);
     return words == null ? null : words.charAt(0).toUpperCase() + words.slice(1);
   }
 
-  /** @param {string} text @returns {string | null} */
-  #exact(text) {
+  /** @param {string} text @param {boolean} short @returns {string | null} */
+  #exact(text, short) {
     const known = this.#known.get(text);
     if (known !== undefined) return known;
     this.#patterns ??= [...this.#known].filter(([template]) => template.includes("{}")).sort(([a], [b]) => Number(REFUSAL.test(b)) - Number(REFUSAL.test(a)) || b.length - a.length).map(([template, words]) => ({
       swallows: /^\{\}|\{\}[.]?$/.test(template) && !/need \{\}/i.test(template),
-      few: !/:|need /.test(template) && (template.match(/[A-Za-z]{2,}/g)?.length ?? 0) < FEW, pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)")}$`, "s"), words }));
-    for (const { few, swallows, pattern, words } of this.#patterns) {
-      const found = pattern.exec(text);
+      open: template.endsWith("{}"), few: !/:|need /.test(template) && (template.match(/[A-Za-z]{2,}/g)?.length ?? 0) < FEW, pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)")}$`, "s"), words }));
+    for (const { few, swallows, open, pattern, words } of this.#patterns) {
+      const found = few === short ? pattern.exec(text) : null;
       if (few && found?.slice(1).some((held) => JOINED.test(held) && !LIST.test(held))) continue;
       if (!found) continue;
       const apart = swallows && [found[1], found.at(-1)].some((held) => held && SEVERAL.test(held) && this.#whole(held) === null) ? this.#apart(text) : null;
+      if (apart !== null) return apart;
+      // Where the last place ends the sentence, another language may put it elsewhere: the stop is none of it.
+      const last = found.at(-1) ?? "", stopped = open && last.endsWith(".") && !LAST.test(words) && !SEVERAL.test(last);
+      if (stopped) found[found.length - 1] = last.slice(0, -1);
       let next = 0;
-      return apart ?? words.replace(HOLE, (_, place) => this.#part(found[place ? Number(place) : ++next] ?? ""));
+      return words.replace(HOLE, (_, place) => this.#part(found[place ? Number(place) : ++next] ?? "")) + (stopped ? this.#joins.stop : "");
     }
     return null;
   }
@@ -116,9 +127,11 @@ export class Sayings {
   #sentences(text) {
     const list = LIST.exec(text);
     if (list) return `${list[1]?.replaceAll(", ", this.#joins.comma)}${this.#joins.and}${list[2]?.replace(/ more$/, ` ${this.#joins.more}`)}`;
+    const [, frame, axis] = AXIS.exec(text) ?? [];
+    if (frame) return `${this.#known.get(frame) ?? frame} ${axis}`;
     const [, before, added] = ADDED.exec(text) ?? [];
     const words = added && this.#whole(added);
-    if (before && words) return `${this.#say(before)}${words}`;
+    if (before && words && !before.includes(": ")) return `${this.#say(before)}${words}`;
     const parts = text.split(BETWEEN_SENTENCES);
     if (parts.length > 1) return parts.map((part) => this.#say(part)).join(this.#joins.sentences);
     const colon = text.indexOf(": ");

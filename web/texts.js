@@ -26,6 +26,9 @@ export function chooseLanguage(chosen) {
   window.location.reload();
 }
 
+/** A number's digits with the decimal sign that readers of the page's language expect. @param {string} digits */
+export const pointed = (digits) => (language === "de" ? digits.replace(".", ",") : digits);
+
 /**
  * A text of the catalogue, with its `{places}` filled.
  * @param {Text} key
@@ -33,7 +36,7 @@ export function chooseLanguage(chosen) {
  * @returns {string}
  */
 export function t(key, values = {}) {
-  return catalogue[key].replace(/\{(\w+)\}/g, (_, name) => String(values[name] ?? ""));
+  return bound(catalogue[key].replace(/\{(\w+)\}/g, (_, name) => (typeof values[name] === "number" ? pointed(String(values[name])) : values[name] ?? "")));
 }
 
 /** What the server says in English, in the chosen language: the sentences that were asked for so far. */
@@ -109,9 +112,22 @@ function* textsIn(value) {
 
 /** Before a number, a hyphen is a minus. */
 const HYPHEN = /(?<=^|[\s(])-(?=\d)/g;
+/** A number with decimals, which is no version, address, name or part of one. */
+const DECIMAL = /(?<![\w.\-/\\]|[Vv]ersion )\d+\.\d+(?![\w/\\]|\.\w)/g;
+/** What a convention is called in a record. */
+const CONVENTION = /['„“]([a-z]+(?:-[a-z]+)?)['“”]/g;
+/** What was typed or is to be typed stays as it is. */
+const VERBATIM = /(`[^`]*`|„[^“]*“|'[^']*'|"[^"]*")/;
 
 /** What the server says, in the chosen language as far as it is known; the rest is asked for, and said again. @param {string} text @returns {string} */
-export const said = (text) => spoken(text).replace(HYPHEN, "\u2212");
+export const said = (text) => bound(inLanguage(spoken(text).replace(HYPHEN, "\u2212").replace(CONVENTION, (quoted, name) => maybe(`convention.${name}`, quoted))));
+
+/** Numbers in a sentence, with the sign that its readers expect; those in a row are then apart by semicolons. @param {string} text */
+const inLanguage = (text) => (language === "zh" ? text.replace(/([。；，：]) /gu, "$1") : language !== "de" || !text.includes(".") ? text
+  : text.split(VERBATIM).map((part, place) => (place % 2 ? part : part.replace(DECIMAL, pointed).replace(/(\d,\d+), (?=[\u2212±]?\d+(?:,\d|$))/g, "$1; "))).join(""));
+
+/** A ± stays beside its number, and a number beside its unit, where a line ends. @param {string} text */
+const bound = (text) => (/[±\d]/.test(text) ? text.replace(/(?<=\d) ±/g, "\u00a0±").replace(/± (?=\d)/g, "±\u00a0").replace(/(?<=\d) (?=(?:mm|µm|px|°|kB|MB|GB|ms|s|σ|%)(?![\w²]))/g, "\u00a0") : text);
 
 /** @param {string} text */
 function spoken(text) {

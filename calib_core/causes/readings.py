@@ -111,8 +111,9 @@ class Reading:
         told = Reading.told(now)
         found: list[str] = []
         if _form(self.convention) != _form(now):
-            names = [c.name for c in self._fitting()] or [self.convention.name]
-            found.append("written as " + " or ".join(f"'{name}'" for name in names))
+            *first, last = [f"'{c.name}'" for c in self._fitting() or [self.convention]]
+            names = f"{', '.join(first)} or {last}" if first else last
+            found.append(f"written as {names}")
         if self.way == "columns":
             found.append("matrices written column by column")
         if self.mm_per_unit != told.mm_per_unit:

@@ -37,7 +37,7 @@ def answers(facts: SceneFacts, _look: Look) -> Iterator[Node]:
         first, second = (place[:3, :3] @ pair.point_mm + place[:3, 3] for place in places)
         # Both stand where the first one is: what they differ by is as large as their ellipsoids are.
         second = first + times * (second - first)
-        named = f"{_NAMES[pair.frame]}, " if len(facts.compared) > 1 else ""
+        named = f"{_NAMES[pair.frame]} · " if len(facts.compared) > 1 else ""
         for name, place, point, covariance, color in (
             ("first", places[0], first, pair.covariances[0], FIRST),
             ("second", places[1], second, pair.covariances[1], SECOND),

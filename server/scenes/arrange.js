@@ -5,7 +5,8 @@
   const GLYPH_PX = 34, PICKED = 1.3;
   const FONT_PX = 15; // a label of scale 1 as viser draws it, on a window 600 px high
   const EVERY_MS = 120;
-  const state = { layers: null, labels: [], say: null, translated: new WeakMap(), hovered: "", camera: "", nodes: null };
+  const LONGEST_REASON = 64;
+  const state = { layers: null, labels: [], say: null, translated: new WeakMap(), english: new Map(), hovered: "", camera: "", nodes: null };
   const box = document.createElement("canvas").getContext("2d");
 
   /** What stands first where two labels want one place: what is picked, what comes next, then what was rejected last. */
@@ -58,6 +59,37 @@
   }
 
   const apart = (a, b) => a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top;
+
+  /** A reason's first sentence without what stands in brackets; of a long one the clauses that a label has room for. */
+  function shortened(reason) {
+    const [sentence] = reason.replace(/\s*[(（][^)）]*[)）]/g, "").split(/[.](?=\s|$)|。/u);
+    if (sentence.length <= LONGEST_REASON) return sentence;
+    const room = sentence.slice(0, LONGEST_REASON);
+    return /^(.{12,})[,;:，；：]/su.exec(room)?.[1] ?? `${room.slice(0, -1).trimEnd()}…`;
+  }
+
+  /** A label's parts, `✕ p03 · reason`, each in the language of the page around the scene. */
+  function labelWords(english) {
+    const say = state.say ?? ((text) => text);
+    return english.split(" · ").map((part, place) => (place && english.startsWith("✕") ? shortened(say(part)) : say(part))).join(" · ");
+  }
+
+  /**
+   * The server tells all who look the same, in English. What a page makes of it, it tells its own client as the server
+   * would: the nodes' own properties are the client's.
+   */
+  function sayLabels(nodes, mutable) {
+    for (const [name, node] of Object.entries(nodes)) {
+      if (node.message?.type !== "LabelMessage") continue;
+      const { text } = node.message.props, before = state.english.get(name);
+      if (before?.words === text && before.say === state.say) continue;
+      const english = before?.words === text ? before.english : text;
+      const words = labelWords(english);
+      state.english.set(name, { english, words, say: state.say });
+      if (words !== text) mutable.messageQueue.push({ type: "SceneNodeUpdateMessage", name, owner: node.message.owner, updates: { text: words } });
+    }
+    if (mutable.messageQueue.length) mutable.requestRender?.();
+  }
 
   function showLabels(nodes, mutable, size) {
     const wanted = [];
@@ -113,6 +145,7 @@
     showLayers(nodes);
     const size = { width: canvas.clientWidth, height: canvas.clientHeight };
     sizeGlyphs(nodes, mutable, size);
+    sayLabels(nodes, mutable);
     showLabels(nodes, mutable, size);
     const now = `${mutable.camera.matrixWorld.elements.map((v) => v.toFixed(5)).join()} ${state.labels.map(({ name }) => name).join()} ${JSON.stringify(state.layers)} ${size.width}x${size.height}`;
     if (now !== state.camera) mutable.requestRender?.();
@@ -144,7 +177,7 @@
     const legend = document.getElementById("scancell-legend");
     if (!legend) return;
     const first = !state.say;
-    state.say = say;
+    state.say = (text) => say(text); // another one each time: by then more may be known
     translate(legend);
     if (first) new MutationObserver(() => translate(legend)).observe(legend, { childList: true });
   }

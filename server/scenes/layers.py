@@ -18,7 +18,7 @@ from server.scenes.look import Look
 from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.robot_now import robot_now
-from server.scenes.signs import cross, short
+from server.scenes.signs import cross
 from server.scenes.so_far import so_far, table_so_far
 from server.scenes.trial import trial
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
@@ -112,12 +112,12 @@ def sphere(facts: SceneFacts, _look: Look) -> Iterator[Node]:
 
 
 def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
-    """Name every capture, and say why a rejected one is."""
+    """Name every capture, and say why a rejected one is; the page shortens the reason."""
     crowded = 0.75 if len(facts.captures) > _MANY else 0.95
     for capture in look.shown(facts):
         text = capture.id
         if capture.state == "rejected":
-            text = f"✕ {capture.id}" + (f" · {short(capture.reason)}" if capture.id == look.picked else "")
+            text = f"✕ {capture.id}" + (f" · {capture.reason}" if capture.id == look.picked else "")
         size = 1.3 if capture.id == look.picked else crowded
         above = capture.base_from_tool0.translation_mm + np.array([0.0, 0.0, 14.0])
         yield nodes.label(f"/labels/{capture.id}", above, text, size)

@@ -10,7 +10,7 @@ from server.scenes.colors import MOUNTS, REJECTED, WAITING, Rgb
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.nodes import Node
-from server.scenes.signs import cross, short
+from server.scenes.signs import cross
 from server.scenes.turntable import SpherePlace, TableFacts
 
 AXIS: Rgb = (60, 110, 220)
@@ -116,4 +116,4 @@ def _joined(line_mm: FloatArray) -> FloatArray:
 
 def _angle_text(place: SpherePlace) -> str:
     text = f"{place.table_deg:g}°"
-    return text if place.used else f"✕ {place.capture} · {text} · {short(place.reason)}"
+    return text if place.used else f"✕ {place.capture} · {text} · {place.reason}"

@@ -173,14 +173,14 @@ def test_the_light_comes_from_the_side_that_the_scanner_sees(z_sign: float, away
     assert (np.abs(corners).sum(axis=1) == 0).any() == (away_mm > 100)
 
 
-def test_a_label_gives_the_first_clause_of_a_long_reason() -> None:
+def test_a_label_gives_the_whole_reason_for_the_page_to_shorten() -> None:
     scene = make_cell(rejected=("p01",)).scene(count=2)
     tcp = scene.results["tcp"]
     reason = "the sphere appears 3.00 mm (x -1.97, y +0.12) from where the others see it, 9 times. Take it again."
     rows = [r.model_copy(update={"reason": reason}) for r in tcp.residuals]  # pyright: ignore
     facts = scene_facts(dataclasses.replace(scene, results={"tcp": tcp.model_copy(update={"residuals": rows})}))
     label = drawn(facts, "p01")["/labels/p01"].arguments["text"]
-    assert label == "✕ p01 · the sphere appears 3.00 mm from where the others see it"
+    assert label == f"✕ p01 · {reason}"
     assert reason in rejected_html(facts)
 
 

@@ -26,6 +26,12 @@ def test_measuring_and_its_result_have_their_own_layers_and_views(
     measuring = moment(page, ["frames", "ghost"])
     assert measuring.problems == []
     assert measuring.labels > 3
+    # A page around the scene makes its own words of what the server tells all who look, and may tell more later.
+    for word in ("pose ", "view "):
+        scene.evaluate("(word) => window.scancellScene.speak((text) => text.replace(/^p(?=[0-9])/, word))", word)
+        scene.wait_for_function("() => window.scancellScene.labels().length > 3")
+        begins = "(word) => window.scancellScene.labels().some((label) => label.text.startsWith(word))"
+        scene.wait_for_function(begins, arg=word)
     page.get_by_role("tab", name="Result").click()
     scene.wait_for_function("() => !window.scancellScene.layers().frames")
     result = moment(page, ["sphere"])

@@ -145,7 +145,7 @@ def test_the_page_leads_to_the_whole_chain_and_the_merged_part(open_page: Callab
     numbers = frame.locator(".frame-numbers dd").all_inner_texts()
     assert len(numbers) == 7  # the simulated cell speaks ABB's x y z q1 q2 q3 q4
     for number in numbers:
-        assert re.fullmatch(r"−?\d+(\.\d+)? ± \d+(\.\d+)?(\s?mm)?", number), number
+        assert re.fullmatch(r"−?\d+(\.\d+)?\s±\s\d+(\.\d+)?(\s?mm)?", number), number
     # Two figures in millimetres for each of 16 captures.
     wobble = page.get_by_role("region", name="Wobble", exact=True).locator(".dot")
     expect(wobble).to_have_count(32)

@@ -83,7 +83,7 @@ def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., A
     numbers = frame.locator("dd").all_inner_texts()
     assert len(numbers) == 7  # the simulated cell speaks ABB's x y z q1 q2 q3 q4
     for number in numbers:
-        assert re.fullmatch(r"−?\d+(\.\d+)? ± \d+(\.\d+)?(\s?mm)?", number), number
+        assert re.fullmatch(r"−?\d+(\.\d+)?\s±\s\d+(\.\d+)?(\s?mm)?", number), number
     expect(page.get_by_role("heading", name="Joint answer beside the paper's two steps")).to_be_visible()
     expect(page.locator(".plot-captures .dot")).to_have_count(taken)
     expect(page.locator("sc-rail .answer")).to_contain_text("±")

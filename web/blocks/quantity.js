@@ -13,5 +13,5 @@ export function quantityWords(quantity) {
   const { value, uncertainty, unit = "", decimals = 0 } = quantity;
   const spread = typeof uncertainty === "number" ? fixed(uncertainty, decimals) : null;
   if (typeof value !== "number") return spread === null ? "–" : `±${spread}${behind(unit)}`;
-  return spread === null ? `${fixed(value, decimals)}${behind(unit)}` : `${fixed(value, decimals)} ± ${spread}${behind(unit)}`;
+  return spread === null ? `${fixed(value, decimals)}${behind(unit)}` : `${fixed(value, decimals)}\u00a0±\u00a0${spread}${behind(unit)}`;
 }

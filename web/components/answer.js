@@ -16,6 +16,8 @@ const IN_SIGHT = 3;
 const BESIDE = 2;
 /** A message in one line; all of it opens. */
 const MOST_WORDS = 12;
+/** A direction: numbers in brackets. */
+const DIRECTION = /\([\u2212-]?\d[\d.,]*[,;] [^)a-z]*\)/g;
 /** Letters of a word, where words are long: a line is full by letters then. */
 const LONGEST_WORD = 6;
 
@@ -25,7 +27,7 @@ export function answer(result, state, stage) {
   return h(
     "section", { class: `panel answer-card answer-${verdict}`, "aria-labelledby": "answer-title" },
     h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), mark(verdict, maybe(`verdict.${verdict}`, verdict))),
-    h("dl", { class: "headline number" }, ...shownFigures(result).map((figure) => h("div", { class: figure.headline ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(said(figure.label)))))),
+    h("dl", { class: "headline number" }, ...shownFigures(result).map((figure, index) => h("div", { class: figure.headline && index < BESIDE ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${figure.limit_label ? `${said(figure.limit_label)} ${quantityWords(figure.limit)}` : t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(said(figure.label)))))),
     ...messages(result),
     next(state, stage),
   );
@@ -60,31 +62,37 @@ export function otherFigures(result) {
 /** @param {StageResult} result */
 function messages(result) {
   const { stale, warnings = [], notes = [] } = result;
-  const told = [...(stale ? [t("result.stale_words")] : []), ...grouped((warnings ?? []).map(said))];
+  const told = grouped([...(stale ? [t("result.stale_words")].map((text) => ({ text, short: brief(text) })) : []), ...(warnings ?? []).map((text) => ({ text: said(text), short: brief(said(reason(text))) }))]);
   // Where the cause is known it stands alone: what follows from it is told on demand.
   const [cause] = causesOf(result);
   const first = cause ? [] : told.slice(0, IN_SIGHT);
-  const rest = told.filter((text) => !first.includes(text));
+  const rest = told.filter((one) => !first.includes(one)).map(({ text }) => text);
   return [
     cause && h("ul", { class: "messages" }, message(said(cause.sentence), brief(said(cause.title)))),
-    first.length > 0 && h("ul", { class: "messages" }, ...first.map((text) => message(text, brief(text)))),
+    first.length > 0 && h("ul", { class: "messages" }, ...first.map(({ text, short }) => message(text, short))),
     (rest.length > 0 || (notes ?? []).length > 0) && h("div", { class: "row" },
       rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
       (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), (notes ?? []).map(said))),
   ];
 }
 
-/** Each message once. @param {readonly string[]} texts */
-const grouped = (texts) => [...new Map(texts.map((text) => [brief(text), text])).values()];
+/** Each message once. @param {readonly { text: string, short: string }[]} told */
+const grouped = (told) => [...new Map(told.map((one) => [one.short, one])).values()];
+
+/** Of what is not used, what was found instead of what it takes: `p03 is not used: no board`. */
+const REFUSED = /^(.+? not used)[^:]*: need .+?, got (.+?)\. .*$/s;
+
+/** What a sentence of the server says at once. @param {string} text */
+const reason = (text) => text.replace(REFUSED, "$1: $2.");
 
 /** What a message says, in one line: its first sentence, up to where a clause ends. @param {string} text */
 function brief(text) {
-  // What stood in brackets is left out, and what is left of a list of it.
-  const [sentence = text] = text.replace(/\s*\([^)]*\)/g, "").replace(/[,、]?\s*(?:and|und|和)(?=[:：])/gu, "").split(/(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u);
+  // What stood in brackets is left out, and what is left of a list of it; a direction stays, with as many digits as a glance takes.
+  const [sentence = text] = text.replace(DIRECTION, (found) => found.replace(/\d([.,])\d\d/g, (one, sign) => Number(one.replace(",", ".")).toFixed(1).replace(".", sign))).replace(/\s*\((?![\u2212-]?\d[\d.,]*[,;] [^)]*\))[^)]*\)/g, "").replace(/[,、]?\s*(?:and|und|和)(?=[:：])/gu, "").split(/(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u);
   const bare = sentence.replace(/[.。]$/u, "");
-  const count = (/** @type {string} */ words) => Math.max(words.split(" ").length, words.length / LONGEST_WORD);
+  const count = (/** @type {string} */ text, words = text.replace(/ \([^)]*\)/g, "")) => Math.max(words.split(" ").length, words.length / LONGEST_WORD);
   if (count(bare) <= MOST_WORDS) return bare;
-  const ends = [...bare.matchAll(/[:;,](?=\s)/g)].map(({ index }) => bare.slice(0, index)).filter((clause) => count(clause) > 4 && count(clause) <= MOST_WORDS);
+  const ends = [...bare.matchAll(/[:;,](?=\s)(?![^(]*\))/g)].map(({ index }) => bare.slice(0, index)).filter((clause) => count(clause) > 4 && count(clause) <= MOST_WORDS);
   return ends.at(-1) ?? `${bare.split(" ").slice(0, MOST_WORDS - 3).join(" ")} …`;
 }
 

@@ -45,7 +45,7 @@ export class CapturesElement extends StateElement {
   build() {
     this.append(
       h("div", { class: "row spread" }, this.#count, h("div", { class: "row" }, this.#filter, this.#undo, this.#redo,
-        h("button", { type: "button", class: "plain wide", onclick: () => void copy(this.#csv()) }, t("captures.csv")))),
+        h("button", { type: "button", class: "plain wide", onclick: () => void this.#copyCsv() }, t("captures.csv")))),
       this.#several, h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-labelledby": "captures-title" }, this.#table));
   }
 
@@ -240,12 +240,12 @@ export class CapturesElement extends StateElement {
     });
   }
 
-  /** What stands in the table, as a spreadsheet takes it. */
-  #csv() {
-    const residuals = residualsOf(this.state);
-    const quoted = (/** @type {unknown} */ value) => (/[",\n]/.test(String(value ?? "")) ? `"${String(value).replaceAll('"', '""')}"` : String(value ?? ""));
-    const lines = this.#sorted(this.state.stepCaptures, residuals).map((capture) => this.#columns.map((column) => quoted(column.value(capture, residuals.get(capture.id)))));
-    return [this.#columns.map(({ title }) => quoted(title)), ...lines].map((cells) => cells.join(",")).join("\n");
+  /** What stands in the table, as it is sorted and filtered. */
+  async #copyCsv() {
+    const residuals = residualsOf(this.state), convention = this.state.session?.cell.pose_convention;
+    if (!convention) return;
+    const { capturesAsCsv } = await import("./captures-csv.js");
+    await copy(await capturesAsCsv(this.#sorted(this.state.stepCaptures, residuals), this.#columns, residuals, convention));
   }
 }
 

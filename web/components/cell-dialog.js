@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
-import { when } from "../format.js";
+import { inField, typedNumber, when } from "../format.js";
 import { go } from "../router.js";
 import { conventions } from "../state/registries.js";
 import { learnTexts, maybe, t } from "../texts.js";
@@ -78,8 +78,8 @@ function boardOf(form) {
  * @param {string} name
  */
 function typed(form, name) {
-  const text = String(form.get(name) ?? "").trim().replace(",", ".").replace(/\s*(mm|°|deg)$/, "");
-  return text === "" ? undefined : Number(text);
+  const text = String(form.get(name) ?? "").trim();
+  return text === "" ? undefined : typedNumber(text);
 }
 
 /** @param {FormData} form @returns {SessionBody} */
@@ -119,7 +119,7 @@ function faults(form) {
     if (!dictionary) found["board_dictionary"] = t("new.need_markers");
     if (!marker_mm || marker_mm >= (typed(form, "board_pitch") ?? 0)) found["board_marker"] = t("new.need_markers");
   }
-  if (diameter !== undefined && diameter > 0 && diameter < 1) found["diameter"] = t("new.metres", { diameter: String(diameter), millimetres: String(diameter * 1000) });
+  if (diameter !== undefined && diameter > 0 && diameter < 1) found["diameter"] = t("new.metres", { diameter, millimetres: Number((diameter * 1000).toPrecision(9)) });
   return found;
 }
 
@@ -142,7 +142,7 @@ function fill(form, { name, cell }) {
   if (turntable instanceof HTMLInputElement) turntable.checked = cell.turntable !== undefined && cell.turntable !== null;
   for (const [key, value] of Object.entries(values)) {
     const control = form.elements.namedItem(key);
-    if (control instanceof HTMLInputElement || control instanceof HTMLSelectElement) control.value = String(value ?? "");
+    if (control instanceof HTMLInputElement || control instanceof HTMLSelectElement) control.value = String(inField(value));
   }
 }
 

@@ -83,7 +83,7 @@ const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h
 function words(now, name, state) {
   const mends = now.action === "review" && state.resultOf(state.step)?.verdict === "warn";
   return [
-    h("p", { class: "guide-progress" }, name, rest(now)),
+    h("p", { class: "guide-progress" }, name, now.meter ? null : rest(now)),
     h("h1", {}, mends ? t("guide.mend") : said(now.instruction)),
     now.meter ? meterSection(now.meter, state) : null,
     now.why && h("p", { class: "soft" }, said(now.why)),

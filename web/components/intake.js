@@ -3,6 +3,7 @@
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { h, make } from "../dom.js";
+import { typedNumbers } from "../format.js";
 import { chosen, controllerFiles, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
@@ -269,7 +270,7 @@ export class IntakeElement extends StateElement {
 
   /** The table's angles in the files' order. */
   #tableAngles() {
-    return this.#angles.value.split(/[\s;,°]+/).filter(Boolean).map((word) => Number(word.replace("−", "-")));
+    return typedNumbers(this.#angles.value);
   }
 
   /** Frames of the board: one a capture, or the lit board and then its stripe. @returns {Parcel[]} */

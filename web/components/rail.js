@@ -66,7 +66,7 @@ function headlines({ evidence = [] }) {
 /** @param {StageResult} result */
 function answer(result) {
   const found = headlines(result);
-  return found.length > 0 && h("span", { class: "answer number" }, ...found.slice(0, 2).map((figure) => h("span", {}, figureWords(figure))));
+  return found.length > 0 && h("span", { class: "answer number" }, ...found.slice(0, 2).map((figure) => h("span", {}, figureWords(figure), /\bRMS\b/.test(figure.label) && " RMS")));
 }
 
 customElements.define("sc-rail", RailElement);

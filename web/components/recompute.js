@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { significant } from "../format.js";
 import { mark } from "../icons.js";
-import { learnTexts, maybe, said, t } from "../texts.js";
+import { learnTexts, maybe, pointed, said, t } from "../texts.js";
 import { comparisonSections } from "./comparison.js";
 import { attempt, say } from "./toasts.js";
 
@@ -88,7 +88,7 @@ function stageSection({ stage, equal, numbers = 0, largest_relative: largest = 0
 
 /** @param {number} value */
 function significantOr(value) {
-  return Math.abs(value) >= 1e-6 || value === 0 ? significant(value, 9) : value.toExponential(6);
+  return Math.abs(value) >= 1e-6 || value === 0 ? significant(value, 9) : pointed(value.toExponential(6));
 }
 
 customElements.define("sc-recompute", RecomputeElement);

@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { did } from "../state/undo.js";
-import { said, t } from "../texts.js";
+import { pointed, said, t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
 /** @import {RootCause, StageResult} from "../state/model.js" */
@@ -46,6 +46,6 @@ export function causeCards(state, stage, result) {
 
 /** @param {NonNullable<RootCause["evidence"]>[number]} figure */
 function evidence({ label, unit, before, after }) {
-  const words = (/** @type {number | null} */ value) => (value === null ? "–" : `${Number(value.toPrecision(3))}\u00a0${unit}`);
+  const words = (/** @type {number | null} */ value) => (value === null ? "–" : `${pointed(String(Number(value.toPrecision(3))))}\u00a0${unit}`);
   return h("p", { class: "small soft number" }, after === null ? `${said(label)}: ${words(before)}` : t("remedy.evidence", { label: said(label), before: words(before), after: words(after) }));
 }

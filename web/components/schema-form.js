@@ -1,6 +1,7 @@
 // A form from a JSON Schema, as the registries give it: a field for each plain property, with what the schema says of it.
 
 import { h } from "../dom.js";
+import { inField, typedNumber, typedNumbers } from "../format.js";
 import { learnTexts, maybe, said, t } from "../texts.js";
 
 await learnTexts("settings");
@@ -59,12 +60,12 @@ function field(name, { type, items, enum: choices, title, description, exclusive
   }
   const numeric = type === "number" || type === "integer";
   if (!numeric && type !== "string") return null;
-  const input = h("input", { id, autocomplete: "off", inputmode: numeric ? "decimal" : "text", value: value ?? "", ...described });
+  const input = h("input", { id, autocomplete: "off", inputmode: numeric ? "decimal" : "text", value: inField(value), ...described });
   input.addEventListener("input", () => input.setCustomValidity(""));
   const read = () => {
     if (!numeric) return input.value.trim() || null;
     if (!input.value.trim()) return null;
-    const number = Number(input.value.replace(",", ".").replace("\u2212", "-"));
+    const number = typedNumber(input.value);
     const good = Number.isFinite(number) && !(exclusiveMinimum !== undefined && number <= exclusiveMinimum) && !(minimum !== undefined && number < minimum);
     input.setCustomValidity(good ? "" : t("form.need_number"));
     return input.reportValidity() ? number : undefined;
@@ -80,14 +81,14 @@ function field(name, { type, items, enum: choices, title, description, exclusive
  * @param {{ "aria-describedby"?: string | undefined }} described
  */
 function listInput(id, numeric, value, described) {
-  const shown = Array.isArray(value) ? value.join(" ") : "";
+  const shown = Array.isArray(value) ? value.map(inField).join(" ") : "";
   const input = h("input", { id, autocomplete: "off", value: shown, ...described });
   input.addEventListener("input", () => input.setCustomValidity(""));
   const read = () => {
     const words = input.value.split(/[\s,]+/).filter(Boolean);
     if (!words.length) return null;
     if (!numeric) return words;
-    const numbers = words.map((word) => Number(word.replace("\u2212", "-")));
+    const numbers = typedNumbers(input.value);
     input.setCustomValidity(numbers.every(Number.isFinite) ? "" : t("form.need_number"));
     return input.reportValidity() ? numbers : undefined;
   };

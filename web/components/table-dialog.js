@@ -2,6 +2,7 @@
 
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
+import { inField, typedNumber } from "../format.js";
 import { t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { attempt } from "./toasts.js";
@@ -13,13 +14,13 @@ import { attempt } from "./toasts.js";
  * @param {CaptureOut} capture
  */
 export function tableDialog(sessionId, capture) {
-  const angle = h("input", { id: "place-angle", inputmode: "decimal", autocomplete: "off", required: true, autofocus: true, value: capture.table_deg ?? "" });
+  const angle = h("input", { id: "place-angle", inputmode: "decimal", autocomplete: "off", required: true, autofocus: true, value: inField(capture.table_deg) });
   const mount = h("input", { id: "place-mount", autocomplete: "off", value: capture.mount ?? "", "aria-describedby": "place-hint" });
   const dialog = h("dialog", { "aria-labelledby": "place-title" });
   const save = async (/** @type {Event} */ event) => {
     event.preventDefault();
-    const value = Number(angle.value.replace("−", "-").replace(",", "."));
-    angle.setCustomValidity(angle.value.trim() && Number.isFinite(value) ? "" : t("place.need_angle"));
+    const value = typedNumber(angle.value);
+    angle.setCustomValidity(Number.isFinite(value) ? "" : t("place.need_angle"));
     if (!angle.reportValidity()) return;
     const change = { table_deg: value, mount: mount.value.trim() || null };
     const before = { table_deg: capture.table_deg ?? null, mount: capture.mount ?? null };

@@ -2,6 +2,7 @@
 
 import { json, request } from "../state/http.js";
 import { h } from "../dom.js";
+import { inField } from "../format.js";
 import { learnTexts, t } from "../texts.js";
 import { attempt, notify } from "../components/toasts.js";
 
@@ -19,7 +20,7 @@ export function fillFromCertificate(form) {
     if (!one) return;
     const put = (/** @type {string} */ name, /** @type {number | null} */ value) => {
       const field = form.elements.namedItem(name);
-      if (field instanceof HTMLInputElement) field.value = value === null ? "" : String(value);
+      if (field instanceof HTMLInputElement) field.value = String(inField(value));
     };
     put("diameter", one.diameter_mm);
     put("diameter_sigma", one.sigma_mm);

@@ -2,6 +2,7 @@
 
 import { Problem } from "../state/http.js";
 import { h, style } from "../dom.js";
+import { inField, typedNumber } from "../format.js";
 import { learnTexts, t } from "../texts.js";
 
 await learnTexts("guidance");
@@ -36,12 +37,11 @@ export function alarm() {
 
 /** A number with its label; null where it is empty, undefined where it is none. @param {string} id @param {string} label @param {number | null} value */
 export function numberField(id, label, value) {
-  const input = h("input", { id, inputmode: "decimal", autocomplete: "off", value: value ?? "" });
+  const input = h("input", { id, inputmode: "decimal", autocomplete: "off", value: inField(value) });
   input.addEventListener("input", () => input.setCustomValidity(""));
   const read = () => {
-    const text = input.value.trim().replace(",", ".").replace("\u2212", "-");
-    if (!text) return null;
-    const number = Number(text);
+    if (!input.value.trim()) return null;
+    const number = typedNumber(input.value);
     if (Number.isFinite(number)) return number;
     input.setCustomValidity(t("guidance.number"));
     input.reportValidity();

@@ -6,7 +6,7 @@ import { zoneBar } from "../components/profile-plot.js";
 import { stepName } from "../components/rail.js";
 import { attempt } from "../components/toasts.js";
 import { h, make, style } from "../dom.js";
-import { fixed, integer, small } from "../format.js";
+import { fixed, integer, small, typedNumber } from "../format.js";
 import { learnTexts, said, t } from "../texts.js";
 
 /** @import {Preview} from "../state/live.js" */
@@ -114,7 +114,7 @@ class LivePanelElement extends StateElement {
   }
 
   async #record() {
-    const seconds = Number(this.#seconds.value.trim().replace(",", "."));
+    const seconds = typedNumber(this.#seconds.value);
     this.#seconds.setCustomValidity(seconds > 0 ? "" : t("form.need_number"));
     if (this.#seconds.reportValidity()) await this.#take(this.#sweep, "capture.recording", (angle) => live.sweep(this.state.id, { seconds, ...angle }));
   }
@@ -124,7 +124,7 @@ class LivePanelElement extends StateElement {
     const before = button.textContent;
     button.setAttribute("aria-disabled", "true");
     button.textContent = t(meanwhile);
-    const angle = Number(this.#angle.value.replace(",", "."));
+    const angle = typedNumber(this.#angle.value);
     await attempt(() => take(this.#angleField.hidden || !this.#angle.value.trim() ? {} : { table_deg: angle }));
     button.textContent = before;
     button.removeAttribute("aria-disabled");

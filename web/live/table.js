@@ -4,7 +4,7 @@ import { live } from "../state/live.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
 import { h } from "../dom.js";
-import { fixed } from "../format.js";
+import { fixed, typedNumber } from "../format.js";
 import { learnTexts, t } from "../texts.js";
 
 /** @import {TableMover} from "../api-types.js" */
@@ -75,9 +75,8 @@ export class TableElement extends HTMLElement {
   }
 
   async #turn() {
-    const text = this.#angle.value.trim().replace(",", ".").replace("\u2212", "-");
-    const angle = Number(text);
-    const given = text !== "" && Number.isFinite(angle); // an empty field is no 0: nothing moves
+    const angle = typedNumber(this.#angle.value);
+    const given = Number.isFinite(angle); // an empty field is no 0: nothing moves
     this.#angle.setCustomValidity(given ? "" : t("form.need_number"));
     if (!this.#angle.reportValidity()) return;
     this.#go.setAttribute("aria-disabled", "true");

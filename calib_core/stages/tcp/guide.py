@@ -105,14 +105,18 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
         else f"The sphere may be {pose.doubt_mm:.0f} mm beside its place in the view: go there slowly, and shift "
         "the scanner until it sees the sphere as before."
     )
+    better = (
+        f"after it the workpiece is known to {amount(meter.after_next_mm)}"
+        if meter.uncertainty_mm is None
+        else f"at the workpiece from {amount(meter.uncertainty_mm)} to {amount(meter.after_next_mm)}"
+    )
     still = f" Still open: {_sentence(advice.open_directions[0])}" if advice.open_directions else ""
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
         instruction="Move the flange to the pose below and capture the sphere.",
-        why=f"No other pose tells more: at the workpiece from {amount(meter.uncertainty_mm)} to "
-        f"{amount(meter.after_next_mm)}.{still}",
+        why=f"No other pose tells more: {better}.{still}",
         exit=f"{amount(meter.wanted_mm)} at the workpiece, as wanted."
         if meter.wanted_mm is not None
         else "Nothing is left open, and another capture would change little.",

@@ -3,7 +3,7 @@
 import { api } from "../../state/api.js";
 import { Problem } from "../../state/http.js";
 import { h } from "../../dom.js";
-import { fixed, integer, small } from "../../format.js";
+import { fixed, inField, integer, small, typedNumber } from "../../format.js";
 import { mark } from "../../icons.js";
 import { may } from "../../state/me.js";
 import { learnTexts, t } from "../../texts.js";
@@ -54,7 +54,7 @@ export class MergedElement extends StateElement {
     this.#axis.value = view.axis;
     this.#against.value = view.against;
     this.#keep.checked = view.keep === "above";
-    this.#diameter.value = view.diameter_mm === null ? "" : String(view.diameter_mm);
+    this.#diameter.value = String(inField(view.diameter_mm));
     this.#reach();
     this.append(h(
       "section", { class: "panel", "aria-labelledby": "merged-title" },
@@ -97,7 +97,7 @@ export class MergedElement extends StateElement {
     const view = this.#view;
     const axis = AXES.find((one) => one === this.#axis.value) ?? "";
     if (axis !== view.axis) this.#reach();
-    const typed = Number(this.#diameter.value.replace(",", "."));
+    const typed = typedNumber(this.#diameter.value);
     const next = {
       colors: COLORS.find((color) => this.#colors.some((input) => input.checked && input.value === color)) ?? "height",
       axis, at_mm: Number(this.#at.value), keep: /** @type {"below" | "above"} */ (this.#keep.checked ? "above" : "below"),

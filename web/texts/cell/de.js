@@ -10,7 +10,7 @@ export const texts = Object.freeze({
   "new.brand": "Roboter",
   "new.brand_hint": "Bestimmt, wie die Zahlen einer Pose gelesen werden.",
   "new.diameter": "Kugeldurchmesser in mm",
-  "new.diameter_hint": "Laut Zertifikat, etwa 80.003",
+  "new.diameter_hint": "Laut Zertifikat, etwa 80,003",
   "new.turntable": "Das Teil oder die Kugel steht auf einem Drehtisch",
   "new.board": "Kalibriertafel, für Kamerabilder",
   "new.board_kind": "Muster",

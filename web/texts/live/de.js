@@ -22,7 +22,7 @@ export const texts = {
   "preview.nothing": "noch keine Aufnahme",
   "preview.rate": "{rate} pro Sekunde, {age} ms alt",
   "preview.image": "Bild mit Lichtlinie und angepasstem Bogen",
-  "preview.zone": "r/R (gut 0.45–0.95)",
+  "preview.zone": "r/R (gut 0,45–0,95)",
   "preview.extent": "Bogen",
   "preview.rms": "Restabweichungen, RMS",
   "preview.exposure": "Belichtung",

@@ -22,7 +22,7 @@ export const texts = {
   "preview.nothing": "尚无曝光",
   "preview.rate": "每秒 {rate} 帧，延迟 {age} 毫秒",
   "preview.image": "带激光线和拟合圆弧的图像",
-  "preview.zone": "r/R（良好 0.45–0.95）",
+  "preview.zone": "r/R (良好 0.45–0.95)",
   "preview.extent": "圆弧",
   "preview.rms": "残差均方根",
   "preview.exposure": "曝光",

@@ -182,4 +182,9 @@ export const texts = {
   "By the robot's poses of {} views of the fixed board. The camera stays that of the boards, and its uncertainty holds the difference. ± at k = 2.": "Nach den Roboterposen von {} Ansichten der festen Tafel. Die Kamera bleibt die der Tafeln, und ihre Unsicherheit enthält den Unterschied. ± bei k = 2.",
   "Focal length x": "Brennweite x",
   "Focal length y": "Brennweite y",
+  "first": "erste",
+  "second": "zweite",
+  "table": "Tisch",
+  "laser": "Laser",
+  "T at 0°": "T bei 0°",
 };

@@ -385,7 +385,7 @@ export const texts = {
   "Send each file of the record's `files` as a part named `files`.": "Senden Sie jede Datei aus den `files` des Datensatzes als Teil namens `files`.",
   "Send each file once.": "Senden Sie jede Datei einmal.",
   "Send elements alone.": "Senden Sie nur Elemente.",
-  "Send it as 123.456.": "Senden Sie sie als 123.456.",
+  "Send it as 123.456.": "Senden Sie sie als „123.456“.",
   "Send it as the part `file`.": "Senden Sie es als Teil `file`.",
   "Send it to that one; this one goes on once the other has ended.": "Senden Sie sie an jenen; dieser macht weiter, sobald der andere beendet ist.",
   "Send it whole.": "Senden Sie es vollständig.",

@@ -182,4 +182,9 @@ export const texts = {
   "By the robot's poses of {} views of the fixed board. The camera stays that of the boards, and its uncertainty holds the difference. ± at k = 2.": "根据固定标定板 {} 个视图的机器人位姿。相机仍取自标定板，其不确定度包含这一差异。± 对应 k = 2。",
   "Focal length x": "焦距 x",
   "Focal length y": "焦距 y",
+  "first": "第一个",
+  "second": "第二个",
+  "table": "转台",
+  "laser": "激光",
+  "T at 0°": "T（0°）",
 };
