@@ -139,7 +139,7 @@ def answer_of(
         table_covariance=table_covariance,
         verdict=next((v for v in ("fail", "warn") if v in verdicts), "pass"),
         inputs_sha256=str(result.get("inputs_sha256", "")),
-        date=date or str(result.get("solved_at") or ""),
+        date=date,
         stale=any(part in stale for part in parts),
         warnings=tuple(result.get("warnings", ())),
     )

@@ -85,7 +85,7 @@ def provenance(answer: Answer) -> list[str]:
     return [
         *([f"NOT TO BE USED: this answer is {faults}"] if faults else []),
         f"scancell: scanner frame (laser) in tool0, of session {name}",
-        f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date or 'at an unknown date'}",
+        f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
         f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
         f"inputs sha256 {answer.inputs_sha256[:16]}",
     ]
@@ -161,7 +161,7 @@ def patched_line(backup: bytes, answer: Answer, comment: str, entries: Iterable[
     """
     text, encoding = as_bytes_kept(backup)
     number = r"[ \t]*[-+.\deE]+[ \t]*"
-    note = f"{comment}{mark(answer)} {answer.date or 'without date'}, {answer.position_sigma_mm:.3f} mm"
+    note = f"{comment}{mark(answer)} {answer.date[:10] or 'without date'}, {answer.position_sigma_mm:.3f} mm"
     for what, before, numbers in entries:
         found = only_match(rf"{before}({number}(?:,{number}){{5}})(?=[,)])([^\r\n]*)", text, what)
         kept = re.sub(rf"[ \t]*{re.escape(comment)}(?:DO-NOT-USE|SCANCELL) .*", "", found[2]).rstrip()

@@ -12,9 +12,8 @@ if TYPE_CHECKING:
 
 def _run(options: argparse.Namespace) -> int:
     """Print the answer; return 1 where it is stale or failed."""
-    from datetime import UTC, datetime
-
-    from calib_core.archive.archive import opened
+    from calib_core.archive.archive import is_archive, opened
+    from calib_core.archive.dates import solved_when
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.errors import ConflictError
@@ -23,9 +22,8 @@ def _run(options: argparse.Namespace) -> int:
     with opened(options.session) as folder:
         session, read = load_session(folder)
         results = stored_results(folder)
-        files = [folder / "results" / f"{stage}.json" for stage in results]
-        newest_s = max((file.stat().st_mtime for file in files), default=0.0)
-        answer = answer_of_folder(session, results, read, datetime.fromtimestamp(newest_s, UTC).isoformat())
+        date = solved_when(folder, results, unpacked=is_archive(options.session))
+        answer = answer_of_folder(session, results, read, date)
     if answer is None:
         raise ConflictError("a solved session", "no answer yet", "Run `scancell run` on it.", str(options.session))
     print_result(options, _text(answer), answer.to_json())

@@ -1,7 +1,6 @@
 """`scancell drift`: how a cell's answers moved from session to session."""
 
 import argparse
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,7 +42,8 @@ def _of_server(options: argparse.Namespace) -> "CellDrift":
 
 
 def _solved(path: Path) -> "SolvedSession":
-    from calib_core.archive.archive import opened
+    from calib_core.archive.archive import is_archive, opened
+    from calib_core.archive.dates import solved_when
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.review.drift import SolvedSession
@@ -51,8 +51,7 @@ def _solved(path: Path) -> "SolvedSession":
     with opened(path) as folder:
         session, _ = load_session(folder)
         results = stored_results(folder)
-        times = [(folder / "results" / f"{stage}.json").stat().st_mtime for stage in results]
-    date = datetime.fromtimestamp(max(times), UTC).isoformat() if times else ""
+        date = solved_when(folder, results, unpacked=is_archive(path))
     return SolvedSession(str(path), session.name or path.name, date, results)
 
 

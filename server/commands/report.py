@@ -20,7 +20,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     """Write the report; a session without results is solved for it."""
-    from calib_core.archive.archive import opened
+    from calib_core.archive.archive import is_archive, opened
+    from calib_core.archive.dates import now, solved_when
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results, truth_of
     from calib_core.stages.graph import Graph
@@ -29,9 +30,11 @@ def _run(options: argparse.Namespace) -> int:
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
-        results = stored_results(folder) or solved_if_possible(options, session, read)
+        results = stored_results(folder)
+        solved = solved_when(folder, results, unpacked=is_archive(options.session)) if results else now()
+        results = results or solved_if_possible(options, session, read)
         stale = Graph.stale_of(session, read, results)
-        page = report_html(session, results, stale, truth_of(folder))
+        page = report_html(session, results, stale, truth_of(folder), solved)
     if options.out.suffix.lower() == ".pdf":
         from server.render.pdf import pdf_of
 

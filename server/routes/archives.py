@@ -91,7 +91,9 @@ def get_archive(
         answer = _answer(db, stored)
     file = store.blobs.scratch()
     try:
-        pack_stored(stored, kept, file, {**_pages(stored, scene), **_answer_file(answer), HISTORY_FILE: past})
+        pack_stored(
+            stored, kept, file, {**_pages(stored, answer, scene), **_answer_file(answer), HISTORY_FILE: past}
+        )
         size = file.seek(0, 2)
     except BaseException:
         file.close()
@@ -155,7 +157,7 @@ def get_report(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         answer = _answer(db, stored)
-    page, headers = _report(stored, with_truth=True), {**_marks(answer), "Vary": "Accept"}
+    page, headers = _report(stored, answer, with_truth=True), {**_marks(answer), "Vary": "Accept"}
     if form == "pdf" or (form is None and _asks_for_pdf(accept)):
         headers["Content-Disposition"] = f'inline; filename="{session_id}-report.pdf"'
         return Response(_printed(page), media_type=_PDF, headers=headers)
@@ -196,7 +198,7 @@ def _marks(answer: Answer | None) -> Mapping[str, str]:
     return {} if answer is None else answer_headers(answer.verdict, answer.stale)
 
 
-def _report(stored: SessionOfStore, *, with_truth: bool) -> str:
+def _report(stored: SessionOfStore, answer: Answer | None, *, with_truth: bool) -> str:
     from server.render.report.report import report_html
 
     stale = [name for name, result in stored.results_with_stale().items() if result["stale"]]
@@ -205,14 +207,15 @@ def _report(stored: SessionOfStore, *, with_truth: bool) -> str:
         from server.sources.simulated import simulated_session
 
         truth = simulated_session(str(stored.simulated["scenario"]), int(stored.simulated["seed"])).truth
-    return report_html(stored.session, stored.results, stale, truth)
+    solved = "" if answer is None else answer.date
+    return report_html(stored.session, stored.results, stale, truth, solved)
 
 
-def _pages(stored: SessionOfStore, with_scene: bool) -> dict[str, bytes]:
+def _pages(stored: SessionOfStore, answer: Answer | None, with_scene: bool) -> dict[str, bytes]:
     # Measurements and results go out even where they cannot be shown.
     pages: dict[str, bytes] = {}
     with suppress(CalibrationError):
-        pages[REPORT_FILE] = _report(stored, with_truth=False).encode()  # as whoever imports it makes it
+        pages[REPORT_FILE] = _report(stored, answer, with_truth=False).encode()  # as whoever imports it makes it
     if with_scene:
         from server.scenes.offline import scene_html
         from server.scenes.stored import scene_of

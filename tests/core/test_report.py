@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.archive.dates import solved_when
 from calib_core.archive.folder import load_session
 from calib_core.archive.stored_results import stored_results
 from calib_core.errors import InputError
@@ -88,6 +89,8 @@ def test_it_says_what_the_records_say(solved):
     assert session.name in page.text
     assert tcp["inputs_sha256"] in page.text
     assert tcp["software"] in page.text
+    dated = report_html(session, results, solved="2026-11-03T07:16:34.521Z")
+    assert "solved 2026-11-03 07:16 UTC" in Page(dated).text
     assert tcp["method"] in page.text
     for warning in tcp["warnings"]:
         assert warning in page.text
@@ -255,7 +258,8 @@ def test_the_command_writes_the_page(solved_folder, tmp_path, capsys):
     assert capsys.readouterr().out == f"{file}\n"
     session, results = load_session(solved_folder)[0], stored_results(solved_folder)
     truth = json.loads((solved_folder / "truth.json").read_text(encoding="utf-8"))
-    assert file.read_text(encoding="utf-8") == report_html(session, results, (), truth)
+    solved_at = solved_when(solved_folder, results, unpacked=False)
+    assert file.read_text(encoding="utf-8") == report_html(session, results, (), truth, solved_at)
     assert main(["report", str(tmp_path / "none"), "--out", str(file)]) == 2
 
 

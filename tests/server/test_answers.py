@@ -154,7 +154,7 @@ def test_the_command_prints_the_same_answer_as_the_server(
     assert main(["answer", str(tmp_path / "cell.zip"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     served = client.get(f"/sessions/{solved}/answer").json()
-    assert {**printed, "solved": None} == {**served, "solved": None}
+    assert printed == served  # with when it was solved, which is not when the archive was unpacked
     assert main(["answer", str(tmp_path / "cell.zip")]) == 0
     text = capsys.readouterr().out
     tool = text[text.index("tool0_from_laser") :]

@@ -9,6 +9,7 @@ from typing import Any
 from calib_core.archive import archive
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.archive.bag import Content
+from calib_core.archive.dates import now, solved_when
 from calib_core.archive.folder import folder_of, load_session, to_json_bytes
 from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.errors import CalibrationError, InputError
@@ -35,8 +36,11 @@ def pack(options: argparse.Namespace) -> int:
     if not results:
         results = solved_if_possible(options, session, read)
         extra |= {f"results/{stage}.json": to_json_bytes(result) for stage, result in results.items()}
-    extra |= _report(options, session, read, results, truth_of(folder))
-    answer = answer_of_folder(session, results, read)
+        date = now()
+    else:
+        date = solved_when(folder, results, unpacked=False)
+    extra |= _report(options, session, read, results, truth_of(folder), date)
+    answer = answer_of_folder(session, results, read, date)
     extra |= {} if answer is None else {ANSWER_FILE: to_json_bytes(answer.to_json())}
     if not options.no_scene:
         extra |= _scene(options, session, read, results)
@@ -108,6 +112,7 @@ def _report(
     read: ReadFile,
     results: Mapping[str, Mapping[str, Any]],
     truth: Mapping[str, Any] | None,
+    date: str,
 ) -> dict[str, Content]:
     from calib_core.stages.graph import Graph
     from server.render.report.report import report_html
@@ -119,7 +124,7 @@ def _report(
             f"warning: the result of {stage} is older than its captures: `scancell run` solves it again.",
         )
     try:
-        return {REPORT_FILE: report_html(session, results, stale, truth).encode()}
+        return {REPORT_FILE: report_html(session, results, stale, truth, date).encode()}
     except CalibrationError as error:
         remark(options, f"warning: packed without the report: {error}")
         return {}

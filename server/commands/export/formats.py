@@ -3,11 +3,10 @@
 import argparse
 import sys
 from collections.abc import Mapping
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
-from calib_core.archive.archive import opened
+from calib_core.archive.archive import is_archive, opened
+from calib_core.archive.dates import now, solved_when
 from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import media_types
 from calib_core.errors import InputError
@@ -45,7 +44,9 @@ def export(options: argparse.Namespace) -> int:
         if stored.keys().isdisjoint(tool_stages()):
             with progress_bar(options) as progress:
                 results |= run_stages(session, read, _answering_stage(session), progress)
-        date = _solved_at(folder, stored)
+            date = now()
+        else:
+            date = solved_when(folder, stored, unpacked=is_archive(options.session))
     try:
         answer = answer_of(session, results, stale, date)
         if backup is None:
@@ -87,12 +88,3 @@ def _settings(options: argparse.Namespace) -> dict[str, str]:
             raise InputError("NAME=VALUE", f"'{pair}'", "Write it as tool_name=tScanner.", "--set")
         settings[name] = value
     return settings
-
-
-def _solved_at(folder: Path, stored: Mapping[str, Any]) -> str:
-    """Return when the answer was written, as a date; now where it was solved just now."""
-    for stage in tool_stages():
-        file = folder / "results" / f"{stage}.json"
-        if stage in stored and file.is_file():
-            return datetime.fromtimestamp(file.stat().st_mtime, UTC).date().isoformat()
-    return datetime.now(UTC).date().isoformat()

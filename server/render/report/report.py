@@ -35,6 +35,7 @@ def report_html(
     results: Mapping[str, Data],
     stale: Collection[str] = (),
     truth: Data | None = None,
+    solved: str = "",
 ) -> str:
     """Return a session's report as one HTML page that needs no other file, no script and no address.
 
@@ -47,6 +48,8 @@ def report_html(
         The stages whose result is older than the captures.
     truth : mapping, optional
         Of a simulated cell, as its `truth.json` has it.
+    solved : str
+        When the answer was solved (ISO 8601, UTC), where that is known.
 
     Raises
     ------
@@ -69,12 +72,16 @@ def report_html(
         name=session.name or "Session",
         footer=Markup(_NOT_PLAIN.sub(" ", session.name or "Session")),
         style=Markup(STYLE),
-        answer=_answer(session, told, blocks),
+        answer=_answer(session, told, blocks, solved),
         picture=Markup(scene_picture(session, told)),
         cell=_cell_rows(session.cell),
         captures=_capture_counts(session),
         stages=[
-            {**told[name], "title": title_of(name), "body": Markup(result_html(told[name], blocks[name]))}
+            {
+                **told[name],
+                "title": title_of(name),
+                "body": Markup(result_html(told[name], blocks[name])),
+            }
             for name in names
         ],
         stale=STALE,
@@ -91,7 +98,9 @@ def _evidence(session: Session, data: Data) -> list[AnyBlock]:
     return stored_evidence(session, data)
 
 
-def _answer(session: Session, results: Mapping[str, Data], blocks: Mapping[str, list[AnyBlock]]) -> Data | None:
+def _answer(
+    session: Session, results: Mapping[str, Data], blocks: Mapping[str, list[AnyBlock]], solved: str
+) -> Data | None:
     """Return what stands on the first page: the answer with its uncertainty, and what was decided."""
     try:
         answer = answer_of(session, results)
@@ -101,6 +110,7 @@ def _answer(session: Session, results: Mapping[str, Data], blocks: Mapping[str, 
     decision = results.get("verify", {}).get("decision")
     return {
         "title": title_of(answer.stage),
+        "solved": _when(solved),
         "verdict": answer.verdict,
         "meaning": VERDICTS[answer.verdict].partition(". ")[2],
         "label": headline.label if headline else "",
@@ -111,9 +121,15 @@ def _answer(session: Session, results: Mapping[str, Data], blocks: Mapping[str, 
     }
 
 
+def _when(moment: str) -> str:
+    """Return a moment (ISO 8601, UTC) as people write it, "" where it is not known."""
+    return f"{moment[:16].replace('T', ' ')} UTC" if moment else ""
+
+
 def _cell_rows(cell: Cell) -> list[tuple[str, str]]:
     sigma = cell.sphere_diameter_sigma_mm
     rows = [
+        ("Cell", cell.id),
         ("Sphere's diameter", quantity_text(quantity(cell.sphere_diameter_mm, "mm", sigma or None))),
         ("Poses as", f"{cell.pose_convention}: {CONVENTIONS[cell.pose_convention].numbers}"),
         ("Robot", cell.robot.brand),

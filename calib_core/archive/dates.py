@@ -1,0 +1,59 @@
+"""When a session folder's answer was solved: solvers know no clock, and an archive's files no time."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from calib_core.errors import InputError
+from calib_core.review.answer import ANSWER_FILE
+
+
+def now() -> str:
+    """Return the time as ISO 8601 text in UTC, which sorts as it runs."""
+    return _text(datetime.now(UTC))
+
+
+def solved_when(folder: Path, results: Mapping[str, Mapping[str, Any]], *, unpacked: bool) -> str:
+    """Return when the results in a folder were solved, as ISO 8601 text in UTC; "" where nobody knows.
+
+    Parameters
+    ----------
+    folder : Path
+    results : mapping
+        Its results by stage, as JSON data.
+    unpacked : bool
+        Whether it was unpacked for this moment alone: then its files are as old as the unpacking.
+
+    Notes
+    -----
+    The archive's `answer.json` tells it, as long as it is of the same results; of another folder, the time when
+    the newest of them was written.
+    """
+    told = _told(folder / ANSWER_FILE, results)
+    if told or unpacked:
+        return told
+    files = [folder / "results" / f"{stage}.json" for stage in results]
+    times_s = [file.stat().st_mtime for file in files if file.is_file()]
+    if not times_s:
+        return ""
+    return _text(datetime.fromtimestamp(max(times_s), UTC))
+
+
+def _told(file: Path, results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return what an answer file says, "" where it is of other results."""
+    from calib_core.archive.folder import parse_json
+
+    try:
+        answer = parse_json(file.read_bytes(), str(file))
+    except (OSError, InputError):
+        return ""
+    of_these = isinstance(answer, dict) and all(
+        results.get(stage, {}).get("inputs_sha256") == digest
+        for stage, digest in dict(answer.get("inputs_sha256") or {}).items()
+    )
+    return str(answer.get("solved") or "") if of_these else ""
+
+
+def _text(moment: datetime) -> str:
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
