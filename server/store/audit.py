@@ -1,6 +1,6 @@
 """The log of who did what: a row in the very transaction that does it, or for a request that was refused."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from itertools import islice
@@ -33,11 +33,15 @@ acting: ContextVar[Act | None] = ContextVar("acting", default=None)
 """What the present task or thread is doing for somebody; None for what the server does by itself."""
 
 
-def note_act(db: Transaction, act: Act | None) -> None:
+def note_acts(db: Transaction, acts: Iterable[Act | None]) -> None:
     """Add what is being done to the log, with the transaction that does it or not at all."""
-    if act is not None and not act.noted:
-        act.noted = True
-        db.connection().execute(_ADD, _values(act, "done"))  # each request pays for it: no unit of work
+    rows: list[Data] = []
+    for act in acts:
+        if act is not None and not act.noted:
+            act.noted = True
+            rows.append(_values(act, "done"))
+    if rows:
+        db.connection().execute(_ADD, rows)  # each request pays for it: no unit of work
 
 
 def note_refusal(db: Transaction, act: Act) -> None:

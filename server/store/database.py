@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from server.settings import Settings
-from server.store.audit import acting, note_act
+from server.store.audit import acting, note_acts
 from server.store.blob_places import open_blobs
 from server.store.engine import engine_of, reading
 from server.store.models import EventRow, SessionRow, now
@@ -72,7 +72,7 @@ class Store:
                 if self._require_own is not None:
                     self._require_own(db)
                 yield db
-                note_act(db, acting.get())
+                note_acts(db, [acting.get()])
                 db.commit()
                 events: list[EventRow] = db.info.pop(_EVENTS, [])
             for recorded in events:

@@ -106,6 +106,7 @@ class GroupCommit:
     def _written(self, writes: Sequence[_Write], digests: Iterator[str]) -> list[Any]:
         """Write all in one transaction; return for each what it returned, or why it was refused."""
         outcomes: list[Any] = []
+        done: list[audit.Act | None] = []
         with self._store.write() as db:
             for write in writes:
                 try:
@@ -113,5 +114,6 @@ class GroupCommit:
                 except CalibrationError as error:
                     outcomes.append(error)
                 else:
-                    audit.note_act(db, write.by)
+                    done.append(write.by)
+            audit.note_acts(db, done)
         return outcomes

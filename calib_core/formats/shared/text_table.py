@@ -330,8 +330,9 @@ def _parse_lines(lines: list[str], head: _Head, before: int, where: str, example
     try:
         fields = _fields(lines, head)
         # Blank fields come often (",\n"): they are worth the quick way too.
-        numbers = (float(field) if field else np.nan for field in fields) if "" in fields else map(float, fields)
-        values = np.array(list(numbers)).reshape(-1, head.width)
+        blanks = "" in fields
+        numbers = [float(field) if field else np.nan for field in fields] if blanks else list(map(float, fields))
+        values = np.array(numbers).reshape(-1, head.width)
     except ValueError:
         values = _parse_with_care(lines, head, before, where, example)
     values[~np.isfinite(values)] = np.nan
