@@ -1,8 +1,8 @@
-// Shop floor: for a tablet at arm's length. Large type, one huge action, and a tone that tells how a capture was.
+// Shop floor: for a tablet at arm's length. Large type, one huge action, and a tone that tells how a capture or a result was.
 
 import { style } from "./dom.js";
 
-const KEY = "scancell-shop";
+const KEY = "scancell-shop", QUIET = "scancell-quiet";
 const ROOT = document.documentElement;
 /** Tones in Hz: rising is good, falling is refused. @type {Readonly<Record<string, readonly number[]>>} */
 const TONES = { pass: [660, 880], warn: [660, 660], fail: [440, 262] };
@@ -20,8 +20,17 @@ export function setShop(on) {
   else window.localStorage.removeItem(KEY);
 }
 
-/** Tell a capture's verdict by a sound: in the mode for the shop floor, or where it was asked for. @param {string} verdict @param {boolean} [asked] */
-export function sound(verdict, asked = atShop()) {
+/** Whether the mode for the shop floor may be heard. */
+export const mayBeHeard = () => !window.localStorage.getItem(QUIET);
+
+/** @param {boolean} on */
+export function letBeHeard(on) {
+  if (on) window.localStorage.removeItem(QUIET);
+  else window.localStorage.setItem(QUIET, "1");
+}
+
+/** Tell a verdict by a sound: in the mode for the shop floor, or where it was asked for. @param {string} verdict @param {boolean} [asked] */
+export function sound(verdict, asked = atShop() && mayBeHeard()) {
   if (!asked || typeof AudioContext === "undefined") return;
   const audio = new AudioContext();
   const tones = TONES[verdict] ?? [];

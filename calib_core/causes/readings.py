@@ -128,7 +128,8 @@ class Reading:
         if self.way == "transposed":
             found.append("with transposed rotations (the base's in the flange's frame)")
         said = ", ".join(found)
-        return f"Poses are {said}", said
+        written = said.removeprefix("written as ")
+        return f"Poses are written as {written}" if written != said else f"Poses are {said}", said
 
 
 def _form(convention: Convention) -> tuple[str, str]:

@@ -78,14 +78,28 @@ def test_a_tablet_by_touch(tablet: Page, api: httpx.Client) -> None:
     require_room()
 
 
+_TONES = """
+window.tones = [];
+const start = OscillatorNode.prototype.start;
+OscillatorNode.prototype.start = function (...at) {
+  window.tones.push([this.frequency.value, this.context.state]);
+  return start.apply(this, at);
+};
+"""
+
+
 def test_the_shop_floor(open_page: Callable[..., Any], api: httpx.Client) -> None:
     page, watched = open_page(f"/sessions/{simulated_session(api, captures=2)}", width=1024, height=768)
     expect(page.locator("sc-quality")).to_be_visible()
     page.get_by_role("button", name="More", exact=True).click()
     page.get_by_label("Shop floor").check()
+    page.get_by_label("Sound", exact=True).uncheck()
     page.keyboard.press("Escape")
+    page.add_init_script(_TONES)
+    page.context.new_cdp_session(page).send("Emulation.setTouchEmulationEnabled", {"enabled": True})
     page.reload()
     expect(page.locator("sc-quality")).to_be_visible()
+    assert page.evaluate("() => matchMedia('(pointer: coarse)').matches")
     assert page.evaluate(_SMALL_TYPE) == []
     assert page.evaluate(_WIDE) <= 0
     assert main_action_in_sight(page)
@@ -94,6 +108,16 @@ def test_the_shop_floor(open_page: Callable[..., Any], api: httpx.Client) -> Non
     assert action["height"] >= 100
     page.locator("sc-actions button.primary:visible").click()
     expect(page.locator("sc-quality h2")).to_contain_text("p03")
+    assert page.evaluate("() => window.tones") == []
+    page.get_by_role("button", name="More", exact=True).click()
+    page.get_by_label("Sound", exact=True).check()
+    page.keyboard.press("Escape")
+    page.locator("sc-actions button.primary:visible").click()
+    expect(page.locator("sc-quality h2")).to_contain_text("p04")
+    assert page.evaluate("() => window.tones") == [[660, "running"], [880, "running"]]
+    # What a term means is told where a finger touches it.
+    page.locator("sc-quality .term", has_text="r/R").click()
+    expect(page.locator(".glossary")).to_contain_text("the radius of the arc over the sphere's radius")
     assert watched.complaints == []
 
 

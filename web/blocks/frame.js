@@ -1,6 +1,7 @@
 // A transform as the controller wants it typed in, each number with its uncertainty; the matrix on demand.
 
 import { copyButton } from "../components/copy.js";
+import { glossed } from "../components/glossary.js";
 import { h } from "../dom.js";
 import { maybe, t } from "../texts.js";
 import { quantityWords } from "./quantity.js";
@@ -13,7 +14,7 @@ export function frame({ name, matrix, numbers = [], units = "", convention = "" 
   const rows = matrix.map((row) => row.map((value) => value.toPrecision(12)).join(" ")).join("\n");
   const typed = numbers.map(({ quantity: { value, decimals = 0 } }) => (value ?? 0).toFixed(Math.max(decimals, 3))).join(" ");
   return h("div", { class: "frame-block" },
-    numbers.length > 0 && h("div", { class: "row spread" }, h("p", { class: "soft small" }, t("frame.what", { units: written })), copyButton(typed, t("frame.copy"))),
+    numbers.length > 0 && h("div", { class: "row spread" }, h("p", { class: "soft small" }, glossed(t("frame.what", { units: written }))), copyButton(typed, t("frame.copy"))),
     numbers.length > 0 && h("dl", { class: "frame-numbers number" }, ...numbers.map((number) => h("div", {}, h("dt", {}, number.label), h("dd", {}, quantityWords(number.quantity))))),
     h("details", { class: "raw" }, h("summary", {}, t("frame.matrix", { name })), h("pre", { class: "mono", tabindex: 0, "aria-label": name }, rows), copyButton(rows, t("frame.copy_matrix"))));
 }

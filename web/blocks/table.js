@@ -13,7 +13,7 @@ const ROWS_AT_ONCE = 200;
 
 /** @param {TableBlock} block @param {SessionState} state */
 export function table({ caption, columns, rows }, state) {
-  return h("div", { class: "table-block" }, caption && h("p", { class: "soft small" }, said(caption)), h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-label": said(caption || (columns[0]?.label ?? "")) },
+  return h("div", { class: "table-block" }, caption && h("p", { class: "soft small" }, glossed(said(caption))), h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-label": said(caption || (columns[0]?.label ?? "")) },
     h("table", { class: "number compare" },
       h("thead", {}, h("tr", {}, ...columns.map((column) => h("th", { scope: "col", class: column.align !== "left" && "right" }, glossed(headOf(column)))))),
       fillLater(h("tbody"), rows, (row) => line(row, columns, state)))));

@@ -152,6 +152,7 @@ export class ActionsElement extends StateElement {
     this.#followed = "";
     if (job.status === "done") {
       this.state.open(job.stage, "result");
+      sound(this.state.results[job.stage]?.verdict ?? "pass");
       say(maybe(`actions.solved_${job.stage}`, t("actions.solved")));
     } else if (job.status === "failed") void this.#failed(job);
     else notify(maybe(`actions.cancelled_${job.stage}`, t("actions.cancelled")));

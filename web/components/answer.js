@@ -113,6 +113,10 @@ function next(state, stage) {
   const result = state.results[stage];
   // What is not accepted is mended here first, and where the main button mends the cause, more captures would not.
   if (result && !result.stale && result.verdict !== "pass" && now?.stage !== stage) return null;
+  if (stage === "merge" && result && !result.stale && result.verdict === "pass" && !("timeline" in state)) {
+    const go = () => document.getElementById("merge-files")?.scrollIntoView({ behavior: "smooth" });
+    return h("p", { class: "next" }, h("strong", {}, t("answer.next")), " ", h("button", { type: "button", class: "plain", onclick: go }, t("answer.save")));
+  }
   if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && mendable(result).length)) return null;
   return h("p", { class: "next", title: said(now.instruction) }, h("strong", {}, t("answer.next")), " ", brief(said(now.instruction)));
 }

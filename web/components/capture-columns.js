@@ -12,6 +12,7 @@ import { thumbnail } from "./thumbnail.js";
  * @typedef {object} Column
  * @property {string} name
  * @property {string} title
+ * @property {string} [hint]
  * @property {boolean} [right]
  * @property {Value} value what it is sorted and copied by
  * @property {(capture: CaptureOut, residual: Residual | undefined) => Node | string | null} cell
@@ -33,7 +34,7 @@ const COLUMNS = [
   { name: "id", title: t("column.id"), value: ({ id }) => id, cell: ({ id }) => id },
   { name: "table", title: t("column.table"), right: true, value: ({ mount, table_deg }) => number(table_deg) ?? (mount ? "" : null), cell: place },
   { name: "pose", title: t("column.pose"), value: ({ pose, measured }) => pose?.join(" ") ?? (measured.image_size ? null : ""), cell: (capture, residual) => poseCell(capture, residual) },
-  plain("zone", ({ measured }) => number(measured.zone), (value) => fixed(value, 2)),
+  { ...plain("zone", ({ measured }) => number(measured.zone), (value) => fixed(value, 2)), hint: t("glossary.words_zone") },
   plain("extent", ({ measured }) => number(measured.extent_deg), (value) => `${fixed(value, 0)}°`),
   plain("points", ({ measured }) => number(measured.on_sphere) || number(measured.points), integer),
   plain("edge", ({ measured }) => number(measured.edge_width_px), (value) => `${fixed(value, 1)} px`),

@@ -138,8 +138,8 @@ export class CapturesElement extends StateElement {
     const hidden = (/** @type {"column.picture"} */ key) => h("th", { scope: "col" }, h("span", { class: "visually-hidden" }, t(key)));
     this.#head.replaceChildren(
       h("th", { scope: "col", class: "select" }, all), hidden("column.picture"),
-      ...this.#columns.map(({ name, title, right }) => h("th", { scope: "col", class: `${name} ${right ? "right" : ""}`, "aria-sort": this.#order.name === name ? (this.#order.down ? "descending" : "ascending") : "none" },
-        h("button", { type: "button", class: "plain sort", onclick: () => this.#sortBy(name) }, title, this.#order.name === name && (this.#order.down ? " ↓" : " ↑")))),
+      ...this.#columns.map(({ name, title, right, hint }) => h("th", { scope: "col", class: `${name} ${right ? "right" : ""}`, "aria-sort": this.#order.name === name ? (this.#order.down ? "descending" : "ascending") : "none" },
+        h("button", { type: "button", class: "plain sort", title: hint ?? false, onclick: () => this.#sortBy(name) }, title, this.#order.name === name && (this.#order.down ? " ↓" : " ↑")))),
       h("th", { scope: "col", class: "use" }, t("column.counts")), hidden(/** @type {"column.picture"} */ ("column.delete")));
   }
 

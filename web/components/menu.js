@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { may, me } from "../state/me.js";
-import { atShop, setShop } from "../shop.js";
+import { atShop, letBeHeard, mayBeHeard, setShop } from "../shop.js";
 import { chooseLanguage, language, LANGUAGES, t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
@@ -31,14 +31,16 @@ function languages() {
 /** The mode for a tablet at arm's length. */
 function shopFloor() {
   const box = h("input", { type: "checkbox", id: "shop", ".checked": atShop(), onchange: () => setShop(box.checked) });
-  return h("div", { class: "row shop-choice" }, box, h("label", { for: "shop" }, t("menu.shop")));
+  const heard = h("input", { type: "checkbox", id: "heard", ".checked": mayBeHeard(), onchange: () => letBeHeard(heard.checked) });
+  return [h("div", { class: "row shop-choice" }, box, h("label", { for: "shop" }, t("menu.shop"))),
+    h("div", { class: "row shop-choice shop-only" }, heard, h("label", { for: "heard" }, t("menu.sound")))];
 }
 
 /** The button and what it opens. */
 export function menu() {
   const panel = h("div", { id: "menu", class: "menu", popover: "auto", role: "group", "aria-label": t("menu.title") },
     ...who(), h("button", { type: "button", class: "plain", onclick: async () => (await import("./keys.js")).keysDialog() }, t("menu.keys"), h("kbd", { "aria-hidden": "true" }, "?")),
-    languages(), shopFloor(),
+    languages(), ...shopFloor(),
     may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
   const button = h("button", { type: "button", class: "plain icon", popovertarget: "menu", "aria-label": t("menu.open"), title: t("menu.open") }, icon("more"));
   return [button, panel];

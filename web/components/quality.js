@@ -8,6 +8,7 @@ import { StateElement } from "./base.js";
 import { statusOf } from "./capture-columns.js";
 import { frameCoverage, sharpness } from "./frame-coverage.js";
 import { framePlot } from "./frame-plot.js";
+import { glossed } from "./glossary.js";
 import { profilePlot, zoneBar } from "./profile-plot.js";
 import { withoutWords } from "./without.js";
 
@@ -144,7 +145,7 @@ function standstill({ still }) {
  * @param {Node} [extra]
  */
 function figure(name, value, extra) {
-  return h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, value, extra));
+  return h("div", {}, h("dt", {}, glossed(name)), h("dd", { class: "number" }, value, extra));
 }
 
 customElements.define("sc-quality", QualityElement);

@@ -51,6 +51,7 @@ export const common = {
   "redo.done": "Redone: {what}",
   "redo.nothing": "There is nothing to redo.",
   "menu.shop": "Shop floor: large type, one action, sound",
+  "menu.sound": "Sound",
   "menu.language": "Language",
   "menu.keys": "Keys",
   "access.title": "Access",

@@ -187,4 +187,6 @@ export const texts = {
   "table": "Tisch",
   "laser": "Laser",
   "T at 0°": "T bei 0°",
+  "expected": "erwartet",
+  "Poses are written as {}": "Posen sind geschrieben wie {}",
 };

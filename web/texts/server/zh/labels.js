@@ -187,4 +187,6 @@ export const texts = {
   "table": "转台",
   "laser": "激光",
   "T at 0°": "T（0°）",
+  "expected": "预期",
+  "Poses are written as {}": "位姿按 {} 书写",
 };
