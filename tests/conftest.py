@@ -11,6 +11,7 @@ import os
 # as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import gc
 import pickle
 import sys
 from collections.abc import Callable, Iterator
@@ -45,6 +46,13 @@ LONGEST = {
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let the longest tests begin first."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+def pytest_collection_finish() -> None:
+    """Look for garbage as seldom as the server does, and never among modules and collected tests, which stay."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000)
 
 
 @pytest.fixture(scope="session")

@@ -275,7 +275,8 @@ def prediction(data: ChainData, state: ChainState) -> Prediction:
         places = state.table.places(data.table)
         centers[places.on_table] = places.centers
     predicted, jacobian = np.empty((count, 3)), np.empty((count, 3, 9))
-    tool = state.tool_rotation, state.tool_translation
+    # A transform's own arrays are read-only and strided: numba would compile another kernel for them.
+    tool = np.require(state.tool_rotation, None, "CW"), np.require(state.tool_translation, None, "CW")
     predict_centers(data.rotations, data.translations, *tool, centers, predicted, jacobian)
     levers = None
     if places is not None:

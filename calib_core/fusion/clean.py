@@ -54,7 +54,8 @@ def _clean_grid(scan: Scan, o: CleanOptions) -> CleanScan:
 
     rows, columns = scan.points_in_laser_mm.shape[:2]
     planes = np.full((3, rows + 2 * _BORDER, columns + 2 * _BORDER), np.nan, dtype=np.float32)
-    to_planes(np.ascontiguousarray(scan.points_in_laser_mm), scan.turntable_from_laser[:, :3], planes)
+    points, poses = scan.points_in_laser_mm, scan.turntable_from_laser[:, :3]
+    to_planes(np.require(points, None, "CW"), np.require(poses, None, "CW"), planes)  # one kernel for all of them
     least = float(np.cos(np.deg2rad(o.grazing_deg)))
     inner = planes[:, _BORDER:-_BORDER, _BORDER:-_BORDER]
     reach2 = _reach2(inner, least, scan.point_sigma_mm)

@@ -165,8 +165,9 @@ class VoxelGrid:
         poses = np.eye(4)[None] if into_from_outof is None else np.asarray(into_from_outof, dtype=float)
         n = np.empty((0, 0, 3), np.float32) if normals is None else normals
         self._require_sizes(points_mm, poses, w, n, where)
-        points = np.ascontiguousarray(points_mm, dtype=np.float32)
-        poses = np.ascontiguousarray(poses[:, :3])
+        # Strided and read-only arrays would each have a kernel of their own compiled.
+        points, w, n = (np.require(some, np.float32, "CW") for some in (points_mm, w, n))
+        poses = np.require(poses[:, :3], None, "CW")
         count = points.shape[0] * points.shape[1]
         following = beyond = 0
         while following < count:

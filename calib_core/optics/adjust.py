@@ -242,7 +242,8 @@ class Adjustment:
         h_cc, g_c = np.zeros((c, c)), np.zeros(c)
         h_cp, h_pp, g_p = np.zeros((v, c, 6)), np.zeros((v, 6, 6)), np.zeros((v, 6))
         corner_residuals = np.empty(self.corners.pixels.shape)
-        about = (state.shared, self.band_nears, self.band_fars, self.free, state.rotations, state.translations)
+        poses = np.ascontiguousarray(state.rotations), np.ascontiguousarray(state.translations)
+        about = (state.shared, self.band_nears, self.band_fars, self.free, *poses)
         into = (h_cc, g_c, h_cp, h_pp, g_p)
         corners = self.corners
         basis = corners.shape_basis() if np.any(self.free >= shape_start(len(self.band_nears))) else None

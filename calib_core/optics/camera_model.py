@@ -153,8 +153,8 @@ class CameraModel:
             return self.distortion[None], np.array([-np.inf]), np.array([np.inf])
         return (
             np.array([s.distortion for s in self.segments]),
-            np.array([s.near_mm for s in self.segments]),
-            np.array([s.far_mm for s in self.segments]),
+            np.array([s.near_mm for s in self.segments], dtype=float),
+            np.array([s.far_mm for s in self.segments], dtype=float),
         )
 
     @cached_property

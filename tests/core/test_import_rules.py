@@ -23,22 +23,43 @@ FILE_ROOMS = (
 )  # fmt: skip
 PURE_PATHS = {"PurePath", "PurePosixPath", "PureWindowsPath"}
 FILE_METHODS = {"read_text", "write_text", "read_bytes", "write_bytes", "tofile", "unlink", "mkdir"}
+Import = tuple[str, str, int]
 FILE_FUNCTIONS = {"loadtxt", "genfromtxt", "savetxt", "save", "savez", "fromfile", "imread", "imwrite", "memmap"}
 
 
 @cache
-def parsed(file: Path) -> tuple[ast.AST, ...]:
-    return tuple(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+def read(file: Path) -> tuple[tuple[Import, ...], tuple[str, ...]]:
+    """Return a file's imports and its calls that touch files; its syntax tree is not kept."""
+    nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+    calls = (node for node in nodes if isinstance(node, ast.Call))
+    return tuple(found for node in nodes for found in imported(file, node)), tuple(
+        f"line {call.lineno}: {name}" for call in calls if (name := touching(call))
+    )
 
 
-def imports(file: Path) -> Iterator[tuple[str, str, int]]:
-    """Yield every import as module, name (or nothing) and line, also those within functions."""
-    for node in parsed(file):
-        if isinstance(node, ast.Import):
-            yield from ((alias.name, "", node.lineno) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{file}:{node.lineno}: name the package in full"
-            yield from ((node.module or "", alias.name, node.lineno) for alias in node.names)
+def imported(file: Path, node: ast.AST) -> Iterator[Import]:
+    if isinstance(node, ast.Import):
+        yield from ((alias.name, "", node.lineno) for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        assert node.level == 0, f"{file}:{node.lineno}: name the package in full"
+        yield from ((node.module or "", alias.name, node.lineno) for alias in node.names)
+
+
+def touching(call: ast.Call) -> str:
+    """Return how a call touches files, nothing where it does not."""
+    called = call.func
+    if isinstance(called, ast.Name) and called.id == "open":
+        return "open()"
+    if isinstance(called, ast.Attribute):
+        module = called.value.id if isinstance(called.value, ast.Name) else ""
+        if called.attr in FILE_METHODS or (module in ("np", "cv2", "io") and called.attr in FILE_FUNCTIONS):
+            return f".{called.attr}()"
+    return ""
+
+
+def imports(file: Path) -> tuple[Import, ...]:
+    """Return every import as module, name (or nothing) and line, also those within functions."""
+    return read(file)[0]
 
 
 def within(module: str, *packages: str) -> bool:
@@ -69,17 +90,7 @@ def touches_files(file: Path) -> list[str]:
         for module, name, line in imports(file)
         if module.partition(".")[0] in FILES and not (module == "pathlib" and name in PURE_PATHS)
     ]
-    for node in parsed(file):
-        if not isinstance(node, ast.Call):
-            continue
-        called = node.func
-        if isinstance(called, ast.Name) and called.id == "open":
-            found.append(f"line {node.lineno}: open()")
-        if isinstance(called, ast.Attribute):
-            module = called.value.id if isinstance(called.value, ast.Name) else ""
-            if called.attr in FILE_METHODS or (module in ("np", "cv2", "io") and called.attr in FILE_FUNCTIONS):
-                found.append(f"line {node.lineno}: .{called.attr}()")
-    return found
+    return [*found, *read(file)[1]]
 
 
 def test_only_archive_captures_and_formats_touch_files() -> None:

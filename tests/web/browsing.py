@@ -17,6 +17,7 @@ BROWSER_ARGUMENTS = [
     "--disable-background-networking",
     "--disable-gpu-rasterization",
     "--disable-gpu-compositing",
+    "--enable-features=NetworkServiceInProcess2",  # a page asks for a hundred files: a tenth less of the processor
     "--process-per-site",  # a page beside another of the same server is drawn by a process that is warm
 ]
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium")
