@@ -1,23 +1,25 @@
 """Cells and their released answers: which one is in force, who put it there, when and why."""
 
-from sqlalchemy import func, select
+from collections.abc import Iterator
+
+from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, NotFoundError
-from calib_core.review.answer import cell_id
+from calib_core.review.answer import cell_id_of
 from calib_core.review.drift import SolvedSession
 from server.store.database import record_event
 from server.store.models import Data, ReleaseRow, SessionRow, now
-from server.store.sessions import empty_session, latest_results, locked_session
+from server.store.sessions import latest_results, locked_session
 from server.store.webhooks import tell
 
 
 def list_cells(db: Transaction) -> list[Data]:
     """Return all cells by id: how many sessions each has, the newest of them, and what is released."""
     cells: dict[str, Data] = {}
-    for row in db.scalars(select(SessionRow).order_by(SessionRow.created)):
-        cell = cells.setdefault(cell_of(row), {"sessions": 0})
-        cell.update(sessions=cell["sessions"] + 1, newest_session=row.id, newest_created=row.created)
+    for name, session in _sessions(db):
+        cell = cells.setdefault(name, {"sessions": 0})
+        cell.update(sessions=cell["sessions"] + 1, newest_session=session["id"], newest_created=session["created"])
     latest = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
     for release in db.scalars(select(ReleaseRow).where(ReleaseRow.number.in_(latest))):
         cells.setdefault(release.cell, {"sessions": 0})["released"] = release_data(release)
@@ -27,8 +29,7 @@ def list_cells(db: Transaction) -> list[Data]:
 
 def cell_history(db: Transaction, cell: str) -> Data:
     """Return a cell's sessions and releases, the newest first; raises NotFoundError."""
-    rows = db.scalars(select(SessionRow).order_by(SessionRow.created.desc()))
-    sessions = [{"id": row.id, "name": row.name, "created": row.created} for row in rows if cell_of(row) == cell]
+    sessions = [session for name, session in _sessions(db, cell) if name == cell][::-1]
     releases = [release_data(row) for row in _releases(db, cell)]
     if not sessions and not releases:
         raise NotFoundError("the id of a cell", repr(cell[:80]), "List the cells.", "cell")
@@ -96,9 +97,8 @@ def _add(db: Transaction, cell: str, session_id: str, action: str, answer: Data,
     db.flush()
     told = release_data(row)
     tell(db, "release", session_id, told, cell)  # by the cell: the answer's session may be gone
-    rows = db.scalars(select(SessionRow).order_by(SessionRow.id))
-    for one in [row.id for row in rows if cell_of(row) == cell]:  # what is in force differs for all of them
-        record_event(db, locked_session(db, one), "release", told)
+    for one in sorted(session["id"] for name, session in _sessions(db, cell) if name == cell):
+        record_event(db, locked_session(db, one), "release", told)  # what is in force differs for all of them
     return row
 
 
@@ -107,6 +107,19 @@ def _releases(db: Transaction, cell: str, limit: int | None = None) -> list[Rele
     return list(db.scalars(query.limit(limit)))
 
 
+def _sessions(db: Transaction, cell: str | None = None) -> Iterator[tuple[str, Data]]:
+    """Give each session with its cell's id, the oldest first; of one cell only those that may be of it.
+
+    The database looks into the records: to read all of them takes a tenth of a second for two thousand.
+    """
+    given, named = (SessionRow.record[path].as_string() for path in (("cell", "id"), "name"))
+    query = select(SessionRow.id, SessionRow.name, SessionRow.created, given, named).order_by(SessionRow.created)
+    if cell is not None:  # one without an id is of the cell that its name makes
+        query = query.where(or_(given == cell, given.is_(None), given == ""))
+    for session_id, name, created, own, session_name in db.execute(query):
+        yield cell_id_of(own, session_name or ""), {"id": session_id, "name": name, "created": created}
+
+
 def cell_of(row: SessionRow) -> str:
     """Return the id of the cell that a session is of."""
-    return cell_id(empty_session(row.record, row.id))
+    return cell_id_of(row.record["cell"].get("id"), row.record.get("name", ""))

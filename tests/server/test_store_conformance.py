@@ -18,6 +18,7 @@ from server.store.blob_bucket import BucketBlobs
 from server.store.database import Store, record_event
 from server.store.engine import engine_of
 from server.store.models import Base, EventRow, SessionRow
+from server.store.releases import add_release, cell_history, list_cells
 from server.store.sessions import create_session, list_sessions, locked_session, session_row
 from tests.server.live_server import assert_problem, make_session, serving, simulated_session, upload, wait_for
 from tests.server.stores import NewPlace, alter
@@ -169,6 +170,28 @@ CELL_TO_KEEP = {
     "scanner": {"kind": "profile", "point_sigma_mm": 1e-300},
     "robot": {"brand": "Größe “1” 😀"},
 }
+
+
+def test_a_release_is_told_in_each_session_of_its_cell_by_id_or_name(
+    store: Store, published: list[EventRow]
+) -> None:
+    told = [
+        ("Line 7", {"id": "line-7"}),
+        ("Line 7", {}),
+        ("Line 8", {"id": "line-7"}),
+        ("Line 7", {"id": "other"}),
+    ]
+    with store.write() as db:
+        records = [{"name": name, "cell": {**CELL["cell"], **cell}} for name, cell in told]
+        first, second, third, _ = (create_session(db, record, None).id for record in records)
+    published.clear()
+    with store.write() as db:
+        add_release(db, first, {"cell": "line-7", "verdict": "pass"}, "Ada", "set up")
+    assert {event.session_id for event in published} == {first, second, third}
+    with store.read() as db:
+        assert {session["id"] for session in cell_history(db, "line-7")["sessions"]} == {first, second, third}
+        counts = {cell["id"]: (cell["sessions"], cell["released"] is not None) for cell in list_cells(db)}
+    assert counts == {"line-7": (3, True), "other": (1, False)}
 
 
 def test_sessions_come_back_field_for_field_and_in_pages(client: httpx.Client) -> None:
