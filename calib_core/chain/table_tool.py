@@ -19,13 +19,33 @@ _TOLD_BY_TABLE = 0.5  # of what is not known of a direction: less says nothing o
 _RARE = 0.003
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ToolMove:
-    """By how much the table's captures see the tool elsewhere, and how rare so much is by chance."""
+    """By how much the table's captures see the tool elsewhere, and how rare so much is by chance.
 
-    shift_mm: float
-    turn_rad: float
+    Attributes
+    ----------
+    off : (6 + n,)
+        Of tool and nuisances from where the still sphere's captures put them, rad and mm.
+    chance : float
+        How often so much comes of chance.
+    share : float
+        How much of its square is more than chance, 0 … 1: after James and Stein 1 − c / χ², c the mean of χ².
+    """
+
+    off: FloatArray
     chance: float
+    share: float
+
+    @property
+    def shift_mm(self) -> float:
+        """How far the tool seems shifted."""
+        return float(np.linalg.norm(self.off[3:6]))
+
+    @property
+    def turn_rad(self) -> float:
+        """By which angle it seems turned."""
+        return float(np.linalg.norm(self.off[:3]))
 
     @property
     def sentence(self) -> str | None:
@@ -63,15 +83,17 @@ def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
         sigmas = position, orientation, angle
     fitted = fit_with_sigmas(free, judged.fit.state, sigmas, judged.fit.sigmas)
     assert free.tool_prior is not None
-    off = free.tool_prior.deviation(fitted.state)[:6]
+    off = free.tool_prior.deviation(fitted.state)
     some = np.concatenate([np.arange(6), np.arange(data.unknowns, data.width)])
     left = covariance_of(fitted.minimum.at.hessian)[np.ix_(some, some)]
-    squared, directions = _squared_distance(off, known, wide, left)
+    squared, directions = _squared_distance(off[:6], known, wide, left)
     if directions == 0:
         return None
-    freedom = 3 * int(judged.used.sum()) - data.free_unknowns
-    chance = _chance(squared, directions, freedom, estimated=None in sigmas)
-    return ToolMove(float(np.linalg.norm(off[3:])), float(np.linalg.norm(off[:3])), chance)
+    freedom = max(3 * int(judged.used.sum()) - data.free_unknowns, 3)
+    estimated = None in sigmas
+    mean = directions * (freedom / (freedom - 2) if estimated else 1.0)
+    share = max(0.0, 1 - mean / max(squared, 1e-12))
+    return ToolMove(off, _chance(squared, directions, freedom, estimated), share)
 
 
 def _squared_distance(off: FloatArray, known: FloatArray, wide: FloatArray, left: FloatArray) -> tuple[float, int]:
@@ -98,5 +120,5 @@ def _chance(squared: float, directions: int, freedom: int, estimated: bool) -> f
     from scipy.special import chdtrc, fdtrc  # scipy.stats has them too, but takes a second to import
 
     if estimated:
-        return float(fdtrc(directions, max(freedom, 3), squared / directions))
+        return float(fdtrc(directions, freedom, squared / directions))
     return float(chdtrc(directions, squared))

@@ -6,7 +6,8 @@ the evidence: covariance, residuals along, across and around the axis, encoder s
 
 The tool is that of the stage before.  While captures are judged and scatters estimated it may move within its own
 uncertainty, so that its error is not taken for theirs; the answer then holds it, because table and tool are used
-together and belong together, and its uncertainty is carried into the answer's.
+together and belong together, and its uncertainty is carried into the answer's.  So is a tool that the captures of
+the table see elsewhere, as far as that is more than chance: a scanner that was moved in between, by little.
 """
 
 from collections.abc import Callable, Sequence
@@ -163,7 +164,8 @@ def solve_turntable(
     judged, encoder = _judge(observations, data, tool, start, options)
 
     tell(0.7, "Holding the tool")
-    state, covariance = _tool_held(judged, tool)
+    move = tool_move(judged, options.sigmas)
+    state, covariance = _tool_held(judged, tool, move)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
     readings, mounts = readings_of(observations)
@@ -187,7 +189,7 @@ def solve_turntable(
         encoder=encoder,
         options=options,
         pattern=pattern_of(judged, TABLE_COLUMN),
-        tool_move=tool_move(judged, options.sigmas),
+        tool_move=move,
     )
 
 
@@ -293,7 +295,7 @@ def core_of(misfit_mm: FloatArray) -> np.ndarray:
     return misfit_mm <= limit
 
 
-def _tool_held(judged: Judged, tool: KnownTool) -> tuple[ChainState, FloatArray]:
+def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[ChainState, FloatArray]:
     """Return the unknowns with tool and scanner held, and their covariance with those' carried over.
 
     About the minimum the table follows tool and scanner by −H⁻¹ H_tool, with H of the other unknowns.
@@ -335,7 +337,10 @@ def _tool_held(judged: Judged, tool: KnownTool) -> tuple[ChainState, FloatArray]
     follows[rest] = -covariance_of(whole.hessian[np.ix_(rest, rest)]) @ whole.hessian[np.ix_(rest, by)]
     follows = follows[:width]
     some = known.tool_and_scanner
-    return found.state, own + follows @ known.covariance[np.ix_(some, some)] @ follows.T
+    carried = known.covariance[np.ix_(some, some)]
+    if move is not None:
+        carried = carried + move.share * np.outer(move.off, move.off)
+    return found.state, own + follows @ carried @ follows.T
 
 
 def _plain(judged: Judged) -> FloatArray:
