@@ -19,6 +19,7 @@ from calib_core.fusion.merge import VoxelGrid
 
 _FEWEST_POINTS = 3
 _TOTALS = 4
+_MANY_ERRORS = 72  # shared by scans: from here a pair's errors cost less by the scans' covariance than one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +207,12 @@ def overlap(seen: Patches, errors: PoseErrors | None = None, cut_mm: float | Non
     totals = np.zeros((count, _TOTALS))
     cut = 0.5 * seen.size_mm if cut_mm is None else cut_mm
     rows = (seen.bounds, seen.scans, seen.points_mm, seen.normals, seen.variances_mm2)
-    common, own = np.ascontiguousarray(e.common), np.ascontiguousarray(e.own)
-    pairs, squares, expected, beyond = pair_sums(*rows, cut, common, own, totals).tolist()
+    common, together = e.common, np.empty((0, 0))
+    if common.shape[2] > _MANY_ERRORS:
+        flat = common.reshape(6 * count, -1)
+        common, together = common[:, :, :0], flat @ flat.T
+    common, own = np.ascontiguousarray(common), np.ascontiguousarray(e.own)
+    pairs, squares, expected, beyond = pair_sums(*rows, cut, common, together, own, totals).tolist()
     divisor = np.where(totals[:, :1] > 0, totals[:, :1], np.nan)
     per_scan = np.concatenate([totals[:, :1], totals[:, 1:] / divisor], axis=1)
     per_scan[:, 2:] = np.sqrt(per_scan[:, 2:])

@@ -19,6 +19,7 @@ def pair_sums(
     variances: FloatArray,
     cut: float,
     common: FloatArray,
+    together: FloatArray,
     own: FloatArray,
     totals: FloatArray,
 ) -> FloatArray:
@@ -35,6 +36,8 @@ def pair_sums(
     common : (S, 6, D)
         How far D independent errors (of unit variance) that scans share move each scan: rx ry rz tx ty tz about
         the origin of T.
+    together : (6S, 6S) or (0, 0)
+        Covariance of more of the same, where the errors are many.
     own : (S, 6, 6)
         Covariance of what moves each scan alone.
     totals : (S, 4)
@@ -74,6 +77,12 @@ def pair_sums(
                     for r in range(6):
                         move += g[r] * (common[sa, r, k] - common[sb, r, k])
                     expected += move * move
+                if together.shape[0] > 0:
+                    ia, ib = 6 * sa, 6 * sb
+                    for r in range(6):
+                        for c in range(6):
+                            apart = together[ia + r, ia + c] + together[ib + r, ib + c]
+                            expected += g[r] * (apart - 2 * together[ia + r, ib + c]) * g[c]
                 for r in range(6):
                     for c in range(6):
                         expected += g[r] * (own[sa, r, c] + own[sb, r, c]) * g[c]

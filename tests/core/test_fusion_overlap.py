@@ -77,6 +77,10 @@ def test_registration_closes_the_gaps_and_reports_its_moves():
     assert answer.after.rms_mm < 1.1 * overlap(patches(cleaned(quiet), 1.5)).rms_mm
     assert answer.before.rms_mm > 3 * answer.after.rms_mm
     assert 0.02 < np.sqrt(np.mean(answer.shift_mm**2)) < 0.2
+    # After it the errors are six for each scan: what is expected by the covariance is what it is one by one.
+    common = np.random.default_rng(3).normal(0, 0.01, (18, 6, 5))
+    few, many = (PoseErrors(np.pad(common, ((0, 0), (0, 0), (0, more))), errors.own) for more in (0, 100))
+    assert overlap(seen, many).expected_rms_mm == pytest.approx(overlap(seen, few).expected_rms_mm, rel=1e-9)
 
 
 def test_registration_leaves_scans_where_they_are_right():
