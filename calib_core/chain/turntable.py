@@ -102,6 +102,8 @@ class TurntableSolution:
         What repeats with the table's angle, beyond chance.
     tool_move : ToolMove or None
         How far the captures of the table see the tool elsewhere than those of the stage before.
+    by_arm_mm : float
+        How much those of the stage before scatter alike: the arm, not the table.
     """
 
     frame: TableFrame
@@ -120,6 +122,7 @@ class TurntableSolution:
     options: TurntableOptions
     pattern: Pattern | None = None
     tool_move: ToolMove | None = None
+    by_arm_mm: float = 0.0
 
 
 def solve_turntable(
@@ -190,6 +193,7 @@ def solve_turntable(
         options=options,
         pattern=pattern_of(judged, TABLE_COLUMN),
         tool_move=move,
+        by_arm_mm=tool.held.sigmas.alike_position_mm if tool.held else 0.0,
     )
 
 

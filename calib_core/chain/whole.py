@@ -120,7 +120,7 @@ def solve_chain(
     covariance = held.covariance
     still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
     turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
-    turning = replace(turning, tool_move=turntable.tool_move)
+    turning = replace(turning, tool_move=turntable.tool_move, by_arm_mm=turntable.by_arm_mm)
     size = slice(TABLE_COLUMN, judged.data.unknowns)
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)

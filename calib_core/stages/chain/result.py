@@ -14,9 +14,9 @@ from calib_core.records.results import ArmErrorsFound, OpticsShift, ScannerFound
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.result import by_pose, tcp_result
-from calib_core.stages.tcp.verdict import doubts_about_two_steps
+from calib_core.stages.tcp.verdict import beyond_told_sigma, doubts_about_two_steps
 from calib_core.stages.turntable.result import table_fields, table_rows, variance_components
-from calib_core.stages.turntable.verdict import TableJudgement, turntable_verdict
+from calib_core.stages.turntable.verdict import TableJudgement, scatters_by_table, turntable_verdict
 
 METHOD = (
     "joint maximum likelihood over all points of both kinds of captures, errors of poses and angles integrated out"
@@ -45,6 +45,7 @@ def chain_result(
             remounted(observations, table.used, table.residuals, table.frame),
             table.pattern,
             table.tool_move,
+            table.by_arm_mm,
         )
     )
     doubts, of_tcp = _disagreements(solution), tcp.warnings
@@ -60,7 +61,7 @@ def chain_result(
         inputs_sha256=inputs_sha256,
         verdict=max(verdicts, key=_ORDER.index),
         warnings=list(dict.fromkeys([*doubts, *of_tcp, *table_warnings])),
-        notes=tcp.notes,
+        notes=_notes(solution, tcp),
         tool0_from_laser=tcp.tool0_from_laser,
         covariance=tcp.covariance,
         turntable_covariance=table.covariance.pose.tolist(),
@@ -91,6 +92,14 @@ def chain_result(
             table.encoder,
         ),
     )
+
+
+def _notes(solution: ChainSolution, tcp: TcpResult) -> list[str]:
+    """Return the tool's notes, but for what the table is doubted for."""
+    table, told_mm = solution.turntable, solution.turntable.options.position_sigma_mm
+    doubted = scatters_by_table(table.sigmas, told_mm, table.by_arm_mm)
+    said = beyond_told_sigma(table.sigmas, told_mm) if doubted else []
+    return [note for note in tcp.notes if note not in said]
 
 
 def _with_table(scanner: ScannerFound, solution: ChainSolution) -> ScannerFound:

@@ -213,12 +213,17 @@ def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[str]:
         Of a pose's position.
     """
     alike = sigmas.alike_position_mm
-    if told_mm is None or alike <= _MUCH_MORE * max(told_mm, _LEAST_SCATTER_MM):
+    if told_mm is None or not is_beyond(alike, told_mm):
         return []
     return [
         f"The captures agree to {alike:.2f} mm where the robot's sigma says {told_mm:.2f} mm: an arm repeats "
-        "better than it is true, and a table may wobble or have play. The stated uncertainty holds it."
+        "better than it is true. The stated uncertainty holds it."
     ]
+
+
+def is_beyond(scatter_mm: float, expected_mm: float) -> bool:
+    """Return whether a scatter is clearly larger than what was expected."""
+    return scatter_mm > _MUCH_MORE * max(expected_mm, _LEAST_SCATTER_MM)
 
 
 def with_repeats(result: Judged, observations: Sequence[SphereObservation], sigmas: Sigmas) -> Judged:

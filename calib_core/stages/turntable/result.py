@@ -24,7 +24,12 @@ from calib_core.stages.turntable.record import (
     TurntableResidual,
     TurntableResult,
 )
-from calib_core.stages.turntable.verdict import TableJudgement, turntable_verdict, undetermined_of_table
+from calib_core.stages.turntable.verdict import (
+    TableJudgement,
+    scatters_by_table,
+    turntable_verdict,
+    undetermined_of_table,
+)
 
 METHOD = "joint maximum likelihood over points, errors of poses and angles integrated out, tool held"
 
@@ -50,8 +55,11 @@ def turntable_result(
             remounted(observations, solution.used, solution.residuals, solution.frame),
             solution.pattern,
             solution.tool_move,
+            solution.by_arm_mm,
         )
     )
+    told_mm = solution.options.position_sigma_mm
+    by_table = scatters_by_table(solution.sigmas, told_mm, solution.by_arm_mm)
     state = solution.state
     tool = np.eye(4)
     tool[:3, :3], tool[:3, 3] = state.tool_rotation, state.tool_translation
@@ -62,7 +70,7 @@ def turntable_result(
         inputs_sha256=inputs_sha256,
         verdict=verdict,
         warnings=warnings,
-        notes=beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm),
+        notes=[] if by_table else beyond_told_sigma(solution.sigmas, told_mm),
         tool0_from_laser=tool.tolist(),
         covariance=solution.covariance.pose.tolist(),
         undetermined=undetermined_of_table(solution.covariance),

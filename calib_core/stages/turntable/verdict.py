@@ -15,6 +15,7 @@ from calib_core.chain.turntable import TurntableOptions
 from calib_core.evidence.words import by_to_do
 from calib_core.frames import FloatArray
 from calib_core.records import Undetermined, Verdict
+from calib_core.stages.tcp.verdict import is_beyond
 
 _UNDETERMINED_RAD = np.deg2rad(0.5)
 _UNDETERMINED_MM = 3.0
@@ -41,6 +42,7 @@ class TableJudgement:
     remounted: str | None
     pattern: Pattern | None
     tool_move: ToolMove | None = None
+    by_arm_mm: float = 0.0
 
 
 def turntable_verdict(judgement: TableJudgement) -> tuple[Verdict, list[str]]:
@@ -105,7 +107,27 @@ def _doubts_about_captures(j: TableJudgement) -> list[str]:
             f"The captures scatter {np.sqrt(j.excess):.1f} times more than the given sigmas explain (wobble, play "
             "or a robot less exact than stated); the stated uncertainty is enlarged by that."
         )
+    if scatters_by_table(j.sigmas, j.options.position_sigma_mm, j.by_arm_mm) and j.excess <= 1:
+        found.append(
+            f"The captures scatter by {j.sigmas.alike_position_mm:.2f} mm where the robot's sigma says "
+            f"{j.options.position_sigma_mm:.2f} mm (wobble, play or a robot less exact than stated); the stated "
+            "uncertainty holds it."
+        )
     return found
+
+
+def scatters_by_table(sigmas: Sigmas, told_mm: float | None, by_arm_mm: float) -> bool:
+    """Return whether captures of the table scatter more than is told of the robot, and than the arm explains.
+
+    Parameters
+    ----------
+    sigmas : Sigmas
+        As found with the captures of the table.
+    told_mm : float or None
+    by_arm_mm : float
+        How much captures of the still sphere scatter alike.
+    """
+    return told_mm is not None and is_beyond(sigmas.alike_position_mm, max(told_mm, by_arm_mm))
 
 
 def _doubts_about_axis(j: TableJudgement) -> list[str]:
