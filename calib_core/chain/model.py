@@ -276,7 +276,7 @@ def prediction(data: ChainData, state: ChainState) -> Prediction:
         centers[places.on_table] = places.centers
     predicted, jacobian = np.empty((count, 3)), np.empty((count, 3, 9))
     # A transform's own arrays are read-only and strided: numba would compile another kernel for them.
-    tool = np.require(state.tool_rotation, None, "CW"), np.require(state.tool_translation, None, "CW")
+    tool = np.require(state.tool_rotation, None, ["C", "W"]), np.require(state.tool_translation, None, ["C", "W"])
     predict_centers(data.rotations, data.translations, *tool, centers, predicted, jacobian)
     levers = None
     if places is not None:

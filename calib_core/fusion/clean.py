@@ -54,8 +54,9 @@ def _clean_grid(scan: Scan, o: CleanOptions) -> CleanScan:
 
     rows, columns = scan.points_in_laser_mm.shape[:2]
     planes = np.full((3, rows + 2 * _BORDER, columns + 2 * _BORDER), np.nan, dtype=np.float32)
-    points, poses = scan.points_in_laser_mm, scan.turntable_from_laser[:, :3]
-    to_planes(np.require(points, None, "CW"), np.require(poses, None, "CW"), planes)  # one kernel for all of them
+    # Strided and read-only arrays would each have a kernel of their own compiled.
+    points = np.require(scan.points_in_laser_mm, None, ["C", "W"])
+    to_planes(points, np.require(scan.turntable_from_laser[:, :3], None, ["C", "W"]), planes)
     least = float(np.cos(np.deg2rad(o.grazing_deg)))
     inner = planes[:, _BORDER:-_BORDER, _BORDER:-_BORDER]
     reach2 = _reach2(inner, least, scan.point_sigma_mm)

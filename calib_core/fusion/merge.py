@@ -166,8 +166,8 @@ class VoxelGrid:
         n = np.empty((0, 0, 3), np.float32) if normals is None else normals
         self._require_sizes(points_mm, poses, w, n, where)
         # Strided and read-only arrays would each have a kernel of their own compiled.
-        points, w, n = (np.require(some, np.float32, "CW") for some in (points_mm, w, n))
-        poses = np.require(poses[:, :3], None, "CW")
+        points, w, n = (np.require(some, np.float32, ["C", "W"]) for some in (points_mm, w, n))
+        poses = np.require(poses[:, :3], None, ["C", "W"])
         count = points.shape[0] * points.shape[1]
         following = beyond = 0
         while following < count:

@@ -3,7 +3,8 @@
 import threading
 import time
 from collections.abc import Mapping
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from server.simulated_cell.gige_server import GigeServer
 from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
 from server.simulated_cell.rtde_server import RtdeServer
 from server.simulated_cell.stream_server import StreamServer
+
+if TYPE_CHECKING:
+    from server.simulated_cell.opcua_server import OpcUaServer
 
 _SPEED = 0.1  # m/s, told while the robot is on its way
 
@@ -64,19 +68,23 @@ class SimulatedDevices:
         self.camera = GigeServer(self._image, (WIDTH_PX, HEIGHT_PX), rate_hz, host) if camera else None
         self.robot = RtdeServer(self._outputs, host)
         self.variables = KukaVarProxyServer(self._variable, host)
-        self.opcua = self.modbus = None
-        try:
-            from server.simulated_cell.opcua_server import OpcUaServer
-
-            self.opcua = OpcUaServer(self._values, host)
-        except ImportError:
-            pass
+        self._host = host
+        self.modbus = None
         try:
             from server.simulated_cell.modbus_server import ModbusServer
 
             self.modbus = ModbusServer(self._angle, host, turn=self._turn)
         except ImportError:
             pass
+
+    @cached_property
+    def opcua(self) -> "OpcUaServer | None":
+        """Robot and table over OPC UA, served from when it is asked for: its start takes seconds."""
+        try:
+            from server.simulated_cell.opcua_server import OpcUaServer
+        except ImportError:
+            return None
+        return OpcUaServer(self._values, self._host)
 
     @property
     def record(self) -> dict[str, Any]:
@@ -115,7 +123,8 @@ class SimulatedDevices:
 
     def stop(self) -> None:
         """End all servers."""
-        for server in (self.scanner, self.camera, self.robot, self.variables, self.opcua, self.modbus):
+        opcua = self.__dict__.get("opcua")  # if it was asked for
+        for server in (self.scanner, self.camera, self.robot, self.variables, opcua, self.modbus):
             if server is not None:
                 server.stop()
 
