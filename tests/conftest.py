@@ -33,13 +33,19 @@ sys.dont_write_bytecode = False
 settings.register_profile("scancell", deadline=None, derandomize=True, database=None)
 settings.load_profile("scancell")
 
-# A minute each: begun last, they would keep one process busy while the others have nothing left.
+# From a quarter of a minute on: begun last, they would keep one process busy while the others have nothing left.
 LONGEST = {
     "test_turntable_walk.py",
     "test_frames_walk.py",
     "test_walk.py",
     "test_random_walk.py",
     "test_live_panel.py",
+    "test_schema_fuzzing.py",
+    "test_access.py",
+    "test_kill.py",
+    "test_robot_programs.py",
+    "test_live_calibration.py",
+    "test_scene_tools.py",
 }
 
 
