@@ -18,6 +18,12 @@ export function fixed(value, decimals) {
   return pointed(value < 0 && /[1-9]/.test(text) ? MINUS + text : text);
 }
 
+/** A number as a controller writes it, in every language: it is compared with one there, or typed in. @param {number} value @param {number} decimals */
+export function forController(value, decimals) {
+  const text = Math.abs(value).toFixed(decimals);
+  return value < 0 && Number(text) !== 0 ? MINUS + text : text;
+}
+
 /** A number as people type it: with a point or a comma, a minus of either kind, its unit behind it or not; NaN where it is none. @param {string} text */
 export function typedNumber(text) {
   const plain = text.trim().replace(/\s*(?:mm|°|deg)$/, "").replace(MINUS, "-").replace(",", ".");

@@ -90,7 +90,7 @@ export class Sayings {
     if (known !== undefined) return known;
     this.#patterns ??= [...this.#known].filter(([template]) => template.includes("{}")).sort(([a], [b]) => Number(REFUSAL.test(b)) - Number(REFUSAL.test(a)) || b.length - a.length).map(([template, words]) => ({
       swallows: /^\{\}|\{\}[.]?$/.test(template) && !/need \{\}/i.test(template),
-      open: template.endsWith("{}"), few: !/:|need /.test(template) && (template.match(/[A-Za-z]{2,}/g)?.length ?? 0) < FEW, pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)")}$`, "s"), words }));
+      open: template.endsWith("{}"), few: !/:|need /.test(template) && (template.match(/[A-Za-z]{2,}/g)?.length ?? 0) < FEW, pattern: new RegExp(`^${template.split("{}").map((part) => part.replace(ESCAPED, "\\$&")).join("(.*?)").replaceAll("\\.(.*?)", "\\.(?!\\d)(.*?)")}$`, "s"), words }));
     for (const { few, swallows, open, pattern, words } of this.#patterns) {
       const found = few === short ? pattern.exec(text) : null;
       if (few && found?.slice(1).some((held) => JOINED.test(held) && !LIST.test(held))) continue;

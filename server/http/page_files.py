@@ -17,6 +17,9 @@ _MARK = "~"
 _FOR_GOOD = "public, max-age=31536000, immutable"
 _COMMENTS = re.compile(r"^[ \t]*(?:/\*(?:[^*]|\*(?!/))*\*/[ \t]*|//[^\n]*)$", re.MULTILINE)
 """Comments that have lines for themselves; no string of the page goes over lines and looks like one."""
+_TYPES = re.compile(r"/\*\* @(?:[^*]|\*(?!/))*\*/ ?")
+"""What the code says of its types within a line."""
+_INDENT = re.compile(r"^[ \t]+", re.MULTILINE)
 _SCRIPTS = (".js", ".css")
 
 
@@ -55,8 +58,12 @@ class PageFiles(StaticFiles):
 
 
 def without_comments(text: str) -> str:
-    """Return a script or a style sheet with empty lines in place of its comments."""
-    return _COMMENTS.sub(lambda comment: "\n" * comment[0].count("\n"), text)
+    """Return a script or a style sheet without its comments and indentation, its lines where they were."""
+
+    def lines(comment: re.Match[str]) -> str:
+        return "\n" * comment[0].count("\n")
+
+    return _INDENT.sub("", _TYPES.sub(lines, _COMMENTS.sub(lines, text)))
 
 
 def _mark_of(folder: Path) -> str:

@@ -166,10 +166,12 @@
   function translate(legend) {
     const texts = document.createTreeWalker(legend, NodeFilter.SHOW_TEXT);
     for (let text = texts.nextNode(); text; text = texts.nextNode()) {
-      const bare = text.data.trim();
-      const words = bare && state.translated.get(text) !== text.data ? state.say(bare) : bare;
-      if (words !== bare) text.data = text.data.replace(bare, () => words);
-      if (words !== bare) state.translated.set(text, text.data);
+      const before = state.translated.get(text), told = before?.shown === text.data ? before.told : text.data;
+      const bare = told.trim();
+      if (!bare) continue;
+      const shown = told.replace(bare, () => state.say(bare));
+      state.translated.set(text, { told, shown });
+      if (shown !== text.data) text.data = shown;
     }
   }
 

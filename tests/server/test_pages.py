@@ -51,9 +51,9 @@ def test_files_by_the_mark_have_no_comments_and_the_same_lines(client: httpx.Cli
     assert "@typedef" not in kept
     assert len(kept) < 0.75 * len(source)
     for line, as_kept in zip(source.split("\n"), kept.split("\n"), strict=True):
-        assert as_kept in (line, "")
+        assert as_kept in ("", re.sub(r"/\*\* @.*?\*/ ?", "", line).lstrip(" "))
     text = "a; // b\n  /** @type {X} */ #c = 1;\n  /**\n   * d\n   */\n  // e\nf('/* g */'); /* h */\n"
-    assert without_comments(text) == "a; // b\n  /** @type {X} */ #c = 1;\n\n\n\n\nf('/* g */'); /* h */\n"
+    assert without_comments(text) == "a; // b\n#c = 1;\n\n\n\n\nf('/* g */'); /* h */\n"
 
 
 def test_a_page_gets_the_sentences_that_occur_in_what_it_shows(client: httpx.Client, site: str) -> None:

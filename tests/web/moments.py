@@ -123,6 +123,7 @@ def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> No
     stored = client.put(f"/sessions/{session}/merged/reference", files={"file": ("part.stl", mesh)})
     stored.raise_for_status()
     page.reload()
+    page.locator("#merge-files").scroll_into_view_if_needed()
     page.get_by_label("by deviation").check()
     page.get_by_label("Deviation from").select_option("mesh")
     page.locator("sc-merged", has_text="Distance to the reference mesh").wait_for()

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import FilePayload, Page, expect
 
 from tests.server.live_server import make_session, simulated_session, wait_for
-from tests.web.browsing import SharedProfile, Watch, in_language
+from tests.web.browsing import LOADED, SharedProfile, Watch, in_language
 
 pytestmark = pytest.mark.browser
 
@@ -108,13 +108,6 @@ def test_session(page: Page, axe: str, api: httpx.Client) -> None:
     assert violations(page, axe, "sc-captures") == []
 
 
-_LOADED = """() => {
-    const files = performance.getEntriesByType("resource").filter((one) => !/[/](api|scenes)[/]/.test(one.name));
-    const sum = (name) => files.reduce((all, one) => all + one[name], 0);
-    return [sum("decodedBodySize"), sum("encodedBodySize")];
-}"""
-
-
 @pytest.fixture(scope="module")
 def solved(address: str) -> str:
     with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
@@ -137,6 +130,6 @@ def test_weight(profile: SharedProfile, solved: str, language: str) -> None:
         page.goto(path)
         expect(page.locator(ready).first).to_be_visible()
         expect(page.locator("html")).to_have_attribute("lang", re.compile(f"^{language[:2]}"))
-        size, travelled = page.evaluate(_LOADED)
+        size, travelled = page.evaluate(LOADED)
         assert 20_000 < size < 300_000, path
         assert travelled < 150_000, path

@@ -43,9 +43,10 @@ _CUT = """() => {
 }"""
 
 
-# What was typed, and what is copied as it is, keeps its point.
+# What was typed, what is copied as it is, and numbers of a controller keep their point.
 _POINTS = """() => {
-  const apart = "pre, textarea, option, script, style, .mono, .session-title";
+  const typed = ".frame-numbers, .suggestion, .captures .pose .number";
+  const apart = `pre, textarea, option, script, style, .mono, .session-title, ${typed}`;
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
     if (node.parentElement.closest(apart) || !node.parentElement.checkVisibility()) continue;

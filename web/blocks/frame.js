@@ -3,6 +3,7 @@
 import { copyButton } from "../components/copy.js";
 import { glossed } from "../components/glossary.js";
 import { h } from "../dom.js";
+import { forController } from "../format.js";
 import { maybe, t } from "../texts.js";
 import { quantityWords } from "./quantity.js";
 
@@ -15,6 +16,6 @@ export function frame({ name, matrix, numbers = [], units = "", convention = "" 
   const typed = numbers.map(({ quantity: { value, decimals = 0 } }) => (value ?? 0).toFixed(Math.max(decimals, 3))).join(" ");
   return h("div", { class: "frame-block" },
     numbers.length > 0 && h("div", { class: "row spread" }, h("p", { class: "soft small" }, glossed(t("frame.what", { units: written }))), copyButton(typed, t("frame.copy"))),
-    numbers.length > 0 && h("dl", { class: "frame-numbers number" }, ...numbers.map((number) => h("div", {}, h("dt", {}, number.label), h("dd", {}, quantityWords(number.quantity))))),
+    numbers.length > 0 && h("dl", { class: "frame-numbers number" }, ...numbers.map((number) => h("div", {}, h("dt", {}, number.label), h("dd", {}, quantityWords(number.quantity, forController))))),
     h("details", { class: "raw" }, h("summary", {}, t("frame.matrix", { name })), h("pre", { class: "mono", tabindex: 0, "aria-label": name }, rows), copyButton(rows, t("frame.copy_matrix"))));
 }

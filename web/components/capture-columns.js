@@ -1,7 +1,7 @@
 // The columns of a table of captures: those that its captures have something to say in, whatever their step.
 
 import { h } from "../dom.js";
-import { fixed, integer, small } from "../format.js";
+import { fixed, forController, integer, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 import { thumbnail } from "./thumbnail.js";
@@ -64,7 +64,7 @@ function place({ table_deg, mount }) {
 
 /** @param {CaptureOut} capture @param {Residual | undefined} residual */
 function poseCell({ pose }, residual) {
-  const numbers = pose?.map((value) => fixed(value, Math.abs(value) < 4 ? 3 : 1)).join("  ");
+  const numbers = pose?.map((value) => forController(value, Math.abs(value) < 4 ? 3 : 1)).join("  ");
   return h("span", {}, numbers ? h("span", { class: "number", title: pose?.join(" ") ?? "" }, numbers) : h("span", { class: "soft" }, t("captures.no_pose")),
     residual?.used === false && residual.reason && h("span", { class: "why", title: said(residual.reason) }, said(residual.reason)));
 }

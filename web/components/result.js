@@ -4,8 +4,8 @@ import { h, make } from "../dom.js";
 import { t } from "../texts.js";
 import { figures } from "../blocks/figure.js";
 import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
-import { ApprovalElement } from "./approval.js";
 import { StateElement } from "./base.js";
+import { later } from "./later.js";
 import { historySection, resultLinks } from "./history.js";
 import { causeCards } from "./remedy.js";
 import { truthSection } from "./truth.js";
@@ -13,7 +13,7 @@ import { truthSection } from "./truth.js";
 /** @import {StageResult} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 /** @import {Renderer} from "../blocks/index.js" */
-/** @typedef {{ blocks?: Record<string, Renderer>, after?: (context: import("../blocks/index.js").Context) => HTMLElement[], settings?: HTMLElement }} StageElements what a stage draws itself */
+/** @typedef {{ blocks?: Record<string, Renderer>, after?: (context: import("../blocks/index.js").Context) => HTMLElement[], settings?: HTMLElement, approval?: HTMLElement }} StageElements what a stage draws itself */
 
 const SLICE_MS = 16;
 
@@ -89,9 +89,9 @@ export class ResultElement extends StateElement {
     if (!("timeline" in state)) {
       yield* own.after?.(context) ?? [];
       if (own.settings) yield own.settings;
+      if (own.approval) yield own.approval;
     }
     if ("timeline" in state) return; // the review itself has these
-    if (tellsTheAnswer(state, stage)) yield make(ApprovalElement, { state });
     yield resultLinks(state.id, stage);
     yield historySection(state.id, stage);
   }
@@ -111,10 +111,11 @@ function tellsTheAnswer({ results }, stage) {
 async function elementsOf(state, stage) {
   const info = state.stages.find(({ name }) => name === stage);
   /** @type {StageElements} */
-  const own = info?.element ? (await import(`../stages/${stage}/index.js`)).elements : {};
+  let own = info?.element ? (await import(`../stages/${stage}/index.js`)).elements : {};
+  if (tellsTheAnswer(state, stage) && !("timeline" in state)) own = { ...own, approval: make((await import("./approval.js")).ApprovalElement, { state }) };
   // What must be known from the start (a board) belongs to the cell.
   const required = /** @type {string[] | undefined} */ (info?.settings["required"]);
-  return info?.settings_field && !required?.length && !("timeline" in state) ? { ...own, settings: (await import("./solve-settings.js")).solveSettings(state, info) } : own;
+  return info?.settings_field && !required?.length && !("timeline" in state) ? { ...own, settings: later(async () => (await import("./solve-settings.js")).solveSettings(state, info)) } : own;
 }
 
 /** @param {HTMLDetailsElement} details */

@@ -3,7 +3,7 @@
 import { get, request } from "../state/http.js";
 import { registry } from "../state/registries.js";
 import { h } from "../dom.js";
-import { fixed, plusMinus } from "../format.js";
+import { fixed, forController, plusMinus } from "../format.js";
 import { t } from "../texts.js";
 import { attempt, notify } from "../components/toasts.js";
 import { alarm, choice, numberField, opened, tableOf } from "./parts.js";
@@ -50,7 +50,7 @@ export function plannedDialog(sessionId) {
 /** @param {PoseList} plan @returns {HTMLElement[]} */
 function listed(plan) {
   const rows = plan.poses.map((pose, index) => [
-    String(index + 1), pose.numbers.map((one) => fixed(one, 3)).join(" "),
+    String(index + 1), pose.numbers.map((one) => forController(one, 3)).join(" "),
     [pose.table_deg == null ? "" : `${fixed(pose.table_deg, 1)}°`, pose.higher_mm ? `${fixed(pose.higher_mm, 0)} mm` : ""].filter(Boolean).join(", ") || "–",
     pose.uncertainty_mm === null ? "–" : plusMinus(pose.uncertainty_mm, "mm"),
   ]);

@@ -185,7 +185,7 @@ function figures({ exposure, robot, table_deg, clocks }) {
   const place = robot?.base_from_tool0?.slice(0, 3).map((row) => fixed(row[3] ?? 0, 1));
   if (place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`]]);
   if (table_deg !== null) rows.push([t("preview.table"), [`${fixed(table_deg, 2)}°`]]);
-  if (clocks) rows.push([t("preview.clocks"), [`${clocks.offset_s < 0 ? "" : "+"}${fixed(1000 * clocks.offset_s, 1)} ± ${fixed(2000 * clocks.sigma_s, 1)} ms`]]);
+  if (clocks) rows.push([t("preview.clocks"), [`${clocks.offset_s < 0 ? "" : "+"}${fixed(1000 * clocks.offset_s, 1)}\u00a0±\u00a0${fixed(2000 * clocks.sigma_s, 1)} ms`]]);
   return rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, ...value)));
 }
 

@@ -110,13 +110,15 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
         if meter.uncertainty_mm is None
         else f"at the workpiece from {amount(meter.uncertainty_mm)} to {amount(meter.after_next_mm)}"
     )
-    still = f" Still open: {_sentence(advice.open_directions[0])}" if advice.open_directions else ""
+    why = [f"No other pose tells more: {better}."]
+    if advice.open_directions:
+        why.append(f"Still open: {_sentence(advice.open_directions[0])}")
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
         instruction="Move the flange to the pose below and capture the sphere.",
-        why=f"No other pose tells more: {better}.{still}",
+        why=" ".join(why),
         exit=f"{amount(meter.wanted_mm)} at the workpiece, as wanted."
         if meter.wanted_mm is not None
         else "Nothing is left open, and another capture would change little.",

@@ -4,8 +4,8 @@ import { api } from "../../state/api.js";
 import { h, make, style } from "../../dom.js";
 import { registry } from "../../state/registries.js";
 import { learnTexts, t } from "../../texts.js";
+import { later } from "../../components/later.js";
 import { attempt } from "../../components/toasts.js";
-import { MergedElement } from "./merged.js";
 
 await learnTexts("merged");
 
@@ -18,7 +18,7 @@ export const elements = {
   /** @param {Context} context */
   after: ({ state, stage }) => {
     const result = /** @type {MergeResult} */ (/** @type {unknown} */ (state.results[stage]));
-    return [files(result, state.id), ...(result.cloud ? [make(MergedElement, { state, stage })] : [])];
+    return [files(result, state.id), ...(result.cloud ? [later(async () => make((await import("./merged.js")).MergedElement, { state, stage }))] : [])];
   },
 };
 

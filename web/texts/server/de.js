@@ -13,7 +13,7 @@ export const texts = {
   "Everything before is given with the cell.": "Alles davor ist mit der Zelle gegeben.",
   "What you want to see was captured.": "Was Sie sehen wollen, ist aufgenommen.",
   "Move the flange to the pose below and capture the sphere.": "Bewegen Sie den Flansch zur Pose unten und nehmen Sie die Kugel auf.",
-  "No other pose tells more: {}.{}": "Keine andere Pose sagt mehr: {}.{}",
+  "No other pose tells more: {}.": "Keine andere Pose sagt mehr: {}.",
   "at the workpiece from {} to {}": "am Werkstück von {} auf {}",
   "after it the workpiece is known to {}": "danach ist das Werkstück auf {} bekannt",
   "{} at the workpiece, as wanted.": "{} am Werkstück, wie gewünscht.",

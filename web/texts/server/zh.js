@@ -13,7 +13,7 @@ export const texts = {
   "Everything before is given with the cell.": "之前的步骤已随单元给定。",
   "What you want to see was captured.": "所需内容已采集。",
   "Move the flange to the pose below and capture the sphere.": "将法兰移动到下方位姿并采集球。",
-  "No other pose tells more: {}.{}": "该位姿信息最多：{}。{}",
+  "No other pose tells more: {}.": "该位姿信息最多：{}。",
   "at the workpiece from {} to {}": "工件处由 {} 到 {}",
   "after it the workpiece is known to {}": "之后工件已知到 {}",
   "{} at the workpiece, as wanted.": "工件处 {}，达到要求。",
