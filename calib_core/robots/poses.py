@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -73,11 +74,17 @@ def parse_pose(convention: str, numbers: Sequence[float], where: str = "") -> Ri
             where,
         )
     try:
-        pose = _pose(known, values)
-        _require_reachable(pose)
-        return pose
+        return _read(convention, values.tobytes())
     except InputError as error:
         raise (error.at(where) if where else error) from None
+
+
+@lru_cache(maxsize=2000)
+def _read(convention: str, numbers: bytes) -> RigidTransform:
+    """Return what `parse_pose` does of doubles; kept, for each guide and solve asks for all poses of a session."""
+    pose = _pose(CONVENTIONS[convention], np.frombuffer(numbers))
+    _require_reachable(pose)
+    return pose
 
 
 def to_pose(convention: str, base_from_tool0: RigidTransform) -> list[float]:
