@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 _SHORTEST_RUN: Final = 3
@@ -44,6 +45,35 @@ def by_cause(causes: Mapping[str, str]) -> dict[str, list[str]]:
     return dict(sorted(found.items(), key=lambda item: -len(item[1])))
 
 
+@dataclass(frozen=True)
+class Alike:
+    """Captures of one cause: their ids, the reason of the first one, whether the others' differ in numbers."""
+
+    captures: list[str]
+    first: str
+    reason: str
+    differ: bool
+
+
+def alike(reasons: Mapping[str, str], order: Sequence[str] = ()) -> list[Alike]:
+    """Return reasons by cause, the cause of most captures first; those that differ in numbers alone are one.
+
+    Parameters
+    ----------
+    reasons : mapping
+        By capture.
+    order : sequence of str
+        All captures as they follow each other.
+    """
+    causes = by_cause({capture: _NUMBER.sub("#", reason) for capture, reason in reasons.items()})
+    found: list[Alike] = []
+    for captures in causes.values():
+        first = next(name for name in [*order, *captures] if name in captures)
+        differ = len({reasons[capture].removesuffix(".") for capture in captures}) > 1
+        found.append(Alike(captures, first, reasons[first], differ))
+    return found
+
+
 def not_used(reasons: Mapping[str, str], order: Sequence[str] = ()) -> list[str]:
     """Return why captures are not used, one sentence a cause: ``p03, p07 and p09 are not used: …``.
 
@@ -56,15 +86,13 @@ def not_used(reasons: Mapping[str, str], order: Sequence[str] = ()) -> list[str]
     order : sequence of str
         All captures as they follow each other.
     """
-    causes = by_cause({capture: _NUMBER.sub("#", reason) for capture, reason in reasons.items()})
     sentences: list[str] = []
-    for captures in causes.values():
-        told = {reasons[capture].removesuffix(".") for capture in captures}
-        what = f"{captures_text(captures, order)} {'is' if len(captures) == 1 else 'are'} not used"
-        first = next(name for name in [*order, *captures] if name in captures)
-        alike = f" (in {first}; the others alike)" if len(told) > 1 else ""
-        many = f" ({len(captures)} captures)" if len(captures) > _SHORTEST_RUN else ""
-        sentences.append(f"{what}{many}: {reasons[first].removesuffix('.')}{alike}.")
+    for one in alike(reasons, order):
+        count = len(one.captures)
+        what = f"{captures_text(one.captures, order)} {'is' if count == 1 else 'are'} not used"
+        alike_words = f" (in {one.first}; the others alike)" if one.differ else ""
+        many = f" ({count} captures)" if count > _SHORTEST_RUN else ""
+        sentences.append(f"{what}{many}: {one.reason.removesuffix('.')}{alike_words}.")
     return sentences
 
 

@@ -1,6 +1,6 @@
 """What is wrong with a session, and what is still missing, without solving it."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from calib_core.captures.content import diameter_sigma_mm, pose_of, read_as, sphere_of
@@ -14,15 +14,16 @@ from calib_core.captures.poses import (
 from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.sweep import sweep_poses
 from calib_core.captures.unfit import told_by_joints, unfit
+from calib_core.causes.likely import likely_columns, likely_convention
 from calib_core.errors import CalibrationError
+from calib_core.evidence.words import alike, captures_text, listed
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell, Finding, Measured, Record, Session
-from calib_core.stages.graph import stage_captures
-from calib_core.stages.registry import step_names
-from calib_core.stages.stage import ReadFile
+from calib_core.stages.registry import stages, step_names, steps_that_show
+from calib_core.stages.stage import ReadFile, Stage
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 
-_LEAST_CAPTURES = 5
+_DOUBTFUL = "The file is doubtful:"  # as measuring says it, too
 _MOST_READ, _FILES_OF_SWEEP = 300, 3
 
 
@@ -39,19 +40,15 @@ def check_session(
     measured : mapping, optional
         What was measured in each capture, by id; what is left out is measured now.
     """
-    captures = [capture for capture in stage_captures(session, "tcp") if not capture.excluded]
     used = [capture for capture in session.captures if not capture.excluded]
     findings = [*_names(session), *_unfit(session), *_doubtful(used, read)]
-    if session.cell.known.tool0_from_laser is not None:
-        findings.append(_note("cell.known", "tool0_from_laser is given: the stage tcp is not solved."))
-    elif not captures:
-        findings.append(_error("captures", "There is no capture with step 'tcp' yet: capture the sphere."))
-    else:
-        findings += [
-            *_cell(session, captures),
-            *_captures(session, captures, read, measured or {}),
-            *_poses(session, captures),
-        ]
+    findings += [*_missing(session, used), *_brought(session), *_cell(session, used)]
+    for stage in stages():
+        if stage.step is not None and not stage.is_brought(session):
+            findings += _captures(session, stage, used, read, measured or {})
+    tcp = [capture for capture in used if capture.step == "tcp"]
+    if tcp and session.cell.known.tool0_from_laser is None:
+        findings += _poses(session, tcp)
     order = ("error", "warning", "note")
     return sorted(findings, key=lambda finding: order.index(finding.level))
 
@@ -78,9 +75,33 @@ def _unfit(session: Session) -> Iterator[Finding]:
             yield _warning(name, f"It is kept but not used: {reason}.")
 
 
-def _cell(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
+def _is_said(measured: Measured) -> bool:
+    return (measured.reason or "").startswith(_DOUBTFUL)
+
+
+def _missing(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
+    """Say that nothing shows where the scanner is on the flange; what rests on it cannot be solved then."""
+    steps = {capture.step for capture in used}
+    if "tcp" in steps or session.cell.known.tool0_from_laser is not None:
+        return
+    rests = not steps or "turntable" in steps or "scan" in steps
+    sentence = "There is no capture with step 'tcp' yet: capture the sphere."
+    yield (_error if rests else _note)("captures", sentence)
+
+
+def _brought(session: Session) -> Iterator[Finding]:
+    for stage in stages():
+        given = [field for field in stage.known if getattr(session.cell.known, field) is not None]
+        if given:
+            yield _note("cell.known", f"Given, so that the stage {stage.name} is not solved: {listed(given)}.")
+
+
+def _cell(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
+    of_sphere = [c for c in used if c.step in steps_that_show("sphere", "sphere-on-table") and c.kind != "center"]
+    if not of_sphere:
+        return
     try:
-        sphere_of(session.cell, captures)
+        sphere_of(session.cell, of_sphere)
     except CalibrationError as error:
         yield _found(error)
     if session.cell.sphere_diameter_sigma_mm is None:
@@ -89,27 +110,39 @@ def _cell(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
 
 
 def _captures(
-    session: Session, captures: Sequence[Capture], read: ReadFile, known: Mapping[str, Measured]
+    session: Session, stage: Stage, used: Sequence[Capture], read: ReadFile, known: Mapping[str, Measured]
 ) -> Iterator[Finding]:
+    """Say what captures of a stage's own step lack, one finding a cause, and whether enough can be used."""
+    step = stage.step
+    assert step is not None
+    captures = [capture for capture in used if capture.step == step.name]
+    if not captures:
+        return
     usable = 0
-    for capture in captures:
+    notes: dict[str, str] = {}
+    doubts: dict[str, str] = {}
+    for capture in [c for c in used if c.step in stage.takes and c.step in steps_that_show(step.shows)]:
         try:
             measured = known.get(capture.id) or measure_capture(session, capture, read)
         except CalibrationError as error:
-            yield _found(error)
+            if capture.step == step.name:
+                yield _found(error)
             continue
         usable += measured.profiles or 0 if measured.kind == "sweep" else measured.verdict != "fail"
-        yield from _measured(measured)
-    if usable < _LEAST_CAPTURES:
-        sentence = f"{usable} captures show the sphere, {_LEAST_CAPTURES} are needed at least, 10 to 15 are good."
-        yield _error("captures", sentence)
+        if measured.verdict != "pass" and capture.step == step.name and not _is_said(measured):
+            told = doubts if measured.verdict == "fail" else notes
+            told[capture.id] = f"{measured.reason} {measured.to_do or ''}".strip()
+    if usable < step.least:
+        sentence = f"Captures that can be used: {usable}. At least {step.least} are needed. {step.to_capture}"
+        yield _error(f"captures: {step.name}", sentence)
+    yield from _told(_warning, doubts, captures)
+    yield from _told(_note, notes, captures)
     yield from _duplicates(captures, read)
 
 
 def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
     """Name the files that a reader is not sure of; one finding a doubt."""
-    by_doubt: dict[str, list[str]] = {}
-    taken: dict[str, str] = {}
+    doubts: dict[str, str] = {}
     for capture in [c for c in captures if c.kind in ("profile", "cloud", "sweep")][:_MOST_READ]:
         middle = len(capture.files) // 2  # a sweep begins and ends beside the sphere
         for name in capture.files[middle : middle + _FILES_OF_SWEEP]:
@@ -120,19 +153,20 @@ def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
             except CalibrationError:
                 continue  # measuring it says so
             for doubt in reading.doubts:
-                taken.setdefault(doubt, reading.sentence())
-                by_doubt.setdefault(doubt, []).append(capture.id)
-    for doubt, ids in by_doubt.items():
-        names = list(dict.fromkeys(ids))
-        others = f" So are those of {len(names) - 1} others." if len(names) > 1 else ""
-        to_do = "Say otherwise in the capture's format and format_settings."
-        yield _warning(names[0], f"Its file is doubtful: {doubt}{others} Taken: {taken[doubt]}. {to_do}")
+                doubts.setdefault(capture.id, f"{_DOUBTFUL} {doubt} Taken: {reading.sentence()}.")
+    to_do = "Say otherwise in the capture's format and format_settings."
+    for finding in _told(_warning, doubts, captures):
+        yield finding.model_copy(update={"sentence": f"{finding.sentence} {to_do}"})
 
 
-def _measured(measured: Measured) -> Iterator[Finding]:
-    if measured.verdict != "pass":
-        finding = _warning if measured.verdict == "fail" else _note
-        yield finding(measured.capture, f"{measured.reason} {measured.to_do or ''}".strip())
+def _told(
+    level: Callable[[str, str], Finding], reasons: Mapping[str, str], captures: Sequence[Capture]
+) -> Iterator[Finding]:
+    """Return one finding a cause, which names its captures."""
+    order = [capture.id for capture in captures]
+    for one in alike(reasons, order):
+        numbers = f" (numbers of {one.first})" if one.differ else ""
+        yield level(f"{captures_text(one.captures, order)}{numbers}", one.reason)
 
 
 def _duplicates(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
@@ -165,6 +199,7 @@ def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
         yield _warning("captures: pose", sentence)
     if whose := told_by_joints(session.cell, captures):
         yield _warning("captures: pose", whose)
+    yield from _convention(session.cell, captures)
     motion = motion_of(poses)
     if not motion.turns_differ:
         sentence = (
@@ -180,6 +215,29 @@ def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
         yield _warning("captures: pose", sentence)
     sentence = f"{len(captures)} captures, {len(motion.shifts_mm)} shifts and {len(motion.turns_rad)} tilts."
     yield _note("captures: pose", sentence)
+
+
+def _convention(cell: Cell, captures: Sequence[Capture]) -> Iterator[Finding]:
+    """Doubt convention and order of the poses, where another lets all captures look at one place far better."""
+    rows = [capture.pose for capture in captures if capture.pose is not None]
+    if (columns := likely_columns(cell, rows)) is not None:
+        order = ", ".join(str(1 + place) for place in columns.order)
+        sentence = (
+            f"The poses look at one place within {columns.spread_mm:.3g} mm if their numbers stand in the order "
+            f"{order}, and within {columns.told_spread_mm:.3g} mm as they are: are columns swapped?"
+        )
+        yield _warning("captures: pose", sentence)
+    elif (likely := likely_convention(cell, rows)) is not None:
+        told_mm = likely.told_spread_mm
+        sentence = (
+            f"The poses look at one place within {likely.spread_mm:.3g} mm if they are written as "
+            f"'{likely.convention}', and cannot be read as '{cell.pose_convention}': compare one with the pendant."
+            if told_mm is None
+            else f"The poses look at one place within {likely.spread_mm:.3g} mm if they are written as "
+            f"'{likely.convention}', and within {told_mm:.3g} mm as '{cell.pose_convention}': compare one with "
+            "the pendant."
+        )
+        yield _warning("cell.pose_convention", sentence)
 
 
 def _ends(session: Session, capture: Capture) -> list[RigidTransform]:

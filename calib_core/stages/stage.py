@@ -68,12 +68,15 @@ class CaptureStep:
         What the captures show.
     to_capture : str
         What to do where there is none, as a sentence.
+    least : int
+        So many must be of use, or its stage is not solved.
     """
 
     name: str
     title: str
     shows: Shows
     to_capture: str
+    least: int = 1
 
 
 class Stage(ABC):

@@ -290,5 +290,5 @@ def test_check_says_which_motion_is_missing(folder, capsys):
     change(folder, lambda r: r.update(captures=r["captures"][:4]))
     assert main(["check", str(folder)]) == 2
     out = capsys.readouterr().out
-    assert "4 captures show the sphere, 5 are needed" in out
+    assert "Captures that can be used: 4. At least 5 are needed." in out
     assert "tilted 0 times; at least 3 tilts" in out

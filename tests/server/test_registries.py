@@ -43,7 +43,7 @@ def test_a_check_says_what_blocks_solving_and_what_does_not(client: httpx.Client
     upload(client, session, {"id": "p01", "step": "tcp", "kind": "profile", "pose": POSE}, arc_csv())
     found = client.get(f"/sessions/{session}/check").json()
     assert found["items"][0]["level"] == "error"
-    assert any("1 captures show the sphere" in f["sentence"] for f in found["items"])
+    assert any("can be used: 1. At least 5" in f["sentence"] for f in found["items"])
     simulated = simulated_session(client, captures=14)
     assert not client.get(f"/sessions/{simulated}/check").json()["blocks_solving"]
 

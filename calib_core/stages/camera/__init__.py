@@ -25,6 +25,7 @@ class Camera(Stage):
         "Camera",
         "board",
         "Capture the board, tilted differently in each frame, and add the frames to the session.",
+        least=3,
     )
     takes: ClassVar = {"camera": FRAME_FIELDS, "laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
     reads = ("board",)

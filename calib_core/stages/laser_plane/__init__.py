@@ -22,6 +22,7 @@ class LaserPlane(Stage):
         "Laser plane",
         "board",
         "Capture the board with the stripe on it, near and far, and add the frames to the session.",
+        least=2,
     )
     takes: ClassVar = {"laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
     reads = ("board",)

@@ -16,7 +16,7 @@ class Tcp(Stage):
 
     name, title, place = "tcp", "Scanner on the flange (TCP)", 30
     step = CaptureStep(
-        "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session."
+        "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}

@@ -20,6 +20,7 @@ class Turntable(Stage):
         "Turntable",
         "sphere-on-table",
         "Fix the sphere on the table, capture it at 8 angles, and again at a second height.",
+        least=4,
     )
     planned = True
     takes: ClassVar = {"turntable": (*SPHERE_FIELDS, "table_deg", "mount")}

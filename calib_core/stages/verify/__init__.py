@@ -27,6 +27,7 @@ class Verify(Stage):
             "Flat plate",
             "object",
             "Capture a flat plate, standing still, with the flange turned to all sides.",
+            least=4,
         ),
     )
     planned = True
