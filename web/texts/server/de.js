@@ -65,7 +65,7 @@ export const texts = {
   "right": "rechts",
   "enough: {}": "genug: {}",
   ", about {} more": ", etwa {} mehr",
-  " Still open: {}": " Noch offen: {}",
+  "Still open: {}": "Noch offen: {}",
   "Turn": "Drehen Sie",
   "{} still open": "{} noch offen",
   "sphere": "Kugel",

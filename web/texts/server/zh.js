@@ -65,7 +65,7 @@ export const texts = {
   "right": "右侧",
   "enough: {}": "足够：{}",
   ", about {} more": "，约再 {} 个",
-  " Still open: {}": " 尚未确定：{}",
+  "Still open: {}": "尚未确定：{}",
   "Turn": "转动",
   "{} still open": "{} 尚未确定",
   "sphere": "球",
