@@ -3,7 +3,7 @@
 /** @typedef {Record<string, string>} Table from a template to its translation; {2} there names the second hole */
 
 const ESCAPED = /[.*+?^$()|[\]\\]/g;
-const HOLE = /\{(\d?)\}/g, LAST = /\{\d?\}$/;
+const HOLE = /\{(\d?)\}/g;
 /** Names as the server lists them: `p03, p07 and p09`, `f13–f24 and 3 more`. */
 const LIST = /^(\S+(?:, \S+)*) and (\S+|\d+ more)$/;
 /** A template of few words is no sentence: it holds no list and no two sentences. */
@@ -97,8 +97,8 @@ export class Sayings {
       if (!found) continue;
       const apart = swallows && [found[1], found.at(-1)].some((held) => held && SEVERAL.test(held) && this.#whole(held) === null) ? this.#apart(text) : null;
       if (apart !== null) return apart;
-      // Where the last place ends the sentence, another language may put it elsewhere: the stop is none of it.
-      const last = found.at(-1) ?? "", stopped = open && last.endsWith(".") && !LAST.test(words) && !SEVERAL.test(last);
+      // Where the last place ends the sentence, another language may put it elsewhere, or ends it otherwise: the stop is none of it.
+      const last = found.at(-1) ?? "", stopped = open && last.endsWith(".") && !SEVERAL.test(last);
       if (stopped) found[found.length - 1] = last.slice(0, -1);
       let next = 0;
       return words.replace(HOLE, (_, place) => this.#part(found[place ? Number(place) : ++next] ?? "")) + (stopped ? this.#joins.stop : "");
