@@ -9,7 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.held import Held
+from calib_core.chain.likelihood import without_pose_errors
 from calib_core.chain.rejection import Judged
+from calib_core.chain.table_judging import TABLE_COLUMN
 from calib_core.chain.variance import GivenSigmas, fit_with_sigmas
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
@@ -94,6 +97,32 @@ def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
     mean = directions * (freedom / (freedom - 2) if estimated else 1.0)
     share = max(0.0, 1 - mean / max(squared, 1e-12))
     return ToolMove(off, _chance(squared, directions, freedom, estimated), share)
+
+
+def with_tool_move(held: Held, move: ToolMove | None, still: int) -> Held:
+    """Return an answer of both kinds of captures whose table's covariance holds that the tool moved between them.
+
+    Captures of the table whose sphere is expected elsewhere by J · off pull the answer by H⁻¹ Σ JᵀΛJ · off.  The
+    tool's own covariance stays: of directions that neither kind of captures sees well, `off` is mostly noise,
+    which the table does not follow.
+
+    Parameters
+    ----------
+    held : Held
+    move : ToolMove or None
+    still : int
+        How many captures of the still sphere come first.
+    """
+    if move is None or move.share == 0.0:
+        return held
+    at = held.at
+    reduced, _ = without_pose_errors(at.information, at.vector, at.gain, at.share)
+    jacobian, known = at.jacobian[still:], reduced[still:, :3, :3]
+    pull = np.einsum("kip,kij,kj->p", jacobian, known, jacobian[:, :, :6] @ move.off[:6])
+    table = slice(TABLE_COLUMN, held.data.unknowns)
+    by_move = np.zeros(len(held.covariance))
+    by_move[table] = np.sqrt(move.share) * (covariance_of(at.hessian) @ pull)[table]
+    return replace(held, covariance=held.covariance + np.outer(by_move, by_move))
 
 
 def _squared_distance(off: FloatArray, known: FloatArray, wide: FloatArray, left: FloatArray) -> tuple[float, int]:

@@ -28,6 +28,7 @@ from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_tab
 from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_start import readings_of
+from calib_core.chain.table_tool import with_tool_move
 from calib_core.chain.tcp import (
     Progress,
     TcpSolution,
@@ -116,7 +117,8 @@ def solve_chain(
     judged, encoder, point_sigma = _judge(tcp_observations, table_observations, sphere, tcp, turntable, options)
 
     tell(0.8, "Comparing with the stages' own answers")
-    held = hold_files(judged, tcp.options.apply_scanner)
+    unmoved = hold_files(judged, tcp.options.apply_scanner)
+    held = with_tool_move(unmoved, turntable.tool_move, len(tcp_observations))
     covariance = held.covariance
     still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
     turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
@@ -125,6 +127,9 @@ def solve_chain(
     tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
     some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
+    # A tool that moved is what these would tell: they are held against what the captures say without it.
+    assert unmoved.state.table is not None
+    table_unmoved = frame_covariance(unmoved.state.table, unmoved.covariance[size, size], options.direction)
     by_unknowns = np.zeros((6, len(covariance)))
     by_unknowns[:, size] = turning.covariance.pose_by_unknowns
     return ChainSolution(
@@ -132,9 +137,9 @@ def solve_chain(
         turntable=turning,
         cross_covariance=covariance[:6, size] @ turning.covariance.pose_by_unknowns.T,
         scanner_with_table=turning.covariance.pose_by_unknowns @ covariance[size, held.tool_and_scanner[6:]],
-        tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], still.covariance[:6, :6]),
+        tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], unmoved.covariance[:6, :6]),
         turntable_distance=_distance(
-            table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], turning.covariance.pose[some]
+            table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], table_unmoved.pose[some]
         ),
         tcp_difference=tool_shift,
         turntable_difference=table_shift,
