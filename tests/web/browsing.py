@@ -232,6 +232,14 @@ def take_one(page: Page) -> int:
     return before + 1
 
 
+def look_into_the_merge(page: Page) -> None:
+    """Scroll to the merged part, whose inspector loads when it is near; also where the page is drawn meanwhile."""
+    page.wait_for_function(
+        "() => { document.getElementById('merge-files')?.scrollIntoView();"
+        " return document.querySelector('sc-merged')?.childElementCount > 0; }"
+    )
+
+
 def in_language(page: Page, language: str) -> None:
     """Have a page's browser ask for a language, such as `de-DE`, from its next address on."""
     agent = {"userAgent": page.evaluate("navigator.userAgent"), "acceptLanguage": language}

@@ -22,7 +22,7 @@ from calib_core.formats.stl import stl_pieces  # noqa: E402
 from calib_core.simulation.part import build_part  # noqa: E402
 from server.settings import Settings  # noqa: E402
 from tests.server.live_server import serving, simulated_session, wait_for  # noqa: E402
-from tests.web.browsing import BROWSER_ARGUMENTS  # noqa: E402
+from tests.web.browsing import BROWSER_ARGUMENTS, look_into_the_merge  # noqa: E402
 
 FOLDER = ROOT / "docs" / "images" / "moments"
 LEAST_FILL = 0.4
@@ -123,7 +123,7 @@ def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> No
     stored = client.put(f"/sessions/{session}/merged/reference", files={"file": ("part.stl", mesh)})
     stored.raise_for_status()
     page.reload()
-    page.locator("#merge-files").scroll_into_view_if_needed()
+    look_into_the_merge(page)
     page.get_by_label("by deviation").check()
     page.get_by_label("Deviation from").select_option("mesh")
     page.locator("sc-merged", has_text="Distance to the reference mesh").wait_for()

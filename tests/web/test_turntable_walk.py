@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import build_part
-from tests.web.browsing import LOADED, go_on, in_language, leave_out_the_scene, take_one
+from tests.web.browsing import LOADED, go_on, in_language, leave_out_the_scene, look_into_the_merge, take_one
 from tests.web.first_look import first_look
 
 pytestmark = pytest.mark.browser
@@ -87,7 +87,7 @@ def look_into_the_merged_part(page: Page, axe: str) -> None:
         with page.expect_download() as saved:
             page.get_by_role("link", name=name, exact=True).click()
         assert saved.value.path().stat().st_size > 500_000
-    page.locator("#merge-files").scroll_into_view_if_needed()
+    look_into_the_merge(page)
     page.get_by_label("by deviation").check()
     expect(page.locator("sc-merged")).to_contain_text("No reference mesh yet")
     page.get_by_label("Deviation from").select_option("sphere")
