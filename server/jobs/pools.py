@@ -9,7 +9,6 @@ from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
-from multiprocessing.queues import Queue
 from pickle import UnpicklingError
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,6 +18,7 @@ from server.jobs import worker
 from server.jobs.child_processes import WorkerContext
 from server.jobs.pool import Listen, Pool
 from server.jobs.results_by_file import result_from_file, result_to_file
+from server.jobs.telling import telling
 from server.settings import Settings
 
 log = logging.getLogger("scancell")
@@ -56,14 +56,15 @@ class ProcessPool(Pool):
         self._initialized: set[worker.Place] = set()
         self._closing = False
         self._results = TemporaryDirectory(prefix="scancell-results-", ignore_cleanup_errors=True)
-        self._queue: Queue[worker.Message | None] = self._context.Queue()
+        self._heard, self._teller = telling(self._context)
         self.executor = ProcessPoolExecutor(
             settings.workers,
             mp_context=self._context,
             initializer=worker.initialize,
-            initargs=(self._queue, settings),
+            initargs=(self._teller, settings),
         )
-        threading.Thread(target=self._pass_on, args=(listen,), daemon=True, name="job progress").start()
+        self._listener = threading.Thread(target=self._pass_on, args=(listen,), daemon=True, name="job progress")
+        self._listener.start()
 
     def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
         """Have work done; raises BrokenProcessPool if a worker has ended."""
@@ -112,13 +113,13 @@ class ProcessPool(Pool):
         for process in self._context.started:
             if process.pid is not None and process.pid not in self._initialized:
                 process.kill()
-        self._queue.put(None)
+        self._teller.writer.close()  # what listens has heard all when no worker is left
         self._results.cleanup()
 
     def _next(self) -> worker.Message | None:
         """Return the next message, None at the end: also where a process that was killed then left half of one."""
         try:
-            return self._queue.get()
+            return self._heard.recv()
         except (EOFError, OSError, UnpicklingError):
             if not self._closing:
                 raise
@@ -130,7 +131,7 @@ class ProcessPool(Pool):
                 self._initialized.add(message.value)
             else:
                 listen(message)
-        self._queue.close()
+        self._heard.close()
 
 
 def open_pool(settings: Settings, listen: Listen) -> Pool:

@@ -1,4 +1,4 @@
-"""What runs in a worker process: one solve at a time, told about in a queue."""
+"""What runs in a worker process: one solve at a time, which it tells of."""
 
 import logging
 import os
@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import parent_process
-from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calib_core.captures.kept import keeping
@@ -55,9 +54,9 @@ class Solved:
     outputs: Mapping[str, Output]
 
 
-def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
+def initialize(tell: Callable[[Message], None], settings: "Settings") -> None:
     """Prepare a fresh worker process."""
-    begin(settings, os.getpid(), queue.put)
+    begin(settings, os.getpid(), tell)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server decides when its workers end
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     if settings.warm_up:
@@ -65,7 +64,7 @@ def initialize(queue: "Queue[Message | None]", settings: "Settings") -> None:
             warm_up()
         except Exception:  # the solve itself will meet the fault again and say so
             log.exception("a worker could not be warmed up")
-    queue.put(Message("", "initialized", os.getpid()))
+    tell(Message("", "initialized", os.getpid()))
 
 
 def begin(

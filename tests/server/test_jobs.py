@@ -19,7 +19,7 @@ from server.jobs.pools import ProcessPool
 from server.jobs.results_by_file import result_to_file
 from server.settings import Settings
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
-from tests.server.slow_work import long_result, slow_solve
+from tests.server.slow_work import killed_while_telling, long_result, slow_solve
 from tests.server.test_events import listening
 
 
@@ -195,6 +195,19 @@ def test_a_worker_killed_while_it_sends_a_long_result_ends_its_job_and_its_pool(
     keeper.join(timeout=30)
     assert (job.done(), keeper.is_alive()) == (True, False)
     pool.close()
+
+
+@pytest.mark.parametrize("told", [b"", b"\0\0\1\0half"])
+def test_a_worker_killed_while_it_tells_of_its_job_leaves_nothing_waiting(tmp_path: Path, told: bytes) -> None:
+    """It keeps the lock by which workers take turns: the server's side waited for it, and did not stop."""
+    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
+    work: Any = partial(killed_while_telling, told)
+    with pytest.raises(BrokenProcessPool):
+        pool.submit(work).result(timeout=60)
+    pool.close()
+    listener = vars(pool)["_listener"]
+    listener.join(timeout=30)
+    assert not listener.is_alive()
 
 
 def test_a_pool_that_breaks_ends_though_a_job_was_cancelled_while_it_waited(tmp_path: Path) -> None:
