@@ -45,7 +45,7 @@ def field_error(detail: Any) -> tuple[str, str]:
             return f"a text of the form {about['pattern']}", got
         case _:
             message = detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-            return _NEEDED.get(kind, message[0].lower() + message[1:]), got
+            return str(_NEEDED.get(kind, message[0].lower() + message[1:])), got
 
 
 def _shortened(text: str) -> str:
