@@ -1765,6 +1765,7 @@ export interface SessionSummary {
   capture_count: number;
   archived: boolean;
   verdicts: Record<string, "pass" | "warn" | "fail">;
+  stale: ("camera" | "laser-plane" | "tcp" | "turntable" | "chain" | "hand-eye" | "verify" | "recheck" | "merge")[];
 }
 
 export interface SharedShift {

@@ -5,6 +5,7 @@ that the uncertainties explain in fewer than 0.06 % of cases is flagged, so that
 alarm in fewer than 2 %; from there on the series has a new level.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -13,6 +14,7 @@ import numpy as np
 from pydantic import Field
 from scipy.special import chdtri
 
+from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.records import Finite, Record
 
@@ -73,17 +75,22 @@ class CellDrift(Record):
 
 @dataclass(frozen=True, eq=False)
 class SolvedSession:
-    """A session of a cell: its latest results as JSON data, and when they were solved."""
+    """A session of a cell: its latest results as JSON data, when they were solved, and which of them are stale."""
 
     session: str
     name: str
     date: str
     results: Mapping[str, Mapping[str, Any]]
+    stale: frozenset[str] = frozenset()
+
+    def of(self, stage: str) -> Mapping[str, Any] | None:
+        """Return a stage's result, None without one that its captures and its cell still give."""
+        return None if stage in self.stale else self.results.get(stage)
 
     @property
     def answer(self) -> Mapping[str, Any] | None:
         """The whole chain or, without one, the tool."""
-        return self.results.get("chain") or self.results.get("tcp")
+        return self.of("chain") or self.of("tcp")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +108,14 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
     Parameters
     ----------
     sessions : sequence of SolvedSession
-        The oldest first.  Those that are not solved, or failed, do not count.
+        The oldest first.  Those that are not solved, are out of date or failed do not count.
+
+    Raises
+    ------
+    InputError
+        If a session comes twice: the mean would take it for two.
     """
+    _require_each_once(sessions)
     left_out = {s.session: why for s in sessions if (why := _unfit(s))}
     good = [s for s in sessions if s.session not in left_out]
     within = [told for s in sessions if (told := _within(s)) is not None]
@@ -193,10 +206,18 @@ def _flags(series: DriftSeries) -> list[str]:
     ]
 
 
+def _require_each_once(sessions: Sequence[SolvedSession]) -> None:
+    counts = Counter(one.session for one in sessions)
+    twice = [session for session, count in counts.items() if count > 1]
+    if twice:
+        got = f"{twice[0]} {counts[twice[0]]} times"
+        raise InputError("each session once", got, "Name it once.", "sessions")
+
+
 def _unfit(session: SolvedSession) -> str:
     answer = session.answer
     if answer is None:
-        return "not solved"
+        return "out of date: solve it again" if session.stale & {"chain", "tcp"} else "not solved"
     if answer.get("verdict") == "fail":
         return "its answer failed"
     return "directions of its answer are not determined" if answer.get("undetermined") else ""
@@ -204,7 +225,7 @@ def _unfit(session: SolvedSession) -> str:
 
 def _within(session: SolvedSession) -> DriftWithin | None:
     """Return the drift within a session, None of one whose tool does not tell it."""
-    told = session.results.get("tcp", {}).get("warm_up")
+    told = (session.of("tcp") or {}).get("warm_up")
     if told is None:
         return None
     same = {name: told[name] for name in ("drift_mm", "uncertainty_mm", "found", "settled", "sentence")}
@@ -237,7 +258,7 @@ _Table = tuple[RigidTransform, FloatArray]
 
 def _table(session: SolvedSession) -> _Table | None:
     """Return base_from_turntable and its covariance (6, 6), None without one that holds."""
-    chain, table = session.results.get("chain"), session.results.get("turntable")
+    chain, table = session.of("chain"), session.of("turntable")
     found = chain or table
     if found is None or found.get("verdict") == "fail" or "base_from_turntable" not in found:
         return None
@@ -282,7 +303,7 @@ def _axis_direction(
 
 
 def _verified(session: SolvedSession) -> Measured | None:
-    checks = session.results.get("verify", {}).get("checks") or []
+    checks = (session.of("verify") or {}).get("checks") or []
     found = next((check for check in checks if check["name"] == "tool"), None)
     if found is None:
         return None

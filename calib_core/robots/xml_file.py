@@ -97,7 +97,9 @@ def elements(data: bytes, name: str) -> list[Element]:
             open_ones[-1].text += characters
 
     def entity(*_: object) -> None:
-        raise InputError("XML without entities", "an entity declaration", "Give the controller's own file.", name)
+        raise InputError(
+            "XML without entities", "an entity declaration", "Give the file as its program wrote it.", name
+        )
 
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, text
     parser.EntityDeclHandler = entity
@@ -105,6 +107,6 @@ def elements(data: bytes, name: str) -> list[Element]:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         what = expat.errors.messages[error.code] if error.code in expat.errors.messages else str(error)
-        to_do = "Copy the file from the controller again: it is cut or damaged."
+        to_do = "Copy the file again: it is cut or damaged, or no XML."
         raise InputError("whole XML", f"{what} in line {error.lineno}", to_do, name) from None
     return found

@@ -63,6 +63,7 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     InputError
         If no scenario has this name or the seed is negative.
     """
+    require_scenario(scenario)
     if scenario in FRAME_SCENARIOS:
         _require_seed(seed)
         return SimulatedSession(*simulate_frames(FRAME_SCENARIOS[scenario], scenario, seed), None)
@@ -83,12 +84,17 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     if scenario in WHOLE_SCENARIOS:
         whole = WHOLE_SCENARIOS[scenario]
         return with_scans(simulate_table(seed, whole.table, scenario), whole, seed)
-    if scenario not in SCENARIOS:
-        known = (SCENARIOS, SWEEP_SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, PART_SCENARIOS, FRAME_SCENARIOS)
-        more = (*known, FIXED_BOARD_SCENARIOS, VERIFY_SCENARIOS)
-        names = ", ".join(name for scenarios in more for name in scenarios)
-        raise InputError("a scenario among " + names, repr(scenario), "Name one of these simulated cells.")
     return simulate_tcp(seed, SCENARIOS[scenario], scenario)
+
+
+def require_scenario(scenario: str) -> None:
+    """Raise InputError, which names all of them, if no scenario has this name."""
+    known = (SCENARIOS, SWEEP_SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, PART_SCENARIOS, FRAME_SCENARIOS)
+    names = [name for scenarios in (*known, FIXED_BOARD_SCENARIOS, VERIFY_SCENARIOS) for name in scenarios]
+    if scenario not in names:
+        raise InputError(
+            "a scenario among " + ", ".join(names), repr(scenario), "Name one of these simulated cells."
+        )
 
 
 def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> SimulatedSession:

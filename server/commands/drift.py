@@ -1,6 +1,7 @@
 """`scancell drift`: how a cell's answers moved from session to session."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,10 +22,7 @@ def _run(options: argparse.Namespace) -> int:
     """Print each figure over the sessions; return 1 where one changed by more than its uncertainty."""
     from calib_core.review.drift import cell_drift
 
-    if options.server is None:
-        found = cell_drift([_solved(path) for path in options.sessions])
-    else:
-        found = _of_server(options)
+    found = cell_drift(_of_one_cell(options.sessions)) if options.server is None else _of_server(options)
     print_result(options, _text(found), found.to_json())
     return NOT_ACCEPTED if found.flags else OK
 
@@ -41,18 +39,33 @@ def _of_server(options: argparse.Namespace) -> "CellDrift":
         return CellDrift.model_validate(api.cells_get_drift(str(options.sessions[0])))
 
 
-def _solved(path: Path) -> "SolvedSession":
+def _of_one_cell(paths: Sequence[Path]) -> list["SolvedSession"]:
+    """Return the sessions; those that name their cell must name the same one."""
+    from calib_core.errors import InputError
+
+    found = [_solved(path) for path in paths]
+    cells = list(dict.fromkeys(cell for _, cell in found if cell))
+    if len(cells) > 1:
+        to_do = "Name sessions of one cell: drift of two cells says nothing."
+        raise InputError("sessions whose cell.id is the same", f"'{cells[0]}' and '{cells[1]}'", to_do, "SESSION")
+    return [session for session, _ in found]
+
+
+def _solved(path: Path) -> tuple["SolvedSession", str | None]:
+    """Return a session's results and its cell's id, None where it has none."""
     from calib_core.archive.archive import is_archive, opened
     from calib_core.archive.dates import solved_when
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.review.drift import SolvedSession
+    from calib_core.stages.graph import Graph
 
     with opened(path) as folder:
-        session, _ = load_session(folder)
+        session, read = load_session(folder)
         results = stored_results(folder)
+        stale = Graph.stale_of(session, read, results)
         date = solved_when(folder, results, unpacked=is_archive(path))
-    return SolvedSession(str(path), session.name or path.name, date, results)
+    return SolvedSession(str(path), session.name or path.name, date, results, stale), session.cell.id
 
 
 def _text(found: "CellDrift") -> str:
@@ -69,9 +82,15 @@ def _text(found: "CellDrift") -> str:
         mark = ("  settled" if one.settled else "  NOT SETTLED") if one.found else ""
         lines.append(f"  {one.name:<24} {one.drift_mm:10.4f} ± {one.uncertainty_mm:.4f}{mark}")
     lines += [f"{one.name}: {one.sentence}" for one in found.within if one.found]
-    lines += found.flags or (["Nothing changed by more than its uncertainty."] if found.series else [])
+    lines += found.flags or _unchanged(found)
     lines += [f"{session}: {why}" for session, why in found.left_out.items()]
     return "\n".join(lines)
+
+
+def _unchanged(found: "CellDrift") -> list[str]:
+    if any(len(series.points) > 1 for series in found.series):
+        return ["Nothing changed by more than its uncertainty."]
+    return ["A change is told from the second solved session on."]
 
 
 COMMAND = Command(

@@ -37,13 +37,15 @@ def _run(options: argparse.Namespace) -> int:
     """Write the session folder of a simulated cell, with truth.json beside session.json; or serve its devices."""
     if options.scenario == _LIVE:
         return _serve(options)
+    from calib_core.simulation import require_scenario, simulate
+
+    require_scenario(options.scenario)
     for name, value in (("--seed", options.seed), ("--out", options.out)):
         if value is None:
             raise InputError(
                 f"{name} for the session folder", "none", f"Add {name}.", f"simulate {options.scenario}"
             )
     from calib_core.archive.folder import save_session, to_json_bytes
-    from calib_core.simulation import simulate
 
     simulated = simulate(options.scenario, options.seed)
     truth = {"truth.json": to_json_bytes(simulated.truth)}

@@ -81,7 +81,7 @@ class StoredSession(Session):
 
 
 class SessionSummary(BaseModel):
-    """A session in a list."""
+    """A session in a list; `stale` names the stages whose verdict is of inputs that have changed since."""
 
     id: str
     name: str
@@ -92,6 +92,7 @@ class SessionSummary(BaseModel):
     capture_count: int
     archived: bool
     verdicts: dict[StageName, Verdict]
+    stale: list[StageName]
 
 
 class SessionPage(BaseModel):

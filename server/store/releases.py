@@ -11,6 +11,7 @@ from calib_core.review.drift import SolvedSession
 from server.store.database import record_event
 from server.store.models import Data, ReleaseRow, SessionRow, now
 from server.store.sessions import latest_results, locked_session
+from server.store.staleness import stale_stages
 from server.store.webhooks import tell
 
 
@@ -39,7 +40,13 @@ def cell_history(db: Transaction, cell: str) -> Data:
 def cell_sessions(db: Transaction, cell: str, most: int = 100) -> list[SolvedSession]:
     """Return a cell's newest sessions with their latest results, the oldest first; raises NotFoundError."""
     newest = cell_history(db, cell)["sessions"][:most]
-    return [SolvedSession(s["id"], s["name"], s["created"], latest_results(db, s["id"])) for s in reversed(newest)]
+    stale = stale_stages(db, [session["id"] for session in newest])
+    return [
+        SolvedSession(
+            s["id"], s["name"], s["created"], latest_results(db, s["id"]), stale.get(s["id"], frozenset())
+        )
+        for s in reversed(newest)
+    ]
 
 
 def released(db: Transaction, cell: str) -> ReleaseRow:

@@ -18,6 +18,7 @@ from server.store.database import record_event
 from server.store.kept_records import KeptRecords
 from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded, now
 from server.store.paging import Page, after_cursor, page_of
+from server.store.staleness import stale_stages
 
 OF_ARCHIVE = "archive"
 """Where outputs have the stage that made them: those that came with an archive and belong to no stage."""
@@ -259,7 +260,7 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
     rows = list(db.scalars(query))
     ids = [row.id for row in rows]
     counts = _capture_counts(db, ids)
-    verdicts = _verdicts(db, ids)
+    verdicts, stale = _verdicts(db, ids), stale_stages(db, ids)
     items = [
         {
             "id": row.id,
@@ -271,6 +272,7 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
             "capture_count": counts.get(row.id, 0),
             "archived": bool(row.record.get("archived")),
             "verdicts": verdicts.get(row.id, {}),
+            "stale": sorted(stale.get(row.id, ())),
         }
         for row in rows
     ]

@@ -1,11 +1,13 @@
 """Drift over a cell's sessions: control charts, what is flagged, and which sessions do not count."""
 
+from dataclasses import replace
 from typing import Any
 
 import bench_drift
 import numpy as np
 import pytest
 
+from calib_core.errors import InputError
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.review.drift import CellDrift, SolvedSession, cell_drift
 
@@ -73,3 +75,20 @@ def test_sessions_without_a_good_answer_are_left_out_with_the_reason() -> None:
     }  # fmt: skip
     assert [len(one.points) for one in found.series] == [1] * 5
     assert cell_drift([empty]).series == []
+
+
+def test_an_answer_that_is_out_of_date_does_not_count_and_the_tool_stands_in_for_its_chain() -> None:
+    outdated = [replace(session(k), stale=frozenset({"chain", "verify"})) for k in (1, 2)]
+    outdated[1] = replace(outdated[1], results={**outdated[1].results, "tcp": outdated[1].results["chain"]})
+    found = cell_drift([session(0), *outdated])
+    assert found.left_out == {"s1": "out of date: solve it again"}
+    counted = {one.figure: [point.session for point in one.points] for one in found.series}
+    assert counted == {
+        "tool": ["s0", "s2"], "tool-orientation": ["s0", "s2"], "axis": ["s0"], "axis-direction": ["s0"],
+        "verification": ["s0"],
+    }  # fmt: skip
+
+
+def test_a_session_that_is_named_twice_is_refused() -> None:
+    with pytest.raises(InputError, match="s1 2 times"):
+        cell_drift([session(0), session(1), session(1)])

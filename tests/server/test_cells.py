@@ -71,6 +71,21 @@ def test_a_cell_s_drift_has_its_solved_sessions_and_says_what_changed(
     assert tool["points"][1]["flagged"]  # another seed is another cell: its scanner sits elsewhere
     assert "more than uncertainty explains" in found["flags"][0]
     assert_problem(client.get("/cells/none/drift"), 404, "none")
+
+    def listed_as_stale() -> list[list[str]]:
+        items = client.get("/sessions", params={"search": "cell that drifts"}).json()["items"]
+        return [item["stale"] for item in items]
+
+    assert listed_as_stale() == [[], []]
+    changed = f"/sessions/{sessions[1]}/captures/p03"
+    client.patch(changed, json={"excluded": True})
+    assert listed_as_stale() == [["tcp"], []]  # the newest first
+    without = client.get("/cells/cell-that-drifts/drift").json()
+    assert [[point["session"] for point in one["points"]] for one in without["series"]] == [[sessions[0]]] * 2
+    assert (without["flags"], list(without["left_out"])) == ([], [sessions[1]])
+    assert "out of date" in without["left_out"][sessions[1]]
+    client.patch(changed, json={"excluded": False})
+    assert listed_as_stale() == [[], []]
     site = str(client.base_url).removesuffix("/api/v1/")
     capsys.readouterr()
     assert main(["drift", "cell-that-drifts", "--server", site, "--json"]) == (1 if found["flags"] else 0)

@@ -94,6 +94,7 @@ def test_lists_are_paged_newest_first_and_searched(client: httpx.Client) -> None
         "cell",
         "capture_count",
         "verdicts",
+        "stale",
         "cell_id",
         "archived",
     }

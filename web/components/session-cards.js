@@ -183,24 +183,28 @@ const nameOf = (session) => session.name || session.id;
 const address = (session) => `/sessions/${encodeURIComponent(session.id)}`;
 
 /** Whether there is an answer that could be checked again. @param {SessionSummary} session */
-const solved = ({ verdicts }) => Boolean(verdicts["tcp"] ?? verdicts["chain"]);
+const solved = (session) => standings(session).some(([stage, verdict]) => ["tcp", "chain"].includes(stage) && verdict !== "stale");
+
+/** A session's verdicts by stage, `stale` where its inputs have changed since. @param {SessionSummary} session @returns {[string, string][]} */
+const standings = ({ verdicts, stale }) => Object.entries(verdicts).map(([stage, verdict]) => [stage, stale.includes(stage) ? "stale" : verdict]);
 
 /** @param {SessionSummary} session */
-function verdictsOf({ verdicts }) {
-  const found = Object.entries(verdicts ?? {});
+function verdictsOf(session) {
+  const found = standings(session);
   if (!found.length) return [mark("todo", t("start.unsolved"))];
   return found.map(([stage, verdict]) => mark(verdict, `${maybe(`step.${stage}`, stage)} ${maybe(`verdict.${verdict}`, verdict)}`));
 }
 
-/** The worst of a session's verdicts. @param {SessionSummary} session */
-function standing({ verdicts }) {
-  const found = Object.values(verdicts ?? {});
+/** The worst of a session's verdicts; one that is out of date has to be solved like none. @param {SessionSummary} session */
+function standing(session) {
+  const found = standings(session).map(([, verdict]) => verdict);
+  if (found.includes("stale")) return "unsolved";
   return (/** @type {const} */ (["fail", "warn", "pass"])).find((one) => found.includes(one)) ?? "unsolved";
 }
 
 /** What changes with all that a card shows. @param {SessionSummary} session */
-function version({ updated, capture_count, archived, verdicts }) {
-  return `${updated}-${capture_count}-${archived}-${Object.entries(verdicts ?? {}).join("-")}`;
+function version(session) {
+  return `${session.updated}-${session.capture_count}-${session.archived}-${standings(session).join("-")}`;
 }
 
 /** The server's drawing of its poses; before the first capture the page's own of a cell. @param {SessionSummary} session */

@@ -2,6 +2,8 @@
 /** @type {Record<string, string>} */
 
 export const texts = {
+  "Name it once.": "Nennen Sie sie nur einmal.",
+  "each session once": "jede Sitzung einmal",
   " for the step {}": " für den Schritt {}",
   "'{}', which does not": "„{}“, das es nicht tut",
   "'{}', which is there already": "„{}“, das es schon gibt",

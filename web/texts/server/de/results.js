@@ -337,6 +337,7 @@ export const texts = {
   "Need {}, got {}. {}": "Benötigt: {}; vorhanden: {}. {}",
   "Turntable's axis": "Achse des Drehtisches",
   "Axis direction": "Achsrichtung",
+  "out of date: solve it again": "veraltet: noch einmal lösen",
   "not solved": "nicht gelöst",
   "those of {}": "die von {}",
   "{} poses": "{} Posen",

@@ -2,6 +2,8 @@
 /** @type {Record<string, string>} */
 
 export const texts = {
+  "Name it once.": "请只写一次。",
+  "each session once": "每个会话只出现一次",
   " for the step {}": "（步骤 {}）",
   "'{}', which does not": "“{}”，没有",
   "'{}', which is there already": "“{}”，已存在",

@@ -337,6 +337,7 @@ export const texts = {
   "Need {}, got {}. {}": "需要：{}；实际：{}。{}",
   "Turntable's axis": "转台轴",
   "Axis direction": "轴方向",
+  "out of date: solve it again": "已过期：请重新求解",
   "not solved": "未求解",
   "those of {}": "{} 的",
   "{} poses": "{} 个位姿",
