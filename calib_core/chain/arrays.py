@@ -102,7 +102,8 @@ def _merged_points(observation: SphereObservation) -> tuple[FloatArray, FloatArr
         return points, np.ones(len(points))
     x, z = (points[:, [0, 2]] - observation.center_in_laser_mm[[0, 2]]).T
     middle = np.arctan2(z.mean(), x.mean())
-    angle = np.angle(np.exp(1j * (np.arctan2(z, x) - middle)))
+    cosine, sine = np.cos(middle), np.sin(middle)
+    angle = np.arctan2(z * cosine - x * sine, x * cosine + z * sine)
     order = np.argsort(angle, kind="stable")
     starts = np.linspace(0, len(points), _MOST_POINTS, endpoint=False).astype(int)
     counts = np.diff(np.append(starts, len(points))).astype(float)

@@ -71,15 +71,19 @@ class Noise:
 
     Attributes
     ----------
-    spread, precision : (K, 3, 3)
-        Covariance by what is each capture's own, mm², and its inverse.
+    spread : (K, 3, 3)
+        Covariance by what is each capture's own, mm².
     shared : (K, 3, L)
         How it moves with one standard deviation of each error that captures share, mm.
     """
 
     spread: FloatArray
-    precision: FloatArray
     shared: FloatArray
+
+    @property
+    def precision(self) -> FloatArray:
+        """The spread's inverse, (K, 3, 3)."""
+        return np.asarray(np.linalg.inv(self.spread), dtype=float)
 
 
 def pose_spread(
@@ -100,10 +104,7 @@ def pose_spread(
     levers : (K, 3), optional
         How the centre moves with the table's angle, mm/rad.
     """
-    arms = predicted + tool_in_laser
-    turning = np.einsum("ki,ki->k", arms, arms)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None, :]
-    position = max(sigmas.position_mm, _LEAST_SIGMA_MM)
-    spread = position**2 * np.eye(3) + sigmas.orientation_rad**2 * turning
+    spread = _spread(sigmas.position_mm, sigmas.orientation_rad, _turning(predicted + tool_in_laser))
     if levers is not None and sigmas.angle_rad > 0:
         spread += sigmas.angle_rad**2 * levers[:, :, None] * levers[:, None, :]
     return spread
@@ -216,17 +217,16 @@ def normal_equations(
     `offset` is e at the linearisation point.  Nuisances have no pose error: their rows are A's own, less what G
     explains.  Parameters as in `ChainLinearisation`.
     """
+    from calib_core.kernels.normal import weighted_rows
+
     reduced, rest = without_pose_errors(information, vector, gain, share)
-    rest = rest - np.einsum("kij,kj->ki", reduced[:, :, :3], offset)
     width = jacobian.shape[2]
-    rows = jacobian.reshape(-1, width)
-    hessian = rows.T @ (reduced[:, :3, :3] @ jacobian).reshape(-1, width)
-    gradient = -rows.T @ rest[:, :3].ravel()
-    cross = rows.T @ reduced[:, :3, 3:].reshape(len(rows), -1)
-    hessian[:, nuisances] += cross
-    hessian[nuisances] += cross.T
-    hessian[nuisances, nuisances] += reduced[:, 3:, 3:].sum(axis=0)
-    gradient[nuisances] -= rest[:, 3:].sum(axis=0)
+    weighted, gradient = np.empty_like(jacobian), np.zeros(width)
+    weighted_rows(reduced, rest, offset, jacobian, nuisances.start, weighted, gradient)
+    # Nuisances have no derivative of the centre, and these rows are what it and they know of each other.
+    hessian = jacobian.reshape(-1, width).T @ weighted.reshape(-1, width)
+    hessian[nuisances] = hessian[:, nuisances].T
+    hessian[nuisances, nuisances] = reduced[:, 3:, 3:].sum(axis=0)
     return (hessian + hessian.T) / 2, gradient
 
 
@@ -234,17 +234,11 @@ def without_pose_errors(
     information: FloatArray, vector: FloatArray, gain: FloatArray, share: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return Λ (K, m, m) and η (K, m) of each capture: see `normal_equations`."""
-    turned = np.swapaxes(share, 1, 2)
-    reduced = information.copy()
-    block = information[:, :3, :3] @ share
-    reduced[:, :3, :3] = (block + np.swapaxes(block, 1, 2)) / 2  # rounding alone makes A N unsymmetric
-    reduced[:, :3, 3:] = turned @ information[:, :3, 3:]
-    reduced[:, 3:, :3] = np.swapaxes(reduced[:, :3, 3:], 1, 2)
-    explained = information[:, 3:, :3] @ gain
-    reduced[:, 3:, 3:] -= explained @ information[:, :3, 3:]
-    rest = vector.copy()
-    rest[:, :3] = np.einsum("kij,kj->ki", turned, vector[:, :3])
-    rest[:, 3:] -= np.einsum("kij,kj->ki", explained, vector[:, :3])
+    from calib_core.kernels import normal
+
+    vector = np.ascontiguousarray(vector)
+    reduced, rest = np.empty_like(information), np.empty_like(vector)
+    normal.without_pose_errors(information, vector, gain, share, reduced, rest)
     return reduced, rest
 
 
@@ -267,9 +261,8 @@ def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainStat
     limit = [_STEP_LIMIT, [] if data.table is None else data.table.step_limit()]
     limit = np.concatenate([*limit, _NUISANCE_STEP[data.active], np.full(many, _SHARED_STEP)])
     begin = replace(start, shared=np.zeros(many), active=data.active)
-    return minimise(
-        lambda s: linearise(data, s, noise.spread, noise.precision, noise.shared), retract, begin, limit
-    )
+    precision = noise.precision
+    return minimise(lambda s: linearise(data, s, noise.spread, precision, noise.shared), retract, begin, limit)
 
 
 def linearised_at(data: ChainData, state: ChainState, sigmas: Sigmas) -> ChainLinearisation:
@@ -295,7 +288,7 @@ def noise_about(
 ) -> Noise:
     """Return the same for given centres (K, 3) and levers of the table's angle (K, 3)."""
     factor = np.empty((data.count, 0))
-    if sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0:
+    if is_alike(sigmas):
         factor = alike_factor(data.rotations, data.translations, sigmas.reach)
     middle = data.translations.mean(axis=0)
     return noise_by(data, centers_in_laser, state, sigmas, levers, factor, middle)
@@ -311,21 +304,84 @@ def noise_by(
     middle: FloatArray,
 ) -> Noise:
     """Return the same for a factor (K, m) of the alike part and the middle (3,) of the arm's places."""
-    tool = state.tool_in_laser
-    spread = pose_spread(centers_in_laser, tool, sigmas, levers) * data.pose_scale[:, None, None]
-    laser_from_base = state.tool_rotation.T @ np.swapaxes(data.rotations, 1, 2)
-    shared = [np.empty((data.count, 3, 0))]
-    if data.arm_scale_sigma > 0:
-        from_middle = data.translations - middle
-        shared.append(laser_from_base @ from_middle[:, :, None] * data.arm_scale_sigma)
-    if data.drift_sigma_mm > 0:
-        shared.append(laser_from_base * (data.order * data.drift_sigma_mm)[:, None, None])
-    if sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0:
+    return NoiseShapes.at(data, centers_in_laser, state, levers, middle).noise(sigmas, factor)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseShapes:
+    """What errors of robot and table of unit size do to each capture's centre: many sigmas are tried at one state.
+
+    Attributes
+    ----------
+    turning, angle : (K, 3, 3), (K, 3, 3) or None
+        Covariance by an orientation's error about any axis, and by the table's angle.
+    scale : (K, 1, 1)
+        By how much a capture's own pose variance is larger.
+    moves : (K, 3, 6)
+        By a shift of the flange along base's axes, and by its turn about them.
+    drawn : (K, 3, c)
+        By one standard deviation each of the arm's lengths and the drift.
+    """
+
+    turning: FloatArray
+    angle: FloatArray | None
+    scale: FloatArray
+    moves: FloatArray
+    drawn: FloatArray
+
+    @classmethod
+    def at(
+        cls,
+        data: ChainData,
+        centers_in_laser: FloatArray,
+        state: ChainState,
+        levers: FloatArray | None,
+        middle: FloatArray,
+    ) -> "NoiseShapes":
+        """Return those of captures whose spheres are seen at (K, 3), by a state's tool; see `noise_by`."""
+        laser_from_base = state.tool_rotation.T @ np.swapaxes(data.rotations, 1, 2)
+        drawn = [np.empty((data.count, 3, 0))]
+        if data.arm_scale_sigma > 0:
+            from_middle = data.translations - middle
+            drawn.append(laser_from_base @ from_middle[:, :, None] * data.arm_scale_sigma)
+        if data.drift_sigma_mm > 0:
+            drawn.append(laser_from_base * (data.order * data.drift_sigma_mm)[:, None, None])
+        arms = centers_in_laser + state.tool_in_laser
+        in_base = np.einsum("kji,kj->ki", laser_from_base, arms)
+        return cls(
+            turning=_turning(arms),
+            angle=None if levers is None else levers[:, :, None] * levers[:, None, :],
+            scale=data.pose_scale[:, None, None],
+            moves=np.concatenate([laser_from_base, laser_from_base @ skew(in_base)], axis=2),
+            drawn=np.concatenate(drawn, axis=2),
+        )
+
+    def noise(self, sigmas: Sigmas, factor: FloatArray) -> Noise:
+        """Return the noise of some sigmas, with a factor (K, m) of the alike part."""
+        spread = _spread(sigmas.position_mm, sigmas.orientation_rad, self.turning)
+        if self.angle is not None:
+            spread += sigmas.angle_rad**2 * self.angle
+        spread *= self.scale
+        if not is_alike(sigmas):
+            return Noise(spread, self.drawn)
         left = np.maximum(1 - np.sum(factor**2, axis=1), 0.0)
-        alike = Sigmas(sigmas.alike_position_mm, sigmas.alike_orientation_rad)
-        spread = spread + left[:, None, None] * pose_spread(centers_in_laser, tool, alike)
-        arms = np.einsum("kji,kj->ki", laser_from_base, centers_in_laser + tool)
-        turning = laser_from_base @ skew(arms) * sigmas.alike_orientation_rad
-        moves = np.concatenate([laser_from_base * sigmas.alike_position_mm, turning], axis=2)
-        shared.append((moves[:, :, None, :] * factor[:, None, :, None]).reshape(data.count, 3, -1))
-    return Noise(spread, np.asarray(np.linalg.inv(spread), dtype=float), np.concatenate(shared, axis=2))
+        alike = _spread(sigmas.alike_position_mm, sigmas.alike_orientation_rad, self.turning)
+        spread += left[:, None, None] * alike
+        moves = self.moves * np.repeat([sigmas.alike_position_mm, sigmas.alike_orientation_rad], 3)
+        shared = (moves[:, :, None, :] * factor[:, None, :, None]).reshape(len(moves), 3, -1)
+        return Noise(spread, np.concatenate([self.drawn, shared], axis=2))
+
+
+def is_alike(sigmas: Sigmas) -> bool:
+    """Return whether poses share errors where they are alike."""
+    return sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0
+
+
+def _turning(arms: FloatArray) -> FloatArray:
+    """Return the covariance (K, 3, 3) of the ends of arms (K, 3) by turns of unit variance about each axis."""
+    squared = np.einsum("ki,ki->k", arms, arms)[:, None, None]
+    return squared * np.eye(3) - arms[:, :, None] * arms[:, None, :]
+
+
+def _spread(position_mm: float, orientation_rad: float, turning: FloatArray) -> FloatArray:
+    return max(position_mm, _LEAST_SIGMA_MM) ** 2 * np.eye(3) + orientation_rad**2 * turning

@@ -16,7 +16,7 @@ import numpy as np
 from calib_core.chain.likelihood import ChainLinearisation, noise_of, without_pose_errors
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.scanner import corrected, with_true_incidence
+from calib_core.chain.scanner import spheres_seen
 from calib_core.chain.sides import with_better_sides
 from calib_core.chain.start import Start
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, with_averaged_covariance
@@ -239,32 +239,16 @@ def _squared_distances(observations: Sequence[SphereObservation], data: ChainDat
     centers = at.centers_in_laser + at.offset + without.moved
     ordinary = replace(data, pose_scale=np.minimum(data.pose_scale, 1.0))
     spread = noise_of(ordinary, state, found.sigmas).spread + without.spread
-    seen = [
-        with_true_incidence(corrected(o, state.scanner, data.half_width_mm), state.scanner, state.radius_mm)
-        for o in observations
-    ]
-    return np.array(
-        [
-            _squared_distance(o, state.radius_mm, q, s, n)
-            for o, q, s, n in zip(seen, centers, spread, data.points_per_independent, strict=True)
-        ]
-    )
-
-
-def _squared_distance(
-    observation: SphereObservation, radius_mm: float, expected: FloatArray, spread: FloatArray, alike: float
-) -> float:
-    """Return the squared distance of one measured centre, or circle (x, z, r), from the expected sphere's."""
-    measured = observation.center_in_laser_mm
-    if observation.circle_radius_mm is None:
-        off, rows = measured - expected, np.eye(3)
-    else:
-        cut = np.sqrt(max(radius_mm**2 - expected[1] ** 2, 1e-6))
-        # Far beyond the sphere the slope would explode; the distance then speaks by x and z.
-        slope = float(np.clip(-expected[1] / cut, -10, 10))
-        off = np.array([*(measured - expected)[[0, 2]], observation.circle_radius_mm - cut])
-        rows = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, slope, 0]])
-    covariance = alike * observation.center_covariance + rows @ spread @ rows.T
-    if observation.circle_radius_mm is not None:
-        covariance[2, 2] += (_LINEARITY * radius_mm) ** 2
-    return float(off @ np.linalg.solve(covariance, off))
+    measured, circle_mm = spheres_seen(observations, state.scanner, data.half_width_mm, state.radius_mm)
+    profile = np.isfinite(circle_mm)
+    off, rows = measured - centers, np.broadcast_to(np.eye(3), spread.shape).copy()
+    # Of a profile the circle was measured: x, z and radius.
+    cut = np.sqrt(np.maximum(state.radius_mm**2 - centers[profile, 1] ** 2, 1e-6))
+    off[profile] = np.column_stack([off[profile][:, [0, 2]], circle_mm[profile] - cut])
+    rows[profile] = [[1.0, 0, 0], [0, 0, 1.0], [0, 0, 0]]
+    # Far beyond the sphere the slope would explode; the distance then speaks by x and z.
+    rows[profile, 2, 1] = np.clip(-centers[profile, 1] / cut, -10, 10)
+    own = np.array([o.center_covariance for o in observations])
+    covariance = data.points_per_independent[:, None, None] * own + rows @ spread @ np.swapaxes(rows, 1, 2)
+    covariance[profile, 2, 2] += (_LINEARITY * state.radius_mm) ** 2
+    return np.einsum("ki,ki->k", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])

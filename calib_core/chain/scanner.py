@@ -5,13 +5,14 @@ do, in part.  What these leave open stays in the covariance.  At a workpiece the
 did to the tool, since both were seen at about the same distance.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.frames import FloatArray
-from calib_core.sphere.circle import circle_step
+from calib_core.sphere.circle import circle_step, circle_steps
 
 NAMES = ("radius_mm", "scale_x", "scale_z", "shear", "bow", "incidence_1_mm", "incidence_2_mm", "incidence_4_mm")
 """In the order of the unknowns; the first is the sphere's, the others are the scanner's."""
@@ -90,18 +91,38 @@ def corrected(observation: SphereObservation, values: FloatArray, half_width_mm:
     return replace(moved, center_in_laser_mm=np.array([x, 0.0, z]), circle_radius_mm=float(radius))
 
 
-def with_true_incidence(observation: SphereObservation, values: FloatArray, radius_mm: float) -> SphereObservation:
-    """Return a profile whose circle (x, z, r) is that of points without the error by incidence (`values`, 8)."""
-    shapes = values[5:]
-    own = observation.circle_radius_mm
-    if own is None or not shapes.any() or not len(observation.points_in_laser_mm):
-        return observation
-    center = observation.center_in_laser_mm[[0, 2]]
-    offsets = observation.points_in_laser_mm[:, [0, 2]] - center
-    cosine = np.sqrt(np.maximum(1 - (offsets[:, 0] / own) ** 2, 0.0)) * own / radius_mm
-    # A distance to the sphere is r/R of the one in the plane of light.
-    outside = incidence_shapes(cosine) @ shapes * radius_mm / own
-    distance = np.linalg.norm(offsets, axis=1)
-    points = center + offsets * (1 - outside / distance)[:, None]
-    x, z, radius = circle_step(points, np.array([*center, own])).parameters
-    return replace(observation, center_in_laser_mm=np.array([x, 0.0, z]), circle_radius_mm=float(radius))
+def spheres_seen(
+    observations: Sequence[SphereObservation], values: FloatArray, half_width_mm: float, radius_mm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the centres (K, 3) and circles' radii (K,), NaN where none, that a right scanner had measured.
+
+    As `corrected` makes them, and without what the error by incidence (`values`, 8) does to a profile's circle.
+    """
+    centers = np.array([o.center_in_laser_mm for o in observations]).reshape(-1, 3)
+    radii = np.array([o.circle_radius_mm or np.nan for o in observations], dtype=float)
+    arcs = [o.points_in_laser_mm[:, [0, 2]] for o in observations]
+    has_arc = np.isfinite(radii) & np.array([len(arc) > 0 for arc in arcs], dtype=bool)
+    change, shapes = values[OF_FILES], values[5:]
+    moved = centers + displacements(centers, bow_of(centers, half_width_mm)) @ change
+    if not has_arc.any() or not values[1:].any():
+        return moved, radii
+    arcs = [arc for arc, has in zip(arcs, has_arc, strict=True) if has]
+    offsets = np.concatenate([[0], np.cumsum([len(arc) for arc in arcs])])
+    points = np.concatenate(arcs)
+    circles = np.column_stack([centers[:, [0, 2]], radii])[has_arc]
+    if change.any():
+        in_space = np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
+        points = points + (displacements(in_space, bow_of(in_space, half_width_mm)) @ change)[:, [0, 2]]
+        circles = circle_steps(points, offsets, circles)
+    if shapes.any():
+        own = np.repeat(circles, np.diff(offsets), axis=0)
+        apart, radius = points - own[:, :2], own[:, 2]
+        cosine = np.sqrt(np.maximum(1 - (apart[:, 0] / radius) ** 2, 0.0)) * radius / radius_mm
+        # A distance to the sphere is r/R of the one in the plane of light.
+        outside = incidence_shapes(cosine) @ shapes * radius_mm / radius
+        distance = np.hypot(apart[:, 0], apart[:, 1])
+        points = own[:, :2] + apart * (1 - outside / distance)[:, None]
+        circles = circle_steps(points, offsets, circles)
+    moved[has_arc] = np.column_stack([circles[:, 0], np.zeros(len(circles)), circles[:, 1]])
+    radii[has_arc] = circles[:, 2]
+    return moved, radii

@@ -94,7 +94,11 @@ def robust_costs(distances_mm: FloatArray) -> FloatArray:
 
 
 def _best_of(guesses: FloatArray, places: FloatArray) -> FloatArray:
-    return guesses[int(np.argmin(robust_costs(nearest_side(guesses, places))))]
+    from calib_core.kernels.guesses import guess_costs
+
+    costs = np.empty(len(guesses))
+    guess_costs(np.ascontiguousarray(guesses), np.ascontiguousarray(places), AGREE_MM, costs)
+    return guesses[int(np.argmin(costs))]
 
 
 def _occurrence(values: np.ndarray) -> np.ndarray:

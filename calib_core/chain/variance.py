@@ -6,16 +6,17 @@ answer's covariance is averaged over what they may be: few captures know them on
 """
 
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
-from calib_core.arms.alike import visits
+from calib_core.arms.alike import alike_factor, visits
 from calib_core.chain.arm_errors import ArmErrors, ArmShares
 from calib_core.chain.centers import centers_suffice, fit_centers
 from calib_core.chain.likelihood import (
     ChainLinearisation,
+    NoiseShapes,
     fit,
-    noise_about,
     normal_equations,
 )
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction, prior
@@ -206,6 +207,11 @@ def _representative(data: ChainData) -> np.ndarray:
     return chosen
 
 
+def _known(data: ChainData, state: ChainState, shared: int) -> tuple[FloatArray, FloatArray]:
+    """Return gradient and Hessian of what is known beside the captures, with so many shared errors, all zero."""
+    return prior(data, replace(state, shared=np.zeros(shared)), shared)[1:]
+
+
 class _Restricted:
     """The restricted log-likelihood of the pose sigmas, with everything else linearised at one minimum."""
 
@@ -222,18 +228,24 @@ class _Restricted:
         self._state = replace(state, shared=None, active=data.active)
         self._data = data
         expected = prediction(data, self._state)
-        self._own, self._levers = at.centers_in_laser[some], expected.levers
-        self._offset = expected.centers_in_laser - self._own
+        seen = expected.centers_in_laser
+        self._offset = seen - at.centers_in_laser[some]
         self._jacobian = expected.jacobian
-        self._seen = self._own + self._offset
         self._information, self._vector = at.information[some], at.vector[some]
+        pull = np.einsum("kij,kj->ki", self._information[:, :3, :3], self._offset)
+        self._rest = (self._vector[:, :3] - pull)[:, :, None]
+        self._at_offset = float(np.sum(self._offset * (self._vector[:, :3] - 0.5 * pull)))
+        middle = data.translations.mean(axis=0)
+        self._shapes = NoiseShapes.at(data, seen, self._state, expected.levers, middle)
+        self._factor_of = cache(partial(alike_factor, data.rotations, data.translations))
+        self._prior_of = cache(partial(_known, data, self._state))
 
     def equations(self, sigmas: Sigmas) -> tuple[FloatArray, FloatArray, float]:
         """Return Hessian, gradient, and log-likelihood at the linearisation point, for other sigmas."""
         from calib_core.kernels.chain import pose_error_gain
 
         data, information, vector = self._data, self._information, self._vector
-        noise = noise_about(data, self._seen, self._state, sigmas, self._levers)
+        noise = self._shapes.noise(sigmas, self._factor_of(sigmas.reach))
         gain, share = np.empty_like(noise.spread), np.empty_like(noise.spread)
         logarithm = pose_error_gain(information, noise.spread, gain, share)
         many, first, last = noise.shared.shape[2], data.unknowns, data.width
@@ -244,13 +256,10 @@ class _Restricted:
             information, vector, gain, share, self._offset, jacobian, slice(first, last)
         )
         # −½ eᵀΛe + ηᵀe + ½ hᵀGh, which is hᵀe − ½ eᵀAe + ½ (h − Ae)ᵀ G (h − Ae).
-        pull = np.einsum("kij,kj->ki", information[:, :3, :3], self._offset)
-        rest = vector[:, :3] - pull
-        value = float(np.sum(self._offset * (vector[:, :3] - 0.5 * pull)))
-        value += 0.5 * float(np.einsum("ki,kij,kj", rest, gain, rest))
-        begin = replace(self._state, shared=np.zeros(many))
-        _, known_gradient, known_hessian = prior(data, begin, many)
-        return hessian + known_hessian, gradient + known_gradient, value - 0.5 * logarithm
+        value = self._at_offset + 0.5 * float(self._rest.ravel() @ (gain @ self._rest).ravel())
+        known_gradient, known_hessian = self._prior_of(many)
+        hessian += known_hessian
+        return hessian, gradient + known_gradient, value - 0.5 * logarithm
 
     def value(self, sigmas: Sigmas) -> float:
         """Return the restricted log-likelihood: the unknowns maximised out and their loss of freedom counted."""
@@ -258,9 +267,11 @@ class _Restricted:
 
         hessian, gradient, value = self.equations(sigmas)
         scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-        scaled = hessian / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
+        hessian /= scale
+        hessian /= scale[:, None]
+        hessian.ravel()[:: len(scale) + 1] += 1e-12
         try:
-            low = np.linalg.cholesky(scaled)
+            low = np.linalg.cholesky(hessian)
         except np.linalg.LinAlgError:  # nothing is known of some unknown at such sigmas
             return _IMPOSSIBLE
         along = solve_triangular(low, gradient / scale, lower=True, check_finite=False)

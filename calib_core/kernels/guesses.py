@@ -142,3 +142,30 @@ def _turn(rotation: FloatArray, vector: FloatArray, turned: FloatArray) -> None:
         for j in range(3):
             turned[i, j] = rotation[i, 0] * by[0][j] + rotation[i, 1] * by[1][j] + rotation[i, 2] * by[2][j]
     rotation[:] = turned
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def guess_costs(guesses: FloatArray, places: FloatArray, scale_mm: float, costs: FloatArray) -> None:
+    """Write the robust cost (N,) of guesses (N, D): Σ log(1 + (d / scale)²), d to the nearer side of each capture.
+
+    Parameters
+    ----------
+    guesses, places : (N, D), (K, 2, D)
+        mm.
+    scale_mm : float
+    costs : (N,)
+    """
+    for n in range(len(guesses)):
+        cost, product = 0.0, 1.0
+        for k in range(len(places)):
+            nearest = np.inf
+            for side in range(2):
+                squared = 0.0
+                for d in range(guesses.shape[1]):
+                    squared += (guesses[n, d] - places[k, side, d]) ** 2
+                nearest = min(nearest, squared)
+            product *= 1.0 + nearest / scale_mm**2
+            if product > 1e200:  # one logarithm for many captures
+                cost += np.log(product)
+                product = 1.0
+        costs[n] = cost + np.log(product)

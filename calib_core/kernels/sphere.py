@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 SUMS = 15
 """n, Σu (3), Σ uuᵀ upper triangle (6), Σ res·u (3), Σ res, Σ res²: all over the points within the cut."""
@@ -208,3 +209,31 @@ def first_spheres(
                 chance = 0.3 * (support / count) ** needed
                 enough = min(float(most_draws), max(float(least_draws), -14.0 / np.log1p(-min(chance, 0.5))))
     return best
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def circle_sums(points: FloatArray, offsets: IndexArray, circles: FloatArray, sums: FloatArray) -> None:
+    """Write the normal equations (K, 3, 4), last column the gradient, of circles' distances to their points.
+
+    Parameters
+    ----------
+    points, offsets : (M, 2), (K + 1,)
+        Circle k has the points from offsets[k] to offsets[k + 1].
+    circles : (K, 3)
+        x, z, r.
+    sums : (K, 3, 4)
+    """
+    for k in range(len(circles)):
+        xx = xz = zz = x = z = xd = zd = d = 0.0
+        for i in range(offsets[k], offsets[k + 1]):
+            u, v = points[i, 0] - circles[k, 0], points[i, 1] - circles[k, 1]
+            distance = np.sqrt(u * u + v * v)
+            scale = 1.0 / max(distance, 1e-300)
+            u, v, off = u * scale, v * scale, distance - circles[k, 2]
+            xx, xz, zz = xx + u * u, xz + u * v, zz + v * v
+            x, z, d = x + u, z + v, d + off
+            xd, zd = xd + u * off, zd + v * off
+        own = sums[k]
+        own[0, 0], own[0, 1], own[0, 2], own[0, 3] = xx, xz, x, xd
+        own[1, 0], own[1, 1], own[1, 2], own[1, 3] = xz, zz, z, zd
+        own[2, 0], own[2, 1], own[2, 2], own[2, 3] = x, z, offsets[k + 1] - offsets[k], d

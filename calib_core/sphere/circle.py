@@ -59,6 +59,22 @@ def circle_step(points: FloatArray, circle: FloatArray) -> CircleFit:
     return CircleFit(circle + step, normal_matrix, residuals)
 
 
+def circle_steps(points: FloatArray, offsets: NDArray[np.int64], circles: FloatArray) -> FloatArray:
+    """Return circles (K, 3) after one step each; circle k has the points from offsets[k] to offsets[k + 1]."""
+    from calib_core.kernels.sphere import circle_sums
+
+    sums = np.empty((len(circles), 3, 4))
+    circle_sums(np.ascontiguousarray(points), offsets, circles, sums)
+    try:
+        steps = np.linalg.solve(sums[:, :, :3], sums[:, :, 3:])[:, :, 0]
+    except np.linalg.LinAlgError:
+        steps = np.full(circles.shape, np.inf)
+    longest = _LONGEST_STEP * np.abs(circles[:, 2])
+    for k in np.flatnonzero(~(np.abs(steps).max(axis=1) < longest)):
+        steps[k] = _solved(sums[k, :, :3], sums[k, :, 3], longest[k])
+    return circles + steps
+
+
 def _solved(normal_matrix: FloatArray, gradient: FloatArray, longest: float) -> FloatArray:
     """Return the step (3,), the shortest one where several fit equally well."""
     try:
