@@ -186,7 +186,7 @@ const address = (session) => `/sessions/${encodeURIComponent(session.id)}`;
 const solved = (session) => standings(session).some(([stage, verdict]) => ["tcp", "chain"].includes(stage) && verdict !== "stale");
 
 /** A session's verdicts by stage, `stale` where its inputs have changed since. @param {SessionSummary} session @returns {[string, string][]} */
-const standings = ({ verdicts, stale }) => Object.entries(verdicts).map(([stage, verdict]) => [stage, stale.includes(stage) ? "stale" : verdict]);
+const standings = ({ verdicts, stale }) => Object.entries(verdicts).map(([stage, verdict]) => [stage, stale.some((one) => one === stage) ? "stale" : verdict]);
 
 /** @param {SessionSummary} session */
 function verdictsOf(session) {
