@@ -126,6 +126,14 @@ def test_sessions_are_filtered_by_their_verdict_and_show_a_picture(
     expect(page.get_by_text("No session matches")).to_be_visible()
     page.get_by_label("Show sessions by verdict").select_option("not solved yet")
     expect(page.locator(".session-card sc-drawing svg")).to_be_visible()
+    api.patch(f"/sessions/{solved}/captures/p03", json={"excluded": True})
+    page.reload()  # a verdict on captures that have changed since is none
+    page.get_by_role("searchbox").fill("one")
+    expect(page.locator(".session-card", has_text="solved one").locator(".verdicts")).to_contain_text(
+        "out of date"
+    )
+    page.get_by_label("Show sessions by verdict").select_option("accepted")
+    expect(page.locator(".session-card")).to_have_count(0)
     assert watched.complaints == []
     api.delete(f"/sessions/{empty}")
 
