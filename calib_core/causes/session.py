@@ -21,6 +21,7 @@ from calib_core.stages.stage import ReadFile
 _NO_POSE = np.eye(4).ravel().tolist()
 _ASKED = 12  # captures that a hypothesis on files is tried on
 _ENOUGH = 0.7
+_USUAL_DIAMETERS_MM = (3.0, 1000.0)
 _DIAMETERS = {2.0: "that is its radius", 1000.0: "that is in metres", 25.4: "that is in inches"}
 _UNITS = {"m": "metres", "cm": "centimetres", "in": "inches", "um": "micrometres"}
 
@@ -154,7 +155,7 @@ def _file_causes(session: Session, captures: Sequence[Capture], read: ReadFile) 
     """Return the unit of the files or the diameter of the sphere by which most captures show it."""
     asked = captures[:: max(1, len(captures) // _ASKED)]
     before = len(_observed(session, asked, read)[0])
-    found: list[tuple[int, RootCause]] = []
+    found: list[tuple[int, bool, RootCause]] = []
     for cause in (*_units(session, captures), *_diameters(session)):
         assert cause.changes is not None
         trial, _ = applied(session, cause.changes)
@@ -163,8 +164,17 @@ def _file_causes(session: Session, captures: Sequence[Capture], read: ReadFile) 
             evidence = BeforeAfter(
                 label=f"Captures that show the sphere, of {len(asked)}", before=float(before), after=float(seen)
             )
-            found.append((seen, cause.model_copy(update={"evidence": [evidence]})))
-    return [cause for _, cause in sorted(found, key=lambda one: -one[0])]
+            found.append((seen, _is_usual(trial), cause.model_copy(update={"evidence": [evidence]})))
+    # A diameter a thousand times smaller shows the sphere as well as points a thousand times larger do.
+    if any(usual for _, usual, _ in found):
+        found = [one for one in found if one[1]]
+    return [cause for _, _, cause in sorted(found, key=lambda one: -one[0])]
+
+
+def _is_usual(session: Session) -> bool:
+    """Return whether anyone calibrates with a sphere of the session's diameter, or it is not told."""
+    told = session.cell.sphere_diameter_mm
+    return told is None or _USUAL_DIAMETERS_MM[0] <= told <= _USUAL_DIAMETERS_MM[1]
 
 
 def _units(session: Session, captures: Sequence[Capture]) -> Iterator[RootCause]:

@@ -130,11 +130,13 @@ def test_files_in_metres_and_a_radius_for_the_diameter_are_named_where_nothing_c
     assert run(mended, metres.files.__getitem__, "tcp")["tcp"].verdict == "pass"
 
     small = simulate("tcp", 3)
-    told = small.session.cell.model_copy(update={"sphere_diameter_mm": 20.0})
-    session = small.session.model_copy(update={"cell": told})
-    causes = session_causes(session, small.files.__getitem__, {})
-    assert causes[0].changes is not None
-    assert causes[0].changes.cell == {"sphere_diameter_mm": 40.0}
+    for wrong_mm in (20.0, 0.04):  # its radius; metres, by which the files may as well be micrometres
+        told = small.session.cell.model_copy(update={"sphere_diameter_mm": wrong_mm})
+        session = small.session.model_copy(update={"cell": told})
+        causes = session_causes(session, small.files.__getitem__, {})
+        assert causes[0].changes is not None
+        assert causes[0].changes.cell == {"sphere_diameter_mm": 40.0}
+        assert not any(cause.kind == "point-unit" for cause in causes)
 
 
 def test_a_cause_is_named_by_its_id_kind_or_place(cell: Measured) -> None:
