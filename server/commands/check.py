@@ -23,10 +23,12 @@ def _run(options: argparse.Namespace) -> int:
     print_result(options, "\n".join(lines), {"session": session.name, "findings": data})
     if not errors:
         return OK
-    print(
-        f"scancell: error: {options.session}: {errors} finding(s) block solving; fix them first.",
-        file=sys.stderr,
+    what = (
+        "1 finding blocks solving; fix it first."
+        if errors == 1
+        else f"{errors} findings block solving; fix them first."
     )
+    print(f"scancell: error: {options.session}: {what}", file=sys.stderr)
     return BAD_INPUT
 
 

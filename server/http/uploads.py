@@ -71,7 +71,7 @@ def named_files(record: dict[str, Any], uploads: list[tuple[str, bytes]]) -> dic
         raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)
     if len(names) != len(uploads):
         raise InputError(
-            f"{len(names)} file(s), as the record names",
+            f"as many files as the record names: {len(names)}",
             f"{len(uploads)}",
             "Send each file of the record's `files` as a part named `files`.",
             where,

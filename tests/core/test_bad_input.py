@@ -277,7 +277,7 @@ def test_check_finds_all_at_once(folder, capsys):
     for words in ("p03.csv", "p04.csv", "p06", "'sphere_diamter_mm'"):
         assert words in out
     assert out.splitlines()[0].startswith("error")
-    assert "3 finding(s) block solving" in err
+    assert "3 findings block solving" in err
 
 
 def test_check_names_a_copied_file(folder, capsys):

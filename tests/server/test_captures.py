@@ -68,7 +68,7 @@ def test_a_capture_without_a_sphere_is_kept_and_says_why(client: httpx.Client) -
         ({"id": "../p01"}, arc_csv(), ["id"]),
         ({"files": ["/etc/passwd"]}, arc_csv(), ["inside the session folder"]),
         ({"files": ["captures/../../p01.csv"]}, arc_csv(), ["inside the session folder"]),
-        ({"files": ["a.csv", "b.csv"]}, arc_csv(), ["2 file(s)", "1"]),
+        ({"files": ["a.csv", "b.csv"]}, arc_csv(), ["names: 2, got 1"]),
         ({"files": ["a.csv", "a.csv"]}, arc_csv(), ["stands twice"]),
         ({"files": "a.csv"}, arc_csv(), ["list of file names"]),
         ({}, b"", []),

@@ -529,7 +529,7 @@ export const texts = {
   "{} bytes": "{} Bytes",
   "{} exposures, {} poses, {} exposures between poses": "{} Belichtungen, {} Posen, {} Belichtungen zwischen Posen",
   "{} external axes": "{} externe Achsen",
-  "{} file(s), as the record names": "{} Datei(en), wie der Datensatz sie nennt",
+  "as many files as the record names: {}": "so viele Dateien, wie der Datensatz nennt: {}",
   "{} is stored already": "{} ist schon gespeichert",
   "{} mm that the offset leaves open at {} mm/s": "{} mm, die der Versatz bei {} mm/s offenlässt",
   "{} s without one": "{} s ohne",

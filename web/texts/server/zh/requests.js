@@ -529,7 +529,7 @@ export const texts = {
   "{} bytes": "{} 字节",
   "{} exposures, {} poses, {} exposures between poses": "{} 次曝光、{} 个位姿，{} 次曝光位于位姿之间",
   "{} external axes": "{} 个外部轴",
-  "{} file(s), as the record names": "{} 个文件，如记录所列",
+  "as many files as the record names: {}": "与记录所列数量相同的文件：{}",
   "{} is stored already": "{} 已存储",
   "{} mm that the offset leaves open at {} mm/s": "偏移在 {2} mm/s 时留下 {1} mm 的不确定",
   "{} s without one": "{} s 没有数据",
