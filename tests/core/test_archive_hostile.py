@@ -5,6 +5,7 @@ import json
 import re
 import stat
 import struct
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -22,14 +23,15 @@ from tests.core.archives import changed, entries_of, resealed, tree, with_entry,
 BASE = "simulated-tcp-spoiled-seed-7"
 
 
-def refused(archive: bytes, folder: Path, kind: type[CalibrationError] = InputError) -> str:
-    """Return why an archive is refused, having seen that nothing was written anywhere near."""
+def refused(archive: bytes, around: Path, kind: type[CalibrationError] = InputError) -> str:
+    """Return why an archive is refused, having seen that nothing was written near it, three folders up."""
+    folder = around / "three" / "two" / "one"
+    folder.mkdir(parents=True, exist_ok=True)
     file = folder / "archive.zip"
     file.write_bytes(archive)
-    before = tree(folder.parent)
     with pytest.raises(kind) as raised:
         unpack(file, folder / "deep" / "out")
-    assert tree(folder.parent) == before
+    assert tree(around) == {"three/two/one/archive.zip": archive}
     assert [p.name for p in folder.iterdir()] == ["archive.zip"]
     file.unlink()
     message = str(raised.value)
@@ -303,9 +305,9 @@ MUTATIONS = 400
 
 @settings(max_examples=MUTATIONS, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
-def test_mutated_archives_are_refused_or_whole(packed, tmp_path_factory, data):
+def test_mutated_archives_are_refused_or_whole(packed, tmp_path, data):
     """Whatever is altered: no error but ours, nothing written outside, and what is accepted is what was packed."""
-    folder = tmp_path_factory.mktemp("mutated")
+    folder = Path(tempfile.mkdtemp(dir=tmp_path))
     archive = _mutated(packed, data)
     (folder / "a.zip").write_bytes(archive)
     try:
