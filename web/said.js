@@ -5,7 +5,7 @@
 const ESCAPED = /[.*+?^$()|[\]\\]/g;
 const HOLE = /\{(\d?)\}/g;
 /** Names as the server lists them: `p03, p07 and p09`, `f13–f24 and 3 more`. */
-const LIST = /^(\S+(?:, \S+)*) and (\S+|\d+ more)$/;
+const LIST = /^(\S+(?:, \S+)*) (and|or) (\S+|\d+ more)$/;
 /** A template of few words is no sentence: it holds no list and no two sentences. */
 const FEW = 4, JOINED = / (?:and|or) |[.] |: /;
 /** The frame of a refusal: what it holds is said by itself. */
@@ -126,7 +126,7 @@ export class Sayings {
   /** A list of names, or what is put together of several: each by itself. @param {string} text @returns {string} */
   #sentences(text) {
     const list = LIST.exec(text);
-    if (list) return `${list[1]?.replaceAll(", ", this.#joins.comma)}${this.#joins.and}${list[2]?.replace(/ more$/, ` ${this.#joins.more}`)}`;
+    if (list) return `${list[1]?.replaceAll(", ", this.#joins.comma)}${list[2] === "or" ? this.#joins.or : this.#joins.and}${list[3]?.replace(/ more$/, ` ${this.#joins.more}`)}`;
     const [, frame, axis] = AXIS.exec(text) ?? [];
     if (frame) return `${this.#known.get(frame) ?? frame} ${axis}`;
     const [, before, added] = ADDED.exec(text) ?? [];

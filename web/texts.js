@@ -150,9 +150,10 @@ export function refusal({ detail, title, need, got, to_do: toDo }) {
  * A text whose key is put together from data; `otherwise` where the catalogue has none.
  * @param {string} key
  * @param {string} otherwise
+ * @param {Record<string, string | number>} [values]
  */
-export function maybe(key, otherwise) {
-  return key in catalogue ? t(/** @type {Text} */ (key)) : otherwise;
+export function maybe(key, otherwise, values) {
+  return key in catalogue ? t(/** @type {Text} */ (key), values) : otherwise;
 }
 
 /**

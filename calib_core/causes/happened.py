@@ -60,11 +60,13 @@ class Happened:
         after = [name for name in used if name in self.captures]
         before = [name for name in used if name not in self.captures]
         fewer = after if len(after) <= len(before) else before
-        moved = "The sphere moved" if self.kind == "moved-sphere" else "The scanner moved on the flange"
+        since = self.captures[0]
         return RootCause(
-            id=f"{self.kind}-{self.captures[0]}"[:64],
+            id=f"{self.kind}-{since}"[:64],
             kind=self.kind,
-            title=f"{moved} before {self.captures[0]}",
+            title=f"The sphere moved before {since}"
+            if self.kind == "moved-sphere"
+            else f"The scanner moved on the flange before {since}",
             sentence=self.sentence,
             evidence=[BeforeAfter(label="Moved by", unit="mm", before=self.distance_mm, after=None)],
             captures=list(self.captures),

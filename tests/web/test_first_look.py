@@ -43,7 +43,7 @@ def solve(client: httpx.Client, session: str, stage: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("convention", "verdict", "action"), [("fanuc", "warn", "Add captures"), ("kuka", "fail", "Apply")]
+    ("convention", "verdict", "action"), [("fanuc", "warn", "Add captures"), ("kuka", "fail", "Set convention")]
 )
 def test_a_real_set_rightly_and_wrongly_read(
     open_page: Callable[..., Any],

@@ -5,21 +5,16 @@ import { quantityWords } from "../blocks/quantity.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
+import { brief, found } from "./brief.js";
 import { glossed } from "./glossary.js";
 import { stepName } from "./rail.js";
-import { causesOf, mendable } from "./remedy.js";
+import { causesOf, evidenceOfCause, mendable } from "./remedy.js";
 
 /** @import {Block, FigureBlock, StageResult} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 
 const IN_SIGHT = 3;
 const BESIDE = 2;
-/** A message in one line; all of it opens. */
-const MOST_WORDS = 12;
-/** A direction: numbers in brackets. */
-const DIRECTION = /\([\u2212-]?\d[\d.,]*[,;] [^)a-z]*\)/g;
-/** Letters of a word, where words are long: a line is full by letters then. */
-const LONGEST_WORD = 6;
 
 /** @param {StageResult} result @param {SessionState} state @param {string} stage */
 export function answer(result, state, stage) {
@@ -59,48 +54,26 @@ export function otherFigures(result) {
   return figuresOf(result).filter((figure) => !shown.includes(figure));
 }
 
-/** @param {StageResult} result */
+/** At most three in sight: the causes where they are known, and what follows from them on demand. @param {StageResult} result */
 function messages(result) {
-  const { stale, warnings = [], notes = [] } = result;
-  const told = grouped([...(stale ? [t("result.stale_words")].map((text) => ({ text, short: brief(text) })) : []), ...(warnings ?? []).map((text) => ({ text: said(text), short: brief(said(reason(text))) }))]);
-  // Where the cause is known it stands alone: what follows from it is told on demand.
-  const [cause] = causesOf(result);
-  const first = cause ? [] : told.slice(0, IN_SIGHT);
-  const rest = told.filter((one) => !first.includes(one)).map(({ text }) => text);
+  const { stale, warnings, notes } = result;
+  const causes = causesOf(result);
+  const told = (warnings ?? []).filter((text) => causes.every(({ sentence }) => sentence !== text)).map((text) => ({ text: said(text), short: brief(said(found(text))) }));
+  if (stale) told.unshift({ text: t("result.stale_words"), short: brief(t("result.stale_words")) });
+  const each = [...new Map(told.map((one) => [one.short, one])).values()];
+  const first = causes.length ? causes.map((cause) => message(said(cause.sentence), brief(said(cause.title)))) : each.slice(0, IN_SIGHT).map(({ text, short }) => message(text, short));
+  const rest = (causes.length ? each : each.slice(IN_SIGHT)).map(({ text }) => text);
   return [
-    cause && h("ul", { class: "messages" }, message(said(cause.sentence), brief(said(cause.title)))),
-    first.length > 0 && h("ul", { class: "messages" }, ...first.map(({ text, short }) => message(text, short))),
+    first.length > 0 && h("ul", { class: "messages" }, ...first.slice(0, IN_SIGHT)),
+    ...causes.slice(0, 1).flatMap(evidenceOfCause),
     (rest.length > 0 || (notes ?? []).length > 0) && h("div", { class: "row" },
       rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
       (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), (notes ?? []).map(said))),
   ];
 }
 
-/** Each message once. @param {readonly { text: string, short: string }[]} told */
-const grouped = (told) => [...new Map(told.map((one) => [one.short, one])).values()];
-
-/** Of what is not used, what was found instead of what it takes: `p03 is not used: no board`. */
-const REFUSED = /^(.+? not used)[^:]*: need .+?, got (.+?)\. .*$/s;
-
-/** What a sentence of the server says at once. @param {string} text */
-const reason = (text) => text.replace(REFUSED, "$1: $2.");
-
-/** What a message says, in one line: its first sentence, up to where a clause ends. @param {string} text */
-function brief(text) {
-  // What stood in brackets is left out, and what is left of a list of it; a direction stays, with as many digits as a glance takes.
-  const [sentence = text] = text.replace(DIRECTION, (found) => found.replace(/\d([.,])\d\d/g, (one, sign) => Number(one.replace(",", ".")).toFixed(1).replace(".", sign))).replace(/\s*\((?![\u2212-]?\d[\d.,]*[,;] [^)]*\))[^)]*\)/g, "").replace(/[,、]?\s*(?:and|und|和)(?=[:：])/gu, "").split(/(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u);
-  const bare = sentence.replace(/[.。]$/u, "");
-  const count = (/** @type {string} */ text, words = text.replace(/ \([^)]*\)/g, "")) => Math.max(words.split(" ").length, words.length / LONGEST_WORD);
-  if (count(bare) <= MOST_WORDS) return bare;
-  const ends = [...bare.matchAll(/[:;,](?=\s)(?![^(]*\))/g)].map(({ index }) => bare.slice(0, index)).filter((clause) => count(clause) > 4 && count(clause) <= MOST_WORDS);
-  return ends.at(-1) ?? `${bare.split(" ").slice(0, MOST_WORDS - 3).join(" ")} …`;
-}
-
 /** @param {string} text @param {string} short */
-function message(text, short) {
-  if (short === text.replace(/\.$/, "")) return h("li", {}, short);
-  return h("li", {}, h("details", {}, h("summary", {}, short), h("p", {}, text)));
-}
+const message = (text, short) => h("li", {}, short === text.replace(/[.。]$/u, "") ? short : h("details", {}, h("summary", {}, short), h("p", {}, text)));
 
 /** @param {string} title @param {readonly string[]} texts */
 function more(title, texts) {

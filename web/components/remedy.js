@@ -1,9 +1,9 @@
-// What mends a failed or doubtful result at once: its root causes, each with what it is, the evidence, and Apply.
+// What mends a failed or doubtful result at once: its root causes, the evidence for each, and what applying it does.
 
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { did } from "../state/undo.js";
-import { pointed, said, t } from "../texts.js";
+import { maybe, pointed, said, t } from "../texts.js";
 import { attempt } from "./toasts.js";
 
 /** @import {RootCause, StageResult} from "../state/model.js" */
@@ -18,34 +18,31 @@ export const mendable = (result) => causesOf(result).filter(({ changes }) => cha
 
 /** @param {SessionState} state @param {string} stage @param {readonly RootCause[]} causes @returns {Remedy[]} */
 export const remedies = (state, stage, causes) => causes.filter(({ changes }) => changes).map((cause) => ({
-  name: t("remedy.apply", { title: said(cause.title) }),
+  name: deed(cause),
   words: said(cause.sentence),
   mend: () => apply(state, stage, cause),
 }));
 
+/** What applying it does, in a few words. @param {RootCause} cause */
+function deed({ kind, changes }) {
+  const { pose_convention: convention, sphere_diameter_mm: diameter } = changes?.cell ?? {};
+  if (convention) return t("remedy.convention", { convention: maybe(`convention.${convention}`, String(convention)) });
+  if (diameter) return t("remedy.diameter", { diameter: Number(diameter) });
+  return maybe(`remedy.${kind}`, t("remedy.apply"), { count: Object.keys(changes?.captures ?? {}).length });
+}
+
 /** @param {SessionState} state @param {string} stage @param {RootCause} cause */
 const apply = (state, stage, cause) => attempt(async () => {
   const { undo, changes } = await api.applyCause(state.id, cause.id);
-  did(t("remedy.applied", { title: said(cause.title) }), () => api.changeTogether(state.id, undo), { redo: () => api.changeTogether(state.id, changes) });
+  did(deed(cause), () => api.changeTogether(state.id, undo), { redo: () => api.changeTogether(state.id, changes) });
   state.follows(await api.solve(state.id, stage));
 });
 
-/** One card a cause, the likeliest first; a reviewed past has no buttons. @param {SessionState} state @param {string} stage @param {StageResult} result */
-export function causeCards(state, stage, result) {
-  const causes = causesOf(result);
-  if (!causes.length) return null;
-  return h("ul", { class: "causes" }, ...causes.map((cause) => {
-    const [remedy] = "timeline" in state ? [] : remedies(state, stage, [cause]);
-    return h("li", { class: "cause" },
-      h("h3", {}, said(cause.title)),
-      h("p", { class: "small" }, said(cause.sentence)),
-      ...(cause.evidence ?? []).map(evidence),
-      remedy && h("button", { type: "button", needs: "capture", onclick: () => void remedy.mend() }, t("remedy.do")));
-  }));
-}
+/** The figures that speak for a cause. @param {RootCause} cause */
+export const evidenceOfCause = (cause) => (cause.evidence ?? []).map(evidence);
 
 /** @param {NonNullable<RootCause["evidence"]>[number]} figure */
 function evidence({ label, unit, before, after }) {
   const words = (/** @type {number | null} */ value) => (value === null ? "–" : `${pointed(String(Number(value.toPrecision(3))))}\u00a0${unit}`);
-  return h("p", { class: "small soft number" }, after === null ? `${said(label)}: ${words(before)}` : t("remedy.evidence", { label: said(label), before: words(before), after: words(after) }));
+  return h("p", { class: "small soft number" }, t("remedy.evidence", { label: said(label), figures: after === null ? words(before) : `${words(before)} → ${words(after)}` }));
 }

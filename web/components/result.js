@@ -7,7 +7,6 @@ import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
 import { StateElement } from "./base.js";
 import { later } from "./later.js";
 import { historySection, resultLinks } from "./history.js";
-import { causeCards } from "./remedy.js";
 import { truthSection } from "./truth.js";
 
 /** @import {StageResult} from "../state/model.js" */
@@ -79,8 +78,6 @@ export class ResultElement extends StateElement {
     const { state } = this;
     const context = { state, stage };
     yield answer(result, state, stage);
-    const causes = causeCards(state, stage, result);
-    if (causes) yield causes;
     if (state.session?.simulated && !("timeline" in state)) yield truthSection(state.id, stage);
     const others = otherFigures(result);
     if (others.length) yield h("section", { class: "panel", "aria-label": t("answer.figures") }, figures(others));

@@ -188,5 +188,5 @@ export const texts = {
   "laser": "激光",
   "T at 0°": "T（0°）",
   "expected": "预期",
-  "Poses are written as {}": "位姿按 {} 书写",
+  "Poses are written as {}": "位姿书写格式为 {}",
 };

