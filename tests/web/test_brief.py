@@ -12,22 +12,25 @@ _LINES = {
     "The sphere moved before p11": "The sphere moved before p11",
     "Two poses only. Take more of them.": "Two poses only",
     # A direction stays, other brackets go, and what is left of a list of them.
-    "Weakly determined: the scanner's rotation about laser (0.712, 0.08, −0.70).": "Weakly determined: the scanner's "
-    "rotation about laser (0.7, 0.1, −0.7)",
+    "Weakly determined: along flange (0.712, 0.08, −0.70).": "Weakly determined: along flange (0.7, 0.1, −0.7)",
     "f1, f2 and (3 more): not used": "f1, f2: not used",
     # A long one ends with the last clause that fits.
-    "The stripe is narrower than the pixels, so that nothing can be said of it, whatever the light may be like": "The "
-    "stripe is narrower than the pixels",
-    "Kurz: die Ebene liegt, soweit man das den Aufnahmen ansehen kann, quer zur Tafel und ist schlecht bestimmt": "Kurz: "
-    "die Ebene liegt, soweit man das den Aufnahmen ansehen kann",
+    "The stripe is narrower than a pixel, so that nothing can be said of it, whatever the light may be like": (
+        "The stripe is narrower than a pixel"
+    ),
+    "Kurz: die Ebene liegt, soweit man das hier ansehen kann, quer zur Tafel und ist schlecht bestimmt": (
+        "Kurz: die Ebene liegt, soweit man das hier ansehen kann"
+    ),
     # A short clause says nothing, and what has none is cut.
-    "Note, that the scanner and the sphere and the board and the table and the robot stand still": "Note, that the "
-    "scanner and the sphere and the …",
+    "Note, that the scanner and the sphere and the board and the table stand still": (
+        "Note, that the scanner and the sphere and the …"
+    ),
     "球移动了。请固定。": "球移动了",
-    "采集在 0.19 mm 内吻合，而非原来的 19.8 mm，若位姿按发那科、三菱或安川的方式书写，请把单元的位姿约定设为发那科": "采集在 0.19 mm 内吻合，"
-    "而非原来的 19.8 mm",
+    "采集在 0.19 mm 内吻合，而非原来的 19.8 mm，若位姿按发那科的方式书写，请把约定设为发那科": (
+        "采集在 0.19 mm 内吻合，而非原来的 19.8 mm"
+    ),
     "一" * 50: "一" * 36 + " …",
-}  # fmt: skip
+}
 _FOUND = {
     "p03 is not used by the TCP: need 8 points, got none. Look at it.": "p03 is not used: none.",
     "Nothing is known of p03.": "Nothing is known of p03.",
