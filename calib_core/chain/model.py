@@ -38,6 +38,11 @@ class Sigmas:
     alike_orientation_rad: float = 0.0
     reach: float = 1.0
 
+    @property
+    def largest_position_mm(self) -> float:
+        """The larger of a pose's own error and the one it shares."""
+        return max(self.position_mm, self.alike_position_mm)
+
 
 @dataclass(frozen=True, eq=False)
 class ToolPrior:

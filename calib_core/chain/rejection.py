@@ -19,7 +19,13 @@ from calib_core.chain.observations import SphereObservation
 from calib_core.chain.scanner import spheres_seen
 from calib_core.chain.sides import with_better_sides
 from calib_core.chain.start import Start
-from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, with_averaged_covariance
+from calib_core.chain.variance import (
+    ChainFit,
+    GivenSigmas,
+    fit_with_sigmas,
+    log_probability,
+    with_averaged_covariance,
+)
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
 
@@ -37,6 +43,9 @@ _CLEAR_EXCESS = 2.0  # the median over a dozen captures' distances² strays that
 _CLEAR_EXCESS_FREEDOM = 18.0  # and farther over few: all of them then move with few degrees of freedom
 _ROUNDS = 12
 _SETTLED = 0.3  # of a logarithm of a capture's variance
+# Sigmas that were told rightly let estimated ones gain so much, a log-likelihood, once in some hundred sessions.
+_CONTRADICTED = 4.0
+_LARGER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +63,7 @@ class Judged:
         Mahalanobis distance², three degrees of freedom, from what the others expect.
     threshold : float
         Beyond it a capture is left out.
+    given : of the sigmas what was told, and held; None: estimated
     excess : float
         By how much more than given sigmas say the captures scatter: a ratio of variances, 1 where all is well.
         Where it is more, the sigmas of the fit are estimated instead.
@@ -66,6 +76,7 @@ class Judged:
     used: np.ndarray
     squared_distance: FloatArray
     threshold: float
+    given: GivenSigmas
     excess: float
     inflation: float = 1.0
 
@@ -106,12 +117,34 @@ def judge_from(
     if other is not None:
         judged = _grown(observations, data, other, judged.used, sigmas, judged)
     excess = judged.excess
-    if excess > 1 and any(sigmas):
-        position, orientation, angle = (0.0 if sigma == 0 else None for sigma in sigmas)
-        sigmas = position, orientation, angle
+    if any(sigmas) and (excess > 1 or _is_contradicted(judged.data, judged.fit, sigmas)):
+        sigmas = estimated(sigmas)
         judged = _grown(observations, data, judged.fit.state, judged.used, sigmas, judged)
     fit = with_averaged_covariance(judged.data, judged.fit, sigmas)
     return replace(judged, fit=fit, excess=excess, inflation=judged.excess)
+
+
+def estimated(given: GivenSigmas) -> GivenSigmas:
+    """Return the same with nothing told but that there is no error at all."""
+    position, orientation, angle = (0.0 if sigma == 0 else None for sigma in given)
+    return position, orientation, angle
+
+
+def _is_contradicted(data: ChainData, told: ChainFit, given: GivenSigmas) -> bool:
+    """Return whether captures, fitted by what was told, say that each errs by itself by more than that.
+
+    What poses share would take up part of it, as if poses that are alike erred alike.
+    """
+    free = fit_with_sigmas(data, told.state, estimated(given), told.sigmas, 2)
+    pairs = (
+        (told.sigmas.position_mm, free.sigmas.position_mm),
+        (told.sigmas.orientation_rad, free.sigmas.orientation_rad),
+        (told.sigmas.angle_rad, free.sigmas.angle_rad),
+    )
+    if not any(found > _LARGER * one for (one, found), sigma in zip(pairs, given, strict=True) if sigma):
+        return False
+    gain = log_probability(data, free, estimated(given)) - log_probability(data, told, given)
+    return gain > _CONTRADICTED
 
 
 def _grown(
@@ -160,7 +193,7 @@ def judge_these(
     threshold = _GROSS * _threshold(data.count, freedom, None in sigmas)
     ratio = float(np.median(squared)) / _MEDIAN_CHI2_3
     excess = ratio if ratio > max(_CLEAR_EXCESS, 1 + _CLEAR_EXCESS_FREEDOM / max(freedom, 1)) else 1.0
-    return Judged(found, heard, used, squared, threshold * excess, excess)
+    return Judged(found, heard, used, squared, threshold * excess, sigmas, excess)
 
 
 def _core(start: Start) -> np.ndarray:

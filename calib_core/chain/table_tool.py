@@ -11,9 +11,9 @@ import numpy as np
 
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import without_pose_errors
-from calib_core.chain.rejection import Judged
+from calib_core.chain.rejection import Judged, estimated
 from calib_core.chain.table_judging import TABLE_COLUMN
-from calib_core.chain.variance import GivenSigmas, fit_with_sigmas
+from calib_core.chain.variance import fit_with_sigmas
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
 
@@ -63,15 +63,13 @@ class ToolMove:
         )
 
 
-def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
+def tool_move(judged: Judged) -> ToolMove | None:
     """Return how far captures of a table see the tool elsewhere than it is known to be; None where they cannot.
 
     Parameters
     ----------
     judged : Judged
         With what is known of tool and scanner as `data.tool_prior`.
-    sigmas : GivenSigmas
-        As they were told for it.
     """
     data = judged.data
     if data.tool_prior is None:
@@ -81,9 +79,7 @@ def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
     wide[range(6), range(6)] += _ELSEWHERE**2
     information = covariance_of(wide)
     free = replace(data, tool_prior=replace(data.tool_prior, information=information))
-    if judged.excess > 1:  # what was told does not hold
-        position, orientation, angle = (0.0 if sigma == 0 else None for sigma in sigmas)
-        sigmas = position, orientation, angle
+    sigmas = estimated(judged.given) if judged.excess > 1 else judged.given  # what was told may not hold
     fitted = fit_with_sigmas(free, judged.fit.state, sigmas, judged.fit.sigmas)
     assert free.tool_prior is not None
     off = free.tool_prior.deviation(fitted.state)
@@ -93,10 +89,10 @@ def tool_move(judged: Judged, sigmas: GivenSigmas) -> ToolMove | None:
     if directions == 0:
         return None
     freedom = max(3 * int(judged.used.sum()) - data.free_unknowns, 3)
-    estimated = None in sigmas
-    mean = directions * (freedom / (freedom - 2) if estimated else 1.0)
+    guessed = None in sigmas
+    mean = directions * (freedom / (freedom - 2) if guessed else 1.0)
     share = max(0.0, 1 - mean / max(squared, 1e-12))
-    return ToolMove(off, _chance(squared, directions, freedom, estimated), share)
+    return ToolMove(off, _chance(squared, directions, freedom, guessed), share)
 
 
 def with_tool_move(held: Held, move: ToolMove | None, still: int) -> Held:

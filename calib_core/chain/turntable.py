@@ -167,7 +167,7 @@ def solve_turntable(
     judged, encoder = _judge(observations, data, tool, start, options)
 
     tell(0.7, "Holding the tool")
-    move = tool_move(judged, options.sigmas)
+    move = tool_move(judged)
     state, covariance = _tool_held(judged, tool, move)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
@@ -193,7 +193,7 @@ def solve_turntable(
         options=options,
         pattern=pattern_of(judged, TABLE_COLUMN),
         tool_move=move,
-        by_arm_mm=tool.held.sigmas.alike_position_mm if tool.held else 0.0,
+        by_arm_mm=tool.held.sigmas.largest_position_mm if tool.held else 0.0,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from calib_core.arms.alike import visits
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -46,7 +47,8 @@ def sigmas_seen(
         What to believe while captures are too few to tell. Its table's angle is kept.
     """
     data = chain_data(seen, sphere, None, ScannerPriors())
-    data = replace(data, tool_prior=_tool_prior(data, tool0_from_laser))
+    repeated = visits(data.rotations, data.translations)
+    data = replace(data, tool_prior=_tool_prior(data, tool0_from_laser), pose_scale=repeated)
     start = tool0_from_laser.rotation, tool0_from_laser.translation_mm, center_in_base_mm
     off = _misfit(seen, ChainState.predicted(data, *start))
     data = data.chosen(off <= _GROSS * max(float(np.median(off)), usual.position_mm))

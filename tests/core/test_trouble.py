@@ -64,3 +64,15 @@ def test_a_tool_of_points_corrected_for_the_arms_lengths_is_as_unsure_as_they_ar
     assert result.scanner.applied
     assert result.verdict == "warn"
     assert errors_over_stated(result, cell)[:6].max() < 2  # 5.9 while only the tool of files as they are had it
+
+
+def test_a_told_repeatability_that_the_captures_contradict_is_estimated_instead() -> None:
+    cell = troubled(TROUBLES["arms: repeats to 0.2 mm, 0.05°"], 13, told=True)
+    result = solve_stage(cell.session, "tcp", cell.files.__getitem__)
+    assert isinstance(result, TcpResult)
+    components = result.variance_components
+    assert components is not None
+    assert {"position_sigma_mm", "orientation_sigma_rad"} <= set(components.estimated)
+    assert 0.15 < components.position_sigma_mm < 0.3  # 0.03 mm were told
+    assert any(note.startswith("The captures agree to 0.21 mm where the robot's") for note in result.notes)
+    assert errors_over_stated(result, cell).max() < 1  # 2.1 while what each errs by itself was taken for shared

@@ -153,17 +153,19 @@ def components(
 
 def _variance_components(solution: TcpSolution) -> VarianceComponents:
     options = solution.options
-    given = {
-        "point_sigma_mm": options.point_sigma_mm,
-        "position_sigma_mm": options.position_sigma_mm,
-        "orientation_sigma_rad": options.orientation_sigma_rad,
-    }
-    estimated = [
-        name
-        for name, value in given.items()
-        if value is None or (solution.excess > 1 and name != "point_sigma_mm")
-    ]
+    estimated = [] if options.point_sigma_mm else ["point_sigma_mm"]
+    estimated += estimated_of_robot(solution.sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
     return components(solution.sigmas, solution.point_sigma_mm, solution.points_per_independent, estimated)
+
+
+def estimated_of_robot(sigmas: Sigmas, position_mm: float | None, orientation_rad: float | None) -> list[str]:
+    """Return which of a robot's sigmas were estimated: not told, or told and contradicted by the captures."""
+    names: list[str] = []
+    if position_mm != sigmas.position_mm:
+        names.append("position_sigma_mm")
+    if orientation_rad != sigmas.orientation_rad:
+        names.append("orientation_sigma_rad")
+    return names
 
 
 def _two_step(solution: TcpSolution) -> TwoStep:

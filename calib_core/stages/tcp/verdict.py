@@ -212,11 +212,11 @@ def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[str]:
     told_mm : float or None
         Of a pose's position.
     """
-    alike = sigmas.alike_position_mm
-    if told_mm is None or not is_beyond(alike, told_mm):
+    found_mm = sigmas.largest_position_mm
+    if told_mm is None or not is_beyond(found_mm, told_mm):
         return []
     return [
-        f"The captures agree to {alike:.2f} mm where the robot's sigma says {told_mm:.2f} mm: an arm repeats "
+        f"The captures agree to {found_mm:.2f} mm where the robot's sigma says {told_mm:.2f} mm: an arm repeats "
         "better than it is true. The stated uncertainty holds it."
     ]
 

@@ -15,7 +15,7 @@ from calib_core.chain.table_residuals import TableResiduals
 from calib_core.chain.turntable import TurntableOptions, TurntableSolution
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
-from calib_core.stages.tcp.result import components
+from calib_core.stages.tcp.result import components, estimated_of_robot
 from calib_core.stages.tcp.verdict import beyond_told_sigma
 from calib_core.stages.turntable.record import (
     EncoderScaleError,
@@ -188,13 +188,9 @@ def variance_components(
     sigmas: Sigmas, point_sigma_mm: float | None, options: TurntableOptions
 ) -> VarianceComponents:
     """Return the standard deviations, and which of them were estimated."""
-    given = {
-        "point_sigma_mm": options.point_sigma_mm,
-        "position_sigma_mm": options.position_sigma_mm,
-        "orientation_sigma_rad": options.orientation_sigma_rad,
-        "angle_sigma_rad": options.angle_sigma_rad,
-    }
-    estimated = [name for name, value in given.items() if value is None]
+    estimated = [] if options.point_sigma_mm else ["point_sigma_mm"]
+    estimated += estimated_of_robot(sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
+    estimated += [] if options.angle_sigma_rad == sigmas.angle_rad else ["angle_sigma_rad"]
     return components(sigmas, point_sigma_mm, 1.0, estimated)
 
 

@@ -109,7 +109,7 @@ def _doubts_about_captures(j: TableJudgement) -> list[str]:
         )
     if scatters_by_table(j.sigmas, j.options.position_sigma_mm, j.by_arm_mm) and j.excess <= 1:
         found.append(
-            f"The captures scatter by {j.sigmas.alike_position_mm:.2f} mm where the robot's sigma says "
+            f"The captures scatter by {j.sigmas.largest_position_mm:.2f} mm where the robot's sigma says "
             f"{j.options.position_sigma_mm:.2f} mm (wobble, play or a robot less exact than stated); the stated "
             "uncertainty holds it."
         )
@@ -125,9 +125,9 @@ def scatters_by_table(sigmas: Sigmas, told_mm: float | None, by_arm_mm: float) -
         As found with the captures of the table.
     told_mm : float or None
     by_arm_mm : float
-        How much captures of the still sphere scatter alike.
+        How much captures of the still sphere scatter.
     """
-    return told_mm is not None and is_beyond(sigmas.alike_position_mm, max(told_mm, by_arm_mm))
+    return told_mm is not None and is_beyond(sigmas.largest_position_mm, max(told_mm, by_arm_mm))
 
 
 def _doubts_about_axis(j: TableJudgement) -> list[str]:
