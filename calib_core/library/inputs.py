@@ -21,6 +21,7 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
 from calib_core.records import Capture, Cell, Kind, Session, parse_cell
+from calib_core.records.known_fields import require_known_fields
 from calib_core.stages.registry import steps_that_show
 
 Scan: TypeAlias = ArrayLike | PathLike[str] | str
@@ -85,7 +86,12 @@ def with_calibration(cell: CellLike, calibration: Any) -> Cell:
 
 
 def _cell(cell: CellLike) -> Cell:
-    return cell if isinstance(cell, Cell) else parse_cell(cell)
+    """Return a cell; one that is written here as a mapping may have no unknown field, those of files may."""
+    if isinstance(cell, Cell):
+        return cell
+    known = parse_cell(cell)
+    require_known_fields(known, "cell")
+    return known
 
 
 def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dict[str, bytes]]]:
@@ -179,6 +185,8 @@ def _pose(cell: Cell, pose: Any, where: str) -> list[Any]:
         return to_pose(cell.pose_convention, RigidTransform.from_rounded(pose, "base", "tool0"))
     array = _array(pose)
     if array is not None and array.ndim == 1:
+        if not np.isfinite(array).all():
+            raise InputError("finite numbers", f"{array.tolist()}", "Read this pose again.", where)
         return array.tolist()
     if isinstance(pose, list | tuple | np.ndarray):  # of a sweep: one a profile
         return [_pose(cell, each, where) for each in cast("Sequence[Any]", pose)]

@@ -2,7 +2,15 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StringConstraints
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    ValidationError,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from calib_core.robots.conventions import CONVENTIONS
@@ -81,3 +89,29 @@ class Record(BaseModel):
     def unknown_fields(self) -> list[str]:
         """Return the names in this record that the format does not know (typing errors, or newer fields)."""
         return sorted(self.model_extra or {})
+
+
+class WrittenRecord(Record):
+    """A record that people write in their own programs, refused there as a file or a request would be.
+
+    Raises
+    ------
+    InputError
+        If a field is none, or unknown: a typing error would have no effect, and nobody would know.
+    """
+
+    if not TYPE_CHECKING:  # type checkers make the arguments of the fields
+
+        def __init__(self, **fields: Any) -> None:
+            from calib_core.records.known_fields import require_known_fields
+            from calib_core.records.parsing import input_error
+
+            where = type(self).__name__
+            try:
+                super().__init__(**fields)
+            except ValidationError as error:
+                raise input_error(error, fields, where) from None
+            require_known_fields(self, where)
+
+        # pydantic makes records of JSON data without it: other versions' fields are kept there.
+        __init__.__pydantic_base_init__ = True

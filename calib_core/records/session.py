@@ -13,9 +13,9 @@ from calib_core.records.base import (
     NotNegative,
     PoseConvention,
     Positive,
-    Record,
     StepName,
     Vector3,
+    WrittenRecord,
     mismatch,
 )
 from calib_core.records.planning import FieldOfView, Limits, Nominal
@@ -24,7 +24,7 @@ SphereClass = Literal["certified", "bearing", "coated", "turned"]
 """Of a sphere: with a certificate, a bearing ball, coated so that it is matt (assumed), turned or printed."""
 
 
-class Scanner(Record):
+class Scanner(WrittenRecord):
     """What kind of data the scanner delivers and how noisy it is.
 
     `errors`: what becomes of a scale, shear or bow that is found with the tool: `cover` (left out) solves the tool
@@ -41,7 +41,7 @@ class Scanner(Record):
     pitch_mm: Positive | None = None
 
 
-class ArmJoint(Record):
+class ArmJoint(WrittenRecord):
     """One row of a Denavit–Hartenberg table; `theta_deg` (or `d_mm` of a prismatic joint) is added to the reading.
 
     `sign` is −1 where the controller counts the joint the other way.  `previous_from_joint` stands before the row:
@@ -59,7 +59,7 @@ class ArmJoint(Record):
     limits: tuple[Finite, Finite] | None = None
 
 
-class ArmTable(Record):
+class ArmTable(WrittenRecord):
     """An arm's joints from the base to the flange, in the standard or the modified (Craig) convention.
 
     `couples` has, for a joint that moves along with another (Fanuc's third with its second), the other's place,
@@ -74,7 +74,7 @@ class ArmTable(Record):
     last_from_tool0: Matrix4 | None = None
 
 
-class Robot(Record):
+class Robot(WrittenRecord):
     """The robot's repeatability, standard deviations per axis, and its arm: by name, or by its table of joints."""
 
     position_sigma_mm: NotNegative | None = None
@@ -83,7 +83,7 @@ class Robot(Record):
     arm: str | ArmTable | None = None
 
 
-class Turntable(Record):
+class Turntable(WrittenRecord):
     """The turntable's sense of turning, its encoder's standard deviation, and whether its scale is an unknown.
 
     With `encoder` left out, its scale is an unknown where the captures leave no doubt that it is off.  `angles`
@@ -98,7 +98,7 @@ class Turntable(Record):
     angles: Literal["read", "unknown"] | None = None
 
 
-class Board(Record):
+class Board(WrittenRecord):
     """The calibration board of the camera stages; one that is not `flat` has its shape refined with the camera.
 
     A `fixed` one stands still in the robot's base while the scanner moves: then the robot's pose tells where it is
@@ -117,7 +117,7 @@ class Board(Record):
     fixed: bool = False
 
 
-class CameraSegment(Record):
+class CameraSegment(WrittenRecord):
     """One band of depth of a segmental camera."""
 
     near_mm: Finite
@@ -125,7 +125,7 @@ class CameraSegment(Record):
     distortion: dict[str, Finite]
 
 
-class KnownCamera(Record):
+class KnownCamera(WrittenRecord):
     """A camera calibration that the user brings; frames of another size than `image_size` are then refused."""
 
     camera_matrix: Annotated[list[Vector3], Field(min_length=3, max_length=3)]
@@ -134,14 +134,14 @@ class KnownCamera(Record):
     segments: list[CameraSegment] = Field(default_factory=list)
 
 
-class KnownPlane(Record):
+class KnownPlane(WrittenRecord):
     """A laser plane that the user brings, in the camera frame: normal · p = distance."""
 
     normal: Vector3
     distance_mm: Finite
 
 
-class Known(Record):
+class Known(WrittenRecord):
     """Results that the user brings: a known stage is not solved, and later stages use it."""
 
     camera: KnownCamera | None = None
@@ -150,7 +150,7 @@ class Known(Record):
     base_from_turntable: Matrix4 | None = None
 
 
-class MergeSettings(Record):
+class MergeSettings(WrittenRecord):
     """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile.
 
     `registration` may move each scan, `self_calibration` tool and table alone, by what the scans' overlap says.
@@ -163,7 +163,7 @@ class MergeSettings(Record):
     memory_mb: Positive = 1000.0
 
 
-class LimitChange(Record):
+class LimitChange(WrittenRecord):
     """A limit, or a ball bar's length, that was changed after captures for the verification had been taken.
 
     `field` is its name in `cell.verification`, `captures` how many there were then, those left out too.
@@ -177,7 +177,7 @@ class LimitChange(Record):
     captures: Annotated[int, Field(ge=1)]
 
 
-class Verification(Record):
+class Verification(WrittenRecord):
     """Limits of a verification, set before it; those left out are told and not judged.
 
     `tool_mm` is of the tool's error where the scanner sees the sphere, `form_mm` of the points' distances from
@@ -202,7 +202,7 @@ class Verification(Record):
     changes: list[LimitChange] | None = None
 
 
-class Cell(Record):
+class Cell(WrittenRecord):
     """The scanning cell: sphere, robot, scanner, table, board.
 
     Where the diameter's sigma is left out, `sphere_class` says how exact such a sphere is.
@@ -235,14 +235,14 @@ class Cell(Record):
     nominal: Nominal | None = None
 
 
-class TimedPose(Record):
+class TimedPose(WrittenRecord):
     """One pose of a track that is sampled in time."""
 
     t_s: Finite
     pose: list[Finite]
 
 
-class Capture(Record):
+class Capture(WrittenRecord):
     """One measurement: its files and where robot and table stood, the numbers as they came.
 
     `board_of` is the capture whose frame shows the board as it stands in this one, which shows the stripe alone.
@@ -296,7 +296,7 @@ class Capture(Record):
         return self
 
 
-class Session(Record):
+class Session(WrittenRecord):
     """A session: the cell and its captures; one that is `archived` is kept, no longer in use."""
 
     format: Literal["scancell-session/1"] = FORMAT

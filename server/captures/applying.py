@@ -5,10 +5,10 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.causes.apply import applied
 from calib_core.errors import InputError
 from calib_core.records import Capture, Changes
+from calib_core.records.known_fields import require_known_fields, unknown_fields
 from server.captures.changes import FIXED, MEASURED_FROM
 from server.captures.known import require_rigid
 from server.captures.measuring_queue import to_wait
-from server.http.known_fields import require_known_fields, unknown_fields
 from server.jobs.measuring import check_poses
 from server.store.captures import capture_row, change_capture
 from server.store.models import Data

@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.records import StepName, parse_capture
+from calib_core.records.known_fields import require_known_fields
 from server.captures.changes import corrected_capture
 from server.http.api_router import API, api_router
 from server.http.created import created
@@ -28,7 +29,6 @@ from server.http.dependencies import (
     UploadMemoryDep,
 )
 from server.http.downloads import Download
-from server.http.known_fields import require_known_fields
 from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.http.strict_json import parse_json
 from server.http.uploads import named_files

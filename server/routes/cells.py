@@ -10,12 +10,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import Record, Verdict
+from calib_core.records.known_fields import require_known_fields
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.drift import CellDrift
 from server.http.api_router import api_router
 from server.http.created import created
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
-from server.http.known_fields import require_known_fields
 from server.http.strict_json import plain_json
 from server.routes.answers import allowed_faults
 from server.store.models import Data

@@ -13,9 +13,9 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import NotFoundError
 from calib_core.records import Finite, Identifier, Record
+from calib_core.records.known_fields import require_known_fields
 from server.http.api_router import API, api_router
 from server.http.dependencies import HubDep, IdempotencyDep, SessionId, StoreDep
-from server.http.known_fields import require_known_fields
 from server.live.manager import LiveCells, require_live
 from server.live.preview import device_data, live_data
 from server.live.shots import CaptureSettings, Shot, Taken

@@ -7,9 +7,9 @@ from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import TooLargeError
+from calib_core.records.known_fields import require_known_fields
 from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StoreDep
-from server.http.known_fields import require_known_fields
 from server.live.dialogue import LONGEST_MESSAGE
 from server.live.robot_port import RobotPorts, RobotPortSettings, acting_now
 from server.routes.sessions import existing_session

@@ -11,6 +11,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from calib_core.errors import InputError
 from calib_core.records import Guide, parse_session
+from calib_core.records.known_fields import require_known_fields
 from server.captures.changes import corrected_session
 from server.captures.known import require_rigid
 from server.http.api_router import API, api_router
@@ -31,7 +32,6 @@ from server.http.dependencies import (
     StoreDep,
 )
 from server.http.events import follow, to_sse
-from server.http.known_fields import require_known_fields
 from server.http.schemas import (
     Findings,
     NewSession,

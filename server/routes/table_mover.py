@@ -5,9 +5,9 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib_core.records.known_fields import require_known_fields
 from server.http.api_router import API, api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
-from server.http.known_fields import require_known_fields
 from server.live.armed_table import Angle, ArmedTable, ArmedTables, Arming
 from server.movers.registry import MOVERS
 from server.routes.sessions import existing_session

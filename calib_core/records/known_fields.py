@@ -1,4 +1,4 @@
-"""What programs send must be known by name: a typing error would have no effect, and nobody would know."""
+"""What programs write must be known by name: a typing error would have no effect, and nobody would know."""
 
 from collections.abc import Collection, Iterator
 from difflib import get_close_matches
