@@ -37,6 +37,11 @@ _NO_SCENE = """{
   Object.defineProperty(HTMLIFrameElement.prototype, "src", { ...address, set });
 }"""
 
+_SLOW_SCENE = """if (location.pathname.includes("/scenes/")) {
+  window.requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 150);
+  window.cancelAnimationFrame = clearTimeout;
+}"""
+
 
 class Watch:
     """Watches all pages of a test: none may ask another server than its own, or complain unannounced."""
@@ -148,7 +153,9 @@ class SharedProfile:
         page.set_viewport_size({"width": size[0], "height": size[1]})
         emulated: dict[str, Any] = {"color_scheme": "light", **media}
         page.emulate_media(**emulated)
-        if not scene:
+        if scene:
+            draw_the_scene_seldom(page)
+        else:
             leave_out_the_scene(page)
         if path:
             page.goto(path)
@@ -207,6 +214,11 @@ class Hand:
 def leave_out_the_scene(where: BrowserContext | Page) -> None:
     """Leave the scene's frame empty: drawing it in software takes most of a test's time."""
     where.add_init_script(_NO_SCENE)
+
+
+def draw_the_scene_seldom(where: BrowserContext | Page) -> None:
+    """Have the scene drawn six times a second, as slow machines do, instead of sixty times."""
+    where.add_init_script(_SLOW_SCENE)
 
 
 def go_on(page: Page) -> bool:
