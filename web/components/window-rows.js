@@ -2,8 +2,8 @@
 
 import { h } from "../dom.js";
 
-/** Up to here all rows are there. */
-const MOST_ROWS = 240;
+/** Up to here all rows are there: styling, laying out and painting more of them takes longer than an eye waits. */
+const MOST_ROWS = 80;
 const AROUND = 12;
 const LIKELY_HEIGHT_PX = 40;
 
