@@ -47,8 +47,8 @@ export class ActionsElement extends StateElement {
 
   build() {
     this.intake?.addEventListener("solve", () => void this.solve());
-    // What sticks above these actions must know how high they are.
-    new ResizeObserver(() => this.parentElement?.style.setProperty("--actions-height", `${this.offsetHeight}px`)).observe(this);
+    // What sticks above these actions must know how high they are; told to it alone: all below take long to style anew.
+    new ResizeObserver(() => this.intake?.style.setProperty("--actions-height", `${this.offsetHeight}px`)).observe(this);
     this.append(
       h("div", { class: "row" }, this.#remedies, this.#mend, this.#on, this.#look, this.#capture, this.#solve,
         this.#waysIn),
