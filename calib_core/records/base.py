@@ -103,7 +103,7 @@ class WrittenRecord(Record):
     if not TYPE_CHECKING:  # type checkers make the arguments of the fields
 
         def __init__(self, **fields: Any) -> None:
-            from calib_core.records.known_fields import require_known_fields
+            from calib_core.records.known_fields import require_known_fields, unknown_within
             from calib_core.records.parsing import input_error
 
             where = type(self).__name__
@@ -111,7 +111,9 @@ class WrittenRecord(Record):
                 super().__init__(**fields)
             except ValidationError as error:
                 raise input_error(error, fields, where) from None
-            require_known_fields(self, where)
+            # Records that are put into this one have been asked already, or come from a file.
+            kept = {path for name, value in fields.items() for path, _ in unknown_within(value, f"{name}.")}
+            require_known_fields(self, where, kept)
 
         # pydantic makes records of JSON data without it: other versions' fields are kept there.
         __init__.__pydantic_base_init__ = True

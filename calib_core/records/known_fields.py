@@ -13,7 +13,7 @@ def unknown_fields(record: BaseModel, where: str = "") -> Iterator[tuple[str, Ba
     for name in record.model_extra or {}:
         yield f"{where}{name}", record
     for name in record.model_fields_set & set(type(record).model_fields):
-        yield from _within(getattr(record, name), f"{where}{name}.")
+        yield from unknown_within(getattr(record, name), f"{where}{name}.")
 
 
 def require_known_fields(record: BaseModel, where: str, tolerated: Collection[str] = ()) -> None:
@@ -43,7 +43,8 @@ def require_known_fields(record: BaseModel, where: str, tolerated: Collection[st
         raise InputError(need, f"'{path}', which is unknown", to_do, f"{where}: {path}")
 
 
-def _within(value: object, where: str) -> Iterator[tuple[str, BaseModel]]:
+def unknown_within(value: object, where: str) -> Iterator[tuple[str, BaseModel]]:
+    """Give the same of whatever a field holds: a record, or lists and mappings of records."""
     if isinstance(value, BaseModel):
         yield from unknown_fields(value, where)
     elif isinstance(value, list):
@@ -53,4 +54,4 @@ def _within(value: object, where: str) -> Iterator[tuple[str, BaseModel]]:
             yield from unknown_fields(part, f"{where}{number}.")
     elif isinstance(value, dict):
         for name, part in value.items():  # pyright: ignore[reportUnknownVariableType]
-            yield from _within(part, f"{where}{name}.")
+            yield from unknown_within(part, f"{where}{name}.")
