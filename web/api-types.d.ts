@@ -1810,6 +1810,8 @@ export interface StageOfCell {
   steps: string[];
   after: string[];
   guided: string[];
+  planned: boolean;
+  is_answer: boolean;
   step: StepOfCaptures | null;
   further_steps: StepOfCaptures[];
   settings_field: string | null;

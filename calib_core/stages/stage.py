@@ -70,6 +70,8 @@ class CaptureStep:
         What to do where there is none, as a sentence.
     least : int
         So many must be of use, or its stage is not solved.
+    letter : str
+        What the ids of its captures begin with where nobody names them.
     """
 
     name: str
@@ -77,6 +79,7 @@ class CaptureStep:
     shows: Shows
     to_capture: str
     least: int = 1
+    letter: str = "p"
 
 
 class Stage(ABC):
@@ -171,6 +174,8 @@ class Stage(ABC):
             "steps": list(self.steps),
             "after": list(self.after),
             "guided": list(self.guided),
+            "planned": self.planned,
+            "is_answer": self.is_answer,
             "step": None if self.step is None else asdict(self.step),
             "further_steps": [asdict(step) for step in self.further_steps],
             "settings_field": self.settings_field,

@@ -10,13 +10,11 @@ from pydantic import Field
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell, Record, StepName, parse_capture
 from calib_core.robots import to_pose
-from calib_core.stages.registry import steps_that_show
+from calib_core.stages.registry import capture_steps, steps_that_show
 from server.live.recording import Recorded
 from server.live.standstill import Rest
 from server.sources.device import Sample
 from server.store.audit import Act
-
-_LETTERS = {"turntable": "t", "verify": "v", "recheck": "r", "camera": "c", "laser-plane": "l", "scan": "s"}
 
 
 class CaptureSettings(Record):
@@ -75,7 +73,7 @@ class Shot:
 
 def next_id(step: str, taken: set[str]) -> str:
     """Return the first free id of a step: p01, t01 …"""
-    letter = _LETTERS.get(step, "p")
+    letter = next(one.letter for one in capture_steps() if one.name == step)
     number = 1
     while f"{letter}{number:02d}" in taken:
         number += 1

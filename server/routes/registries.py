@@ -79,11 +79,14 @@ class StageOfCell(_Entry):
 
     `step` are the captures that are its own, `further_steps` others that it alone takes; its settings stand in the
     cell's field `settings_field`; `element` is where the page's own elements of it lie, null where it has none.
+    Poses are `planned` for its own captures; its result can be the session's answer where it `is_answer`.
     """
 
     steps: list[str]
     after: list[str]
     guided: list[str]
+    planned: bool
+    is_answer: bool
     step: StepOfCaptures | None
     further_steps: list[StepOfCaptures]
     settings_field: str | None

@@ -213,12 +213,14 @@ def viewer_picture(
 
 def _shown_by(step: str) -> str:
     """Return what the captures of a step, or of the stage of this name, show; else the sphere."""
-    from calib_core.stages.registry import stages
+    from calib_core.stages.registry import stages, table_stages
 
     for stage in stages():
         if step in (stage.name, *stage.guided) and stage.step is not None:
             return stage.step.shows
-    return {"merge": "object", "chain": "sphere-on-table", "compared": "answers"}.get(step, "sphere")
+    if step in table_stages():
+        return "sphere-on-table"
+    return "answers" if step == "compared" else "sphere"
 
 
 def _live(scenes: SceneManager, session: str) -> LiveScene:

@@ -99,8 +99,8 @@ export class ResultElement extends StateElement {
 }
 
 /** Whether a stage's result is the session's one answer, or its verification. @param {SessionState} state @param {string} stage */
-function tellsTheAnswer({ results }, stage) {
-  const of = (/** @type {const} */ (["chain", "tcp"])).find((one) => results[one]);
+function tellsTheAnswer({ results, stages }, stage) {
+  const of = stages.findLast(({ name, is_answer }) => is_answer && results[name])?.name;
   return of !== undefined && (stage === of || stage === "verify");
 }
 

@@ -1,21 +1,20 @@
 // A planned set for the next captures, and the same as a program for the robot's controller.
 
 import { get, request } from "../state/http.js";
-import { registry } from "../state/registries.js";
+import { registry, stages } from "../state/registries.js";
 import { h } from "../dom.js";
 import { fixed, forController, plusMinus } from "../format.js";
-import { t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { attempt, notify } from "../components/toasts.js";
 import { alarm, choice, numberField, opened, tableOf } from "./parts.js";
 
 /** @import {PoseList} from "../api-types.js" */
 
-const STEPS = /** @type {const} */ (["tcp", "turntable", "verify"]);
-
 /** @param {string} sessionId */
-export function plannedDialog(sessionId) {
+export async function plannedDialog(sessionId) {
+  const steps = (await stages()).flatMap(({ planned, step }) => (planned && step ? [step] : []));
   const { element: problem, during } = alarm();
-  const step = choice("planned-step", t("planned.step"), STEPS.map((one) => [one, t(`planned.step_${one}`)]));
+  const step = choice("planned-step", t("planned.step"), steps.map(({ name, title }) => [name, maybe(`planned.step_${name}`, title)]));
   const count = numberField("planned-count", t("planned.count"), 8);
   const brand = choice("planned-brand", t("planned.brand"), []);
   const list = h("div", { class: "planned-list", "aria-live": "polite" });

@@ -26,6 +26,7 @@ class Camera(Stage):
         "board",
         "Capture the board, tilted differently in each frame, and add the frames to the session.",
         least=3,
+        letter="c",
     )
     takes: ClassVar = {"camera": FRAME_FIELDS, "laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
     reads = ("board",)

@@ -23,6 +23,7 @@ class LaserPlane(Stage):
         "board",
         "Capture the board with the stripe on it, near and far, and add the frames to the session.",
         least=2,
+        letter="l",
     )
     takes: ClassVar = {"laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
     reads = ("board",)

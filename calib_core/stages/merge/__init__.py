@@ -20,6 +20,7 @@ class Merge(Stage):
         "Scan",
         "object",
         "Scan the object from around, with the robot's pose and the table's angle of each scan.",
+        letter="s",
     )
     takes: ClassVar = {"scan": (*SCAN_FIELDS, "table_deg")}
     reads = (

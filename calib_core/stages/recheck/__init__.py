@@ -20,6 +20,7 @@ class Recheck(Stage):
         "Recheck",
         "sphere",
         "Leave the sphere in its place and capture it again from three poses of the calibration.",
+        letter="r",
     )
     takes: ClassVar = {"recheck": SPHERE_FIELDS, "tcp": SPHERE_FIELDS}
     reads = SPHERE_READS

@@ -21,6 +21,7 @@ class Turntable(Stage):
         "sphere-on-table",
         "Fix the sphere on the table, capture it at 8 angles, and again at a second height.",
         least=4,
+        letter="t",
     )
     planned = True
     takes: ClassVar = {"turntable": (*SPHERE_FIELDS, "table_deg", "mount")}

@@ -20,6 +20,7 @@ class Verify(Stage):
         "Verification",
         "sphere",
         "Capture the sphere, standing still, from poses that were not used for the TCP.",
+        letter="v",
     )
     further_steps = (
         CaptureStep(
