@@ -1,17 +1,13 @@
 """When a session folder's answer was solved: solvers know no clock, and an archive's files no time."""
 
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from calib_core.errors import InputError
+from calib_core.moment import text_of, text_of_seconds
 from calib_core.review.answer import ANSWER_FILE
-
-
-def now() -> str:
-    """Return the time as ISO 8601 text in UTC, which sorts as it runs."""
-    return _text(datetime.now(UTC))
 
 
 def solved_when(folder: Path, results: Mapping[str, Mapping[str, Any]], *, unpacked: bool) -> str:
@@ -37,7 +33,7 @@ def solved_when(folder: Path, results: Mapping[str, Mapping[str, Any]], *, unpac
     times_s = [file.stat().st_mtime for file in files if file.is_file()]
     if not times_s:
         return ""
-    return _text(datetime.fromtimestamp(max(times_s), UTC))
+    return text_of_seconds(max(times_s))
 
 
 def _told(file: Path, results: Mapping[str, Mapping[str, Any]]) -> str:
@@ -47,10 +43,6 @@ def _told(file: Path, results: Mapping[str, Mapping[str, Any]]) -> str:
     try:
         answer = parse_json(file.read_bytes(), str(file))
         of_these = all(results[stage]["inputs_sha256"] == own for stage, own in answer["inputs_sha256"].items())
-        return _text(datetime.fromisoformat(answer["solved"]).astimezone(UTC)) if of_these else ""
+        return text_of(datetime.fromisoformat(answer["solved"])) if of_these else ""
     except (OSError, InputError, KeyError, TypeError, AttributeError, ValueError, OverflowError):
         return ""
-
-
-def _text(moment: datetime) -> str:
-    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

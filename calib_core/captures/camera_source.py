@@ -14,10 +14,10 @@ def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResu
     known = session.cell.known.camera
     if known is not None:
         return CameraModel.from_known(known), None
-    from calib_core.stages.camera.solve import camera_from_result, solve_camera_stage
+    from calib_core.stages.camera.solve import camera_from_result, solve
 
     require_captures_of(session, "camera", "the camera", "cell.known.camera")
-    result = solve_once(session, read, "camera", CameraResult, solve_camera_stage)
+    result = solve_once(session, read, "camera", CameraResult, solve)
     return camera_from_result(result), result
 
 

@@ -117,7 +117,7 @@ def _known_camera(camera: CameraResult | RefinedCamera) -> KnownCamera:
 
 def plane_of(session: Session, read: ReadFile) -> LaserPlaneResult:
     """Return the plane of light solved from the session's captures; raises as `calibration_of`."""
-    from calib_core.stages.laser_plane.solve import solve_laser_plane_stage
+    from calib_core.stages.laser_plane.solve import solve
 
     require_captures_of(session, "laser-plane", "the plane of light", "cell.known.laser_plane")
-    return solve_once(session, read, "laser-plane", LaserPlaneResult, solve_laser_plane_stage)
+    return solve_once(session, read, "laser-plane", LaserPlaneResult, solve)

@@ -1,13 +1,12 @@
 """One scan: its points on the grid of profiles and columns it was taken in, and where each profile stood in T."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from calib_core.errors import InputError
-from calib_core.frames import FloatArray, RigidTransform, stack_matrices
+from calib_core.frames import FloatArray
 
 SingleArray = NDArray[np.float32]
 
@@ -76,61 +75,6 @@ class Scan:
                 "Check distance and exposure and take the scan again, or exclude it.",
                 self.name,
             )
-
-
-def scan_of_profiles(
-    name: str,
-    profiles_in_laser_mm: Sequence[ArrayLike],
-    turntable_from_laser: Sequence[RigidTransform],
-    **options: float,
-) -> Scan:
-    """Return the scan of profiles (C, 2) of x and z, blank columns as NaN, each with its pose.
-
-    Raises
-    ------
-    InputError
-        If a profile has another number of columns than the first, or the poses are not one a profile.
-    """
-    profiles = [np.asarray(profile, dtype=np.float32) for profile in profiles_in_laser_mm]
-    if not profiles:
-        raise InputError("a scan with profiles", "none", "Take the scan again, or exclude it.", name)
-    for number, profile in enumerate(profiles):
-        if profile.shape != profiles[0].shape or profile.ndim != 2 or profile.shape[1] != 2:
-            raise InputError(
-                f"profiles of one size, {profiles[0].shape} like the first",
-                f"profile {number + 1} of shape {profile.shape}",
-                "Export every profile with all its columns, blank ones as NaN, or split the scan there.",
-                name,
-            )
-    if len(turntable_from_laser) != len(profiles):
-        raise InputError(
-            f"a pose for each of the {len(profiles)} profiles",
-            f"{len(turntable_from_laser)} poses",
-            "Give as many poses as profiles: a profile or a pose is missing.",
-            name,
-        )
-    points = np.zeros((len(profiles), len(profiles[0]), 3), dtype=np.float32)
-    for row, profile in zip(points, profiles, strict=True):
-        row[:, 0], row[:, 2] = profile[:, 0], profile[:, 1]
-    return Scan(name, points, stack_matrices(list(turntable_from_laser)), **options)  # pyright: ignore[reportArgumentType]
-
-
-def scan_of_cloud(
-    name: str, points_in_laser_mm: ArrayLike, turntable_from_laser: RigidTransform, **options: float
-) -> Scan:
-    """Return the scan of a cloud (N, 3) of no known order, all seen from one pose.
-
-    Raises
-    ------
-    InputError
-        If the cloud is empty or no (N, 3) array.
-    """
-    points = np.asarray(points_in_laser_mm, dtype=np.float32)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        got = "a scan with no points" if points.size == 0 else f"an array of shape {points.shape}"
-        raise InputError("a cloud of N×3 numbers", got, "Take the scan again, or exclude it.", name)
-    rows = as_rows(points)
-    return Scan(name, rows, turntable_from_laser.matrix[None], organised=False, **options)  # pyright: ignore[reportArgumentType]
 
 
 def as_rows(points: SingleArray) -> SingleArray:

@@ -30,7 +30,7 @@ _NO_LIMIT = 1e9
 _SUPPORTERS_REACH = 5
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def look(
     image: ImageArray, columns: RowArray, seeds: RowArray, codes: CodeArray, filters: StripeFilters, limits: Limits
 ) -> FloatArray:
@@ -52,7 +52,7 @@ def look(
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _sample(
     image: ImageArray, columns: RowArray, seeds: RowArray, variance: float, filters: StripeFilters
 ) -> FloatArray:
@@ -69,7 +69,7 @@ def _spread(codes: CodeArray, about: int) -> RowArray:
     return good[:: max(1, len(good) // about)].copy()
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _seeds(
     image: ImageArray, words: WordArray, box_width_px: float, rivalry: float, variance: float
 ) -> tuple[RowArray, CodeArray]:
@@ -82,7 +82,7 @@ def _seeds(
     return choose_seeds(best, place, least_rise, 2 * rows + 1, rivalry, _SUPPORTERS_REACH, width)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _look_at_some(
     image: ImageArray,
     seeds: RowArray,

@@ -151,7 +151,7 @@ def _to_distorted(pixels: FloatArray, h: FloatArray, xd: FloatArray, yd: FloatAr
         yd[i] = b
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def undistort_block(
     pixels: FloatArray,
     start: int,

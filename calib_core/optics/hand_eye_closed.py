@@ -3,7 +3,7 @@
 A X = Z B for every capture: A = base_from_tool0, X = tool0_from_camera, Z = base_from_board and
 B = board_from_camera.  Of the rotations, vec(R_Z) = (R_B ⊗ R_A) vec(R_X): summed over the captures, the leading
 singular vectors of that 9 × 9 matrix are both (after M. Shah, J. Mechanisms and Robotics 5 (2013) 031007); the
-translations are then linear.  A X = X B, for motions instead of poses, is the same with Z = X.
+translations are then linear.
 """
 
 import numpy as np
@@ -34,22 +34,6 @@ def solve_ax_zb(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     shift = b[:, :3, 3] @ z.T - a[:, :3, 3]
     t = _least_squares(design, shift)
     return _joined(x, t[:3]), _joined(z, t[3:])
-
-
-def solve_ax_xb(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return X (4, 4) with A X = X B, for motions A of the flange and B of the camera (K, 4, 4).
-
-    Raises
-    ------
-    MotionError
-        If the turns do not determine the rotation.
-    """
-    values, vectors = np.linalg.eigh(0.5 * (_summed(a, b) + _summed(a, b).T))
-    _require_one(values[::-1], len(a))
-    found = vectors[:, -1].reshape(3, 3).T
-    x = np.asarray(nearest_rotation((np.sign(np.linalg.det(found)) or 1.0) * found), dtype=float)
-    design = a[:, :3, :3] - np.eye(3)
-    return _joined(x, _least_squares(design, b[:, :3, 3] @ x.T - a[:, :3, 3]))
 
 
 def _summed(a: FloatArray, b: FloatArray) -> FloatArray:

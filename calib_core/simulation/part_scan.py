@@ -144,9 +144,3 @@ def view_poses(count: int, distance_mm: float = 200.0, aim_mm: float = 25.0) -> 
         pose[:3, 3] = (0.0, 0.0, aim_mm) + distance_mm * out
         poses.append(pose)
     return poses
-
-
-def in_turntable(scan: PartScan) -> FloatArray:
-    """Return the measured points in T, (P, C, 3), at the poses where they were really taken."""
-    poses = scan.turntable_from_laser
-    return np.einsum("pij,pcj->pci", poses[:, :3, :3], scan.points_in_laser_mm) + poses[:, None, :3, 3]

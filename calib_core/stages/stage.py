@@ -4,7 +4,6 @@ Each folder beside this file holds one: its `__init__.py` has the constant `STAG
 """
 
 import importlib
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -82,7 +81,7 @@ class CaptureStep:
     letter: str = "p"
 
 
-class Stage(ABC):
+class Stage:
     """One calibration, or what is made with it.
 
     Attributes
@@ -184,13 +183,20 @@ class Stage(ABC):
         }
 
     @property
-    @abstractmethod
     def result(self) -> "type[Result]":
-        """The record of its result."""
+        """The record of its result: the one in its folder's record.py that bears its name."""
+        from calib_core.records import Result
 
-    @abstractmethod
+        for kind in vars(self._own("record")).values():
+            if isinstance(kind, type) and issubclass(kind, Result):
+                stage = kind.model_fields.get("stage")
+                if stage is not None and stage.default == self.name:
+                    return kind
+        raise TypeError(f"the record.py of {self.name} has no record of its result")
+
     def solve(self, given: "StageInput") -> "Result":
-        """Return its result; raises CalibrationError."""
+        """Return its result, by its folder's solve.py; raises CalibrationError."""
+        return self._own("solve").solve(given)
 
     def is_brought(self, session: "Session") -> bool:
         """Return whether the user brings what it would give, so that it is not solved."""
@@ -218,20 +224,24 @@ class Stage(ABC):
                 yield capture, read_fields(session, capture, self.takes[capture.step])
 
     def guide(self, view: "GuideView") -> "GuideNow | None":
-        """Return what to do now for it, None where it asks for nothing."""
-        del view
-        return None
+        """Return what to do now for it, None where it asks for nothing or its folder has no guide.py."""
+        own = self._own("guide")
+        return None if own is None else own.guide(view)
 
     def evidence(self, session: "Session", result: "Result") -> "list[AnyBlock] | None":
         """Return a result's evidence as blocks, None where its folder has no evidence.py."""
-        name = f"{type(self).__module__}.evidence"
+        own = self._own("evidence")
+        return None if own is None else own.evidence(session, result)
+
+    def _own(self, file: str) -> Any:
+        """Return a module of its folder, None where there is none of that name."""
+        name = f"{type(self).__module__}.{file}"
         try:
-            module = importlib.import_module(name)
+            return importlib.import_module(name)
         except ModuleNotFoundError as error:
             if error.name != name:
                 raise
             return None
-        return module.evidence(session, result)
 
 
 def read_fields(session: "Session", capture: "Capture", fields: tuple[str, ...]) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from calib_core.causes.apply import merge_patch
 from calib_core.errors import ConflictError, DamagedError, InputError
+from calib_core.moment import now
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from calib_core.records.known_fields import require_known_fields, unknown_fields
 from calib_core.stages.registry import STAGES
@@ -16,7 +17,7 @@ from server.jobs.measuring import Measure, check_poses
 from server.store.calibrations import calibrated
 from server.store.captures import capture_data, capture_row, change_capture
 from server.store.database import Store
-from server.store.models import Data, now
+from server.store.models import Data
 from server.store.sessions import (
     change_session,
     empty_session,

@@ -21,9 +21,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     """Write the report; a session without results is solved for it."""
     from calib_core.archive.archive import is_archive, opened
-    from calib_core.archive.dates import now, solved_when
+    from calib_core.archive.dates import solved_when
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results, truth_of
+    from calib_core.moment import now
     from calib_core.stages.graph import Graph
     from server.console.solving import solved_if_possible
     from server.render.report.report import report_html

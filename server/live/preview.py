@@ -1,12 +1,12 @@
 """A live cell as the page shows it: states, poses, the thinned profile and the arc in it, as JSON data."""
 
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray
+from calib_core.moment import text_of_seconds
 from server.live.exposures import Exposure
 from server.live.link import LinkState
 from server.live.live_cell import LiveCell
@@ -33,7 +33,7 @@ def device_data(
         "connected_for": row.session_id,
         "status": state.status if state else "off",
         "problem": _problem(source, row, state),
-        "since": _moment(clock_s + state.since_s) if state else None,
+        "since": text_of_seconds(clock_s + state.since_s) if state else None,
         "readings": state.readings if state else 0,
         "refused": state.refused if state else 0,
         "rate_hz": round(state.rate_hz, 1) if state else 0.0,
@@ -142,7 +142,3 @@ def _problem(source: Source | None, row: DeviceRow, state: LinkState | None) -> 
     if source is None:
         return f"This server has no source '{row.source}': install the package that brings it."
     return state.problem if state else ""
-
-
-def _moment(since_1970_s: float) -> str:
-    return datetime.fromtimestamp(since_1970_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -5,7 +5,6 @@ import logging
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from ipaddress import ip_address, ip_network
 from typing import Annotated, Any
 
@@ -13,6 +12,7 @@ from pydantic import AfterValidator, Field
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
+from calib_core.moment import now
 from calib_core.records import Record
 from server.auth.logins import Identity, Logins
 from server.auth.refusals import Refusals
@@ -84,8 +84,7 @@ class OpenPort:
 
     def note(self, peer: str, heard: str, said: str) -> None:
         """Keep a line of the dialogue for the page; tokens never come here."""
-        at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        self.lines.append({"at": at, "peer": peer, "heard": heard[:200], "said": said})
+        self.lines.append({"at": now(), "peer": peer, "heard": heard[:200], "said": said})
 
 
 class RobotPorts:

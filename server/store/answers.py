@@ -1,13 +1,14 @@
 """Answers to POSTs that carried an Idempotency-Key, so that a repeated request does nothing twice."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 
 from sqlalchemy import delete, insert
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
+from calib_core.moment import from_now, now
 from server.http.json_text import JsonText
-from server.store.models import AnswerRow, Data, now
+from server.store.models import AnswerRow, Data
 
 _KEPT = timedelta(days=7)
 _ADD = insert(AnswerRow)
@@ -42,5 +43,4 @@ def remember_answer(
 
 def forget_old_answers(db: Transaction) -> None:
     """Remove answers of more than a week ago."""
-    oldest = (datetime.now(UTC) - _KEPT).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    db.execute(delete(AnswerRow).where(AnswerRow.created < oldest))
+    db.execute(delete(AnswerRow).where(AnswerRow.created < from_now(-_KEPT)))

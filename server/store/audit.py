@@ -8,8 +8,9 @@ from itertools import islice
 from sqlalchemy import insert, select
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.moment import now
 from server.store.access import AuditRow
-from server.store.models import Data, now
+from server.store.models import Data
 from server.store.paging import Page, after_cursor, page_of
 
 _LONGEST_PATH = 500

@@ -18,6 +18,7 @@ from calib_core import __version__
 from calib_core.archive.folder import parse_json, to_json_bytes
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
 from calib_core.formats.shared.writing import write_atomically
+from calib_core.moment import now
 from server.auth.secrets import copy_key
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
@@ -26,7 +27,6 @@ from server.store.blobs import CHUNK_BYTES, Blobs
 from server.store.doctor import Progress, referring, rows_of
 from server.store.engine import engine_of, reading
 from server.store.folder import folder_lock, require_store
-from server.store.models import now
 from server.store.schema import stored_revision, upgrade
 
 MANIFEST: Final = "backup.json"

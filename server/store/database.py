@@ -8,11 +8,12 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from calib_core.moment import now
 from server.settings import Settings
 from server.store.audit import acting, note_acts
 from server.store.blob_places import open_blobs
 from server.store.engine import engine_of, reading
-from server.store.models import EventRow, SessionRow, now
+from server.store.models import EventRow, SessionRow
 from server.store.schema import upgrade
 from server.store.webhooks import tell_event
 

@@ -1,18 +1,12 @@
 """The tables: records as JSON beside the few columns that are searched."""
 
 import unicodedata
-from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
 Data = dict[str, Any]
-
-
-def now() -> str:
-    """Return the time as ISO 8601 text in UTC, which sorts as it runs."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def folded(text: str) -> str:

@@ -6,10 +6,11 @@ from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, NotFoundError
+from calib_core.moment import now
 from calib_core.review.answer import cell_id_of
 from calib_core.review.drift import SolvedSession
 from server.store.database import record_event
-from server.store.models import Data, ReleaseRow, SessionRow, now
+from server.store.models import Data, ReleaseRow, SessionRow
 from server.store.sessions import latest_results, locked_session
 from server.store.staleness import stale_stages
 from server.store.webhooks import tell

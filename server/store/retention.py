@@ -10,11 +10,11 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import InputError
+from calib_core.moment import from_now
 from server.store.database import Store
 from server.store.models import FileRow, OutputRow, ReleaseRow, SessionRow
 from server.store.releases import cell_of
 from server.store.sessions import delete_session, unused
-from server.store.tokens import from_now
 
 _MOST: Final = 1e9  # days, or megabytes
 

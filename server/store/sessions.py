@@ -10,13 +10,14 @@ from sqlalchemy.orm import defer
 
 from calib_core.captures.kept import keeping
 from calib_core.errors import CalibrationError, NotFoundError
+from calib_core.moment import now
 from calib_core.records import Measured, Session, parse_session
 from calib_core.review.answer import cell_id_of
 from server.http.errors import OutdatedError
 from server.store.blobs import Blobs
 from server.store.database import record_event
 from server.store.kept_records import KeptRecords
-from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded, now
+from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded
 from server.store.paging import Page, after_cursor, page_of
 from server.store.staleness import stale_stages
 

@@ -6,8 +6,9 @@ from sqlalchemy import bindparam, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
+from calib_core.moment import now
 from server.store.database import record_event
-from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, now
+from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow
 from server.store.paging import Page, after_cursor, page_of
 from server.store.sessions import Output, locked_session, new_id
 from server.store.webhooks import tell

@@ -1,19 +1,15 @@
 """Tokens and logins in the database; what is secret in them comes and goes as a keyed hash."""
 
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 
 from sqlalchemy import delete, or_, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, NotFoundError
+from calib_core.moment import from_now, now
 from server.store.access import LoginRow, TokenRow
-from server.store.models import Data, now
-
-
-def from_now(span: timedelta) -> str:
-    """Return a time to come as it stands in the tables."""
-    return (datetime.now(UTC) + span).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+from server.store.models import Data
 
 
 def add_token(

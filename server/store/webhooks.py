@@ -10,9 +10,9 @@ from sqlalchemy import ForeignKey, Index, String, delete, insert, select, update
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from calib_core.errors import NotFoundError
-from server.store.models import Base, Data, EventRow, now
+from calib_core.moment import from_now, now
+from server.store.models import Base, Data, EventRow
 from server.store.paging import Page, after_cursor, page_of
-from server.store.tokens import from_now
 
 KINDS: Final = ("capture", "result", "verdict", "job", "session", "release")
 """What a webhook may be told: captures that came or changed, results, verdicts that differ from the one before,

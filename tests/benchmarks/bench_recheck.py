@@ -10,10 +10,10 @@ from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import TcpSolution
 from calib_core.frames import FloatArray
-from calib_core.records import Capture
+from calib_core.records import Capture, Session
 from calib_core.simulation import SimulatedSession, retake
 from calib_core.stages.recheck.compare import Change, compared
-from calib_core.stages.recheck.guide import poses_to_repeat
+from calib_core.stages.recheck.guide import recheck_plan
 from calib_core.stages.verify.held_out import Tool
 
 _CHANGES = ("scanner moved on the flange", "scanner turned on the flange", "sphere or robot moved")
@@ -33,7 +33,7 @@ def figures(seeds: range, rechecks: int) -> list[Row]:
     for seed in seeds:
         cell = Cell.of("tcp", seed)
         solution = cell.solve(GIVEN)
-        repeated = poses_to_repeat(cell.simulated.session, {o.capture for o in cell.observations})
+        repeated = _poses_to_repeat(cell.simulated.session, {o.capture for o in cell.observations})
         still = [rechecked(cell, solution, cell.simulated, repeated, 100 * seed + k) for k in range(rechecks)]
         alarms += [change.changed != "nothing" for change in still]
         spread += [np.linalg.solve(np.linalg.cholesky(c.covariance), c.shift_in_laser_mm) for c in still]
@@ -96,3 +96,10 @@ def rechecked(
 
 def _skew(v: FloatArray) -> FloatArray:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def _poses_to_repeat(session: Session, used: set[str]) -> list[Capture]:
+    """Return the captures among `used` whose poses are worth repeating."""
+    plan = recheck_plan(session, {"tcp": {"residuals": [{"capture": name, "used": True} for name in used]}})
+    by_id = {capture.id: capture for capture in session.captures}
+    return [by_id[row.capture] for row in plan.poses]

@@ -7,7 +7,7 @@ from calib_core.errors import MeasurementError
 from calib_core.frames import RigidTransform
 from calib_core.fusion.clean import clean_scan
 from calib_core.fusion.clean_scan import GRAZING, KEPT, MIXED, STRAY, CleanOptions
-from calib_core.fusion.scan import Scan, scan_of_cloud
+from calib_core.fusion.scan import Scan, as_rows
 
 SIGMA_MM = 0.02
 PITCH_MM = 0.2
@@ -135,8 +135,8 @@ def test_a_cloud_without_order_is_cleaned_by_its_neighbours_in_space():
     points = truth.reshape(-1, 3)[order] + rng.normal(0, 0.2 * SIGMA_MM, (3600, 3))
     stray = rng.random(3600) < 0.02
     points[stray, 2] += rng.choice([-1, 1], stray.sum()) * rng.uniform(5, 30, stray.sum())
-    identity = RigidTransform.identity("turntable", "laser")
-    cleaned = clean_scan(scan_of_cloud("c", points, identity, point_sigma_mm=SIGMA_MM))
+    rows = as_rows(points.astype(np.float32))
+    cleaned = clean_scan(Scan("c", rows, np.eye(4)[None], organised=False, point_sigma_mm=SIGMA_MM))
     verdicts, found = cleaned.verdicts.ravel()[:3600], cleaned.normals.reshape(-1, 3)[:3600]
     assert (verdicts[stray] == STRAY).all()
     assert (verdicts[~stray] == KEPT).mean() > 0.98

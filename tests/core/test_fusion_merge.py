@@ -11,7 +11,7 @@ from calib_core.archive.spill import FileSpill
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.fusion.merge import VoxelCloud, VoxelGrid, fuse
-from calib_core.fusion.scan import Scan, as_rows, scan_of_cloud, scan_of_profiles
+from calib_core.fusion.scan import Scan, as_rows
 from calib_core.kernels.fusion import pack_keys, unpack_keys
 
 
@@ -174,23 +174,9 @@ def test_weights_that_are_no_numbers_are_refused():
 IDENTITY = RigidTransform.identity("turntable", "laser")
 
 
-@pytest.mark.parametrize(
-    ("profiles", "poses", "words"),
-    [
-        ([], [], "profiles, got none"),
-        ([np.ones((5, 2)), np.ones((4, 2))], [IDENTITY] * 2, r"profile 2 of shape \(4, 2\)"),
-        ([np.ones((5, 2))] * 2, [IDENTITY], "1 poses"),
-        ([np.full((5, 2), np.nan)], [IDENTITY], "5 blanks"),
-    ],
-)
-def test_scans_that_are_no_scan_are_refused(profiles: list, poses: list, words: str):
-    with pytest.raises(InputError, match=words):
-        scan_of_profiles("s1", profiles, poses)
-
-
-def test_clouds_without_points_are_refused():
-    with pytest.raises(InputError, match="no points"):
-        scan_of_cloud("s1", np.empty((0, 3)), IDENTITY)
+def test_scans_without_points_are_refused():
+    with pytest.raises(InputError, match="5 blanks"):
+        Scan("s1", np.full((1, 5, 3), np.nan, np.float32), np.eye(4)[None])
     with pytest.raises(InputError, match="no points"):
         Scan("s1", np.empty((0, 4, 3), np.float32), np.eye(4)[None])
 

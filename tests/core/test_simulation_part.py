@@ -15,7 +15,7 @@ from calib_core.fusion.scan import Scan
 from calib_core.robots import parse_pose
 from calib_core.simulation import simulate
 from calib_core.simulation.part import BALL_RADIUS_MM, HEIGHT_MM, HOLES, build_part, top_mm
-from calib_core.simulation.part_scan import PartScanner, PartScanOptions, in_turntable, view_poses
+from calib_core.simulation.part_scan import PartScan, PartScanner, PartScanOptions, view_poses
 from calib_core.sphere.cloud import fit_sphere
 from calib_core.stages.merge.solve import CLOUD_FILE, MESH_FILE
 from calib_core.stages.pipeline import run
@@ -23,6 +23,12 @@ from calib_core.stages.pipeline import run
 PART = build_part()
 MESH = trimesh.Trimesh(PART.points_mm, PART.triangles, process=False)
 OPTIONS = PartScanOptions(pitch_mm=0.5, stray_fraction=0.01)
+
+
+def in_turntable(scan: PartScan) -> np.ndarray:
+    """Return the measured points in T, (P, C, 3), at the poses where they were really taken."""
+    poses = scan.turntable_from_laser
+    return np.einsum("pij,pcj->pci", poses[:, :3, :3], scan.points_in_laser_mm) + poses[:, None, :3, 3]
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import json
 import threading
 import time
 from base64 import b64decode, b64encode
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -16,9 +16,9 @@ import httpx
 import pytest
 from sqlalchemy import update
 
+from calib_core.moment import now
 from server.settings import Settings
 from server.store.database import Store
-from server.store.models import now
 from server.store.webhooks import DeliveryRow, due_deliveries, note_attempt
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload, wait_for
 from tests.server.test_programs import RECORD, arc_csv
@@ -42,7 +42,7 @@ class Receiver:
 
 
 @contextmanager
-def receiving(*answers: int) -> Iterator[Receiver]:
+def receiving(*answers: int) -> Generator[Receiver]:
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             body = self.rfile.read(int(self.headers["Content-Length"]))
@@ -53,7 +53,7 @@ def receiving(*answers: int) -> Iterator[Receiver]:
             self.send_header("Content-Length", "0")
             self.end_headers()
 
-        def log_message(self, *_: Any) -> None:
+        def log_message(self, *_: Any, **__: Any) -> None:
             pass
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:

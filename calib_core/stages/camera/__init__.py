@@ -7,10 +7,7 @@ from calib_core.stages.stage import FRAME_FIELDS, CaptureStep, Stage
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from calib_core.records import Capture, GuideNow, Session
-    from calib_core.stages.camera.record import CameraResult
-    from calib_core.stages.given import StageInput
-    from calib_core.stages.guide import GuideView
+    from calib_core.records import Capture, Session
 
 
 _OF_ROBOT = ("pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
@@ -35,19 +32,6 @@ class Camera(Stage):
     settings_field = "board"
     layers = ("camera",)
 
-    @property
-    def result(self) -> "type[CameraResult]":
-        """The record of its result."""
-        from calib_core.stages.camera.record import CameraResult
-
-        return CameraResult
-
-    def solve(self, given: "StageInput") -> "CameraResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.camera.solve import solve_camera_stage
-
-        return solve_camera_stage(given)
-
     def is_wanted(self, session: "Session") -> bool:
         """Return whether the scanner delivers raw frames."""
         from calib_core.captures.raw_frames import uses_frames
@@ -64,12 +48,6 @@ class Camera(Stage):
         for capture, fields in super().reads_of_captures(session):
             with_pose = fixed and not capture.excluded and "pose" not in fields
             yield capture, (*fields, "pose") if with_pose else fields
-
-    def guide(self, view: "GuideView") -> "GuideNow | None":
-        """Return what to do now for it, None where it asks for nothing."""
-        from calib_core.stages.camera.guide import camera_now
-
-        return camera_now(view)
 
 
 def _is_fixed(session: "Session") -> bool:

@@ -19,7 +19,7 @@ _PLACES = (
 _SIZES_APART = 1.25  # the largest board over the smallest: less is one distance
 
 
-def camera_now(view: GuideView) -> GuideNow | None:
+def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the camera's step.
 
     Stripes on boards count for the camera too: where it is stale while they are taken, it waits for all of them.

@@ -39,7 +39,7 @@ _RARE = 0.001
 _STRIPE_ALONE = "the stripe alone"
 
 
-def solve_camera_stage(given: "StageInput") -> CameraResult:
+def solve(given: "StageInput") -> CameraResult:
     """Return the camera from all frames that show the board, of camera and laser-plane captures.
 
     Raises

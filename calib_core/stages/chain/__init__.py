@@ -6,8 +6,6 @@ from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, Stage, rests_on
 
 if TYPE_CHECKING:
     from calib_core.records import Session
-    from calib_core.stages.chain.record import ChainResult
-    from calib_core.stages.given import StageInput
 
 
 class Chain(Stage):
@@ -25,19 +23,6 @@ class Chain(Stage):
     gives_table = True
     optional = True
     needs_every_step = True
-
-    @property
-    def result(self) -> "type[ChainResult]":
-        """The record of its result."""
-        from calib_core.stages.chain.record import ChainResult
-
-        return ChainResult
-
-    def solve(self, given: "StageInput") -> "ChainResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.chain.solve import solve_chain_stage
-
-        return solve_chain_stage(given)
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it begins at, and what turns raw frames into points."""

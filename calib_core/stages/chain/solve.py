@@ -13,7 +13,7 @@ from calib_core.stages.turntable.solve import part_of, table_of, table_options, 
 _TABLE_SHARE = 0.7
 
 
-def solve_chain_stage(given: StageInput) -> ChainResult:
+def solve(given: StageInput) -> ChainResult:
     """Return tool and turntable from all captures of both; raises as the two stages do."""
     from calib_core.chain.whole import solve_chain
     from calib_core.stages.chain.result import chain_result

@@ -8,8 +8,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from calib_core.records import Capture, Session
-    from calib_core.stages.given import StageInput
-    from calib_core.stages.hand_eye.record import HandEyeResult
 
 _LEAST_FRAMES = 4
 
@@ -24,19 +22,6 @@ class BoardHandEye(Stage):
     optional = True
     is_second_opinion = True
     layers = ("scanner",)
-
-    @property
-    def result(self) -> "type[HandEyeResult]":
-        """The record of its result."""
-        from calib_core.stages.hand_eye.record import HandEyeResult
-
-        return HandEyeResult
-
-    def solve(self, given: "StageInput") -> "HandEyeResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.hand_eye.solve import solve_hand_eye_stage
-
-        return solve_hand_eye_stage(given)
 
     def is_wanted(self, session: "Session") -> bool:
         """Return whether a board stands still, in enough frames of a flange that turns enough."""

@@ -22,7 +22,7 @@ _STEP = 1e-5  # rad and mm, of the numerical derivative
 _WELL_SIGMA_MM, _WELL_SIGMA_DEG = 1.0, 0.5
 
 
-def solve_hand_eye_stage(given: StageInput) -> HandEyeResult:
+def solve(given: StageInput) -> HandEyeResult:
     """Return the camera on the flange and the board in the base, and how the tool agrees with the sphere's.
 
     Raises

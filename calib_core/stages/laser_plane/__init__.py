@@ -8,9 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from calib_core.records import Capture, GuideNow, Session
-    from calib_core.stages.given import StageInput
     from calib_core.stages.guide import GuideView
-    from calib_core.stages.laser_plane.record import LaserPlaneResult
 
 
 class LaserPlane(Stage):
@@ -31,19 +29,6 @@ class LaserPlane(Stage):
     after = ("camera",)
     guided = ("laser-plane",)
     layers = ("laser_plane",)
-
-    @property
-    def result(self) -> "type[LaserPlaneResult]":
-        """The record of its result."""
-        from calib_core.stages.laser_plane.record import LaserPlaneResult
-
-        return LaserPlaneResult
-
-    def solve(self, given: "StageInput") -> "LaserPlaneResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.laser_plane.solve import solve_laser_plane_stage
-
-        return solve_laser_plane_stage(given)
 
     def is_wanted(self, session: "Session") -> bool:
         """Return whether the scanner delivers raw frames."""

@@ -36,7 +36,7 @@ _FAIL_NORMAL_SIGMA_DEG = 2.0
 _LEAST_DISTANCE_SIGMAS = 3.0
 
 
-def solve_laser_plane_stage(given: StageInput) -> LaserPlaneResult:
+def solve(given: StageInput) -> LaserPlaneResult:
     """Return the plane of light in the camera frame and the frame L, from captures of the board with the stripe.
 
     Raises

@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 from calib_core.stages.stage import SCAN_FIELDS, CaptureStep, Stage, rests_on_optics
 
 if TYPE_CHECKING:
-    from calib_core.records import GuideNow, Session
-    from calib_core.stages.given import StageInput
-    from calib_core.stages.guide import GuideView
-    from calib_core.stages.merge.record import MergeResult
+    from calib_core.records import Session
 
 
 class Merge(Stage):
@@ -32,19 +29,6 @@ class Merge(Stage):
     settings_field = "merge"
     layers = ("merged", "scans")
 
-    @property
-    def result(self) -> "type[MergeResult]":
-        """The record of its result."""
-        from calib_core.stages.merge.record import MergeResult
-
-        return MergeResult
-
-    def solve(self, given: "StageInput") -> "MergeResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.merge.solve import solve_merge_stage
-
-        return solve_merge_stage(given)
-
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return where tool and table come from, and what turns raw frames into points."""
         own = [capture for capture in session.captures if capture.step in self.takes]
@@ -67,12 +51,6 @@ class Merge(Stage):
     def _turns(session: "Session") -> bool:
         """Return whether the table is to be solved."""
         return any(capture.step == "turntable" and not capture.excluded for capture in session.captures)
-
-    def guide(self, view: "GuideView") -> "GuideNow | None":
-        """Return what to do now for it, None where it asks for nothing."""
-        from calib_core.stages.merge.guide import merge_now
-
-        return merge_now(view)
 
 
 STAGE = Merge()

@@ -40,7 +40,7 @@ class _Views:
     direction: int
 
 
-def merge_now(view: GuideView) -> GuideNow | None:
+def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of scanning and merging; tool and table are known by then.
 
     It is None without a table as long as nothing was scanned: the calibration may be all that is wanted.

@@ -44,7 +44,7 @@ class _Calibration:
     warnings: tuple[str, ...] = ()
 
 
-def solve_merge_stage(given: StageInput) -> MergeResult:
+def solve(given: StageInput) -> MergeResult:
     """Return all scans in one frame; the cloud and the mesh go to `given.store`, where there is one.
 
     Raises
@@ -95,7 +95,7 @@ class MergePlan:
 
 
 def plan_merge(given: StageInput) -> MergePlan:
-    """Return the scans to be merged, after solving the calibration; raises as `solve_merge_stage` does."""
+    """Return the scans to be merged, after solving the calibration; raises as `solve` does."""
     captures = [capture for capture in given.captures if not capture.excluded]
     if not captures:
         raise InputError(

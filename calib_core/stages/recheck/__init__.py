@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
 
 if TYPE_CHECKING:
-    from calib_core.records import GuideNow, Session
-    from calib_core.stages.given import StageInput
-    from calib_core.stages.guide import GuideView
-    from calib_core.stages.recheck.record import RecheckResult
+    from calib_core.records import Session
 
 
 class Recheck(Stage):
@@ -29,31 +26,12 @@ class Recheck(Stage):
     needs_every_step = True
     layers = ("sphere", "captures", "scanner")
 
-    @property
-    def result(self) -> "type[RecheckResult]":
-        """The record of its result."""
-        from calib_core.stages.recheck.record import RecheckResult
-
-        return RecheckResult
-
-    def solve(self, given: "StageInput") -> "RecheckResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.recheck.solve import solve_recheck_stage
-
-        return solve_recheck_stage(given)
-
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stage that gives the answer, and what turns raw frames into points."""
         own = [capture for capture in session.captures if capture.step in self.takes]
         steps = {capture.step for capture in session.captures if not capture.excluded}
         table = "turntable" in steps and session.cell.known.base_from_turntable is None
         return (*rests_on_optics(session, own), "chain" if table else "tcp")
-
-    def guide(self, view: "GuideView") -> "GuideNow | None":
-        """Return what to do now for it, None where nobody began it."""
-        from calib_core.stages.recheck.guide import recheck_now
-
-        return recheck_now(view)
 
 
 STAGE = Recheck()

@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.captures.poses import base_from_tool0_by_capture
 from calib_core.errors import CalibrationError, MotionError
 from calib_core.frames import RigidTransform
-from calib_core.records import Capture, GuideNow, Matrix4, Record, Session
+from calib_core.records import GuideNow, Matrix4, Record, Session
 from calib_core.records.base import Finite
 from calib_core.stages.guide import GuideView
 from calib_core.stages.recheck.solve import ENOUGH, is_repeated
@@ -70,14 +70,7 @@ def recheck_plan(session: Session, results: Mapping[str, Mapping[str, Any]]) -> 
     return RecheckPlan(pose_convention=session.cell.pose_convention, poses=rows, still_needed=needed)
 
 
-def poses_to_repeat(session: Session, used: set[str]) -> list[Capture]:
-    """Return the captures among `used` whose poses are worth repeating."""
-    plan = recheck_plan(session, {"tcp": {"residuals": [{"capture": name, "used": True} for name in used]}})
-    by_id = {capture.id: capture for capture in session.captures}
-    return [by_id[row.capture] for row in plan.poses]
-
-
-def recheck_now(view: GuideView) -> GuideNow | None:
+def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the recheck, None where nobody began it."""
     captures = view.captures("recheck")
     if not captures:

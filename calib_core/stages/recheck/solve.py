@@ -42,7 +42,7 @@ class _Pair:
     round: int
 
 
-def solve_recheck_stage(given: StageInput) -> RecheckResult:
+def solve(given: StageInput) -> RecheckResult:
     """Return whether the calibration still holds.
 
     Raises

@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
 
 if TYPE_CHECKING:
-    from calib_core.records import GuideNow, Session
-    from calib_core.stages.given import StageInput
-    from calib_core.stages.guide import GuideView
-    from calib_core.stages.tcp.record import TcpResult
+    from calib_core.records import Session
 
 
 class Tcp(Stage):
@@ -27,28 +24,9 @@ class Tcp(Stage):
     is_answer = True
     layers = ("sphere", "captures", "scanner")
 
-    @property
-    def result(self) -> "type[TcpResult]":
-        """The record of its result."""
-        from calib_core.stages.tcp.record import TcpResult
-
-        return TcpResult
-
-    def solve(self, given: "StageInput") -> "TcpResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.tcp.solve import solve_tcp_stage
-
-        return solve_tcp_stage(given)
-
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it rests on: none where the scanner delivers points."""
         return rests_on_optics(session, [capture for capture in session.captures if capture.step in self.takes])
-
-    def guide(self, view: "GuideView") -> "GuideNow | None":
-        """Return what to do now for it, None where it asks for nothing."""
-        from calib_core.stages.tcp.guide import tcp_now
-
-        return tcp_now(view)
 
 
 STAGE = Tcp()

@@ -35,7 +35,7 @@ _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in vi
 _MANY = 12  # so many captures of different orientations do without pure translations
 
 
-def tcp_now(view: GuideView) -> GuideNow | None:
+def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the TCP step, None where the tool is given with the cell."""
     if view.statuses["tcp"] == "known":
         return None

@@ -27,7 +27,7 @@ _SUSPICIOUS_SCALE = 0.015  # scanners that are read rightly stay below
 _EXPLAINS_ALL = ("pose-reading", "scaled-profile", "sphere-diameter")
 
 
-def solve_tcp_stage(given: StageInput) -> TcpResult:
+def solve(given: StageInput) -> TcpResult:
     """Return the scanner's pose on the flange from all tcp captures that are not excluded.
 
     Raises
@@ -111,7 +111,7 @@ def _doubt_of_pitch(given: StageInput) -> str | None:
 
 
 def solve_tcp_captures(given: StageInput) -> SolvedTcp:
-    """Return the tcp captures' solution, with what it was solved from; raises as `solve_tcp_stage` does."""
+    """Return the tcp captures' solution, with what it was solved from; raises as `solve` does."""
     if given.kept.tcp is None:
         given.kept.tcp = _solve_tcp_captures(given)
     return given.kept.tcp

@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
 
 if TYPE_CHECKING:
-    from calib_core.records import GuideNow, Session
-    from calib_core.stages.given import StageInput
-    from calib_core.stages.guide import GuideView
-    from calib_core.stages.turntable.record import TurntableResult
+    from calib_core.records import Session
 
 
 class Turntable(Stage):
@@ -36,29 +33,10 @@ class Turntable(Stage):
     gives_table = True
     layers = ("turntable",)
 
-    @property
-    def result(self) -> "type[TurntableResult]":
-        """The record of its result."""
-        from calib_core.stages.turntable.record import TurntableResult
-
-        return TurntableResult
-
-    def solve(self, given: "StageInput") -> "TurntableResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.turntable.solve import solve_turntable_stage
-
-        return solve_turntable_stage(given)
-
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it rests on: the tool, and what turns raw frames into points."""
         own = [capture for capture in session.captures if capture.step in self.takes]
         return (*rests_on_optics(session, own), "tcp")
-
-    def guide(self, view: "GuideView") -> "GuideNow | None":
-        """Return what to do now for it, None where it asks for nothing."""
-        from calib_core.stages.turntable.guide import turntable_now
-
-        return turntable_now(view)
 
 
 STAGE = Turntable()

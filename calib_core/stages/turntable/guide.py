@@ -32,7 +32,7 @@ def wants_turntable(session: Session) -> bool:
     return "turntable" in session.cell.model_fields_set or bool(_captures(session))
 
 
-def turntable_now(view: GuideView) -> GuideNow | None:
+def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the turntable's step, None where there is no table; the TCP is known by then."""
     session, measured, data = view.session, view.measured, view.results
     if not wants_turntable(session):

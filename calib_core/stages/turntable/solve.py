@@ -29,7 +29,7 @@ _BY_TOOL_ALONE = (
 _R = TypeVar("_R", TurntableResult, ChainResult)
 
 
-def solve_turntable_stage(given: StageInput) -> TurntableResult:
+def solve(given: StageInput) -> TurntableResult:
     """Return the turntable from all its captures that are not excluded, by the tool that is known or solved first.
 
     Raises

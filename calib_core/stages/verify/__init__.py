@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 from calib_core.stages.stage import SCAN_FIELDS, SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
 
 if TYPE_CHECKING:
-    from calib_core.records import GuideNow, Session
-    from calib_core.stages.given import StageInput
-    from calib_core.stages.guide import GuideView
-    from calib_core.stages.verify.record import VerifyResult
+    from calib_core.records import Session
 
 
 class Verify(Stage):
@@ -40,19 +37,6 @@ class Verify(Stage):
     optional = True
     layers = ("sphere", "captures", "scanner")
 
-    @property
-    def result(self) -> "type[VerifyResult]":
-        """The record of its result."""
-        from calib_core.stages.verify.record import VerifyResult
-
-        return VerifyResult
-
-    def solve(self, given: "StageInput") -> "VerifyResult":
-        """Return its result; raises CalibrationError."""
-        from calib_core.stages.verify.solve import solve_verify_stage
-
-        return solve_verify_stage(given)
-
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stage that gives the answer, and what turns raw frames into points."""
         own = [capture for capture in session.captures if capture.step in self.takes]
@@ -63,12 +47,6 @@ class Verify(Stage):
             *rests_on_optics(session, own),
             "chain" if {"tcp", "turntable"} <= steps and not brought else "tcp",
         )
-
-    def guide(self, view: "GuideView") -> "GuideNow | None":
-        """Return what to do now for it, None where it asks for nothing."""
-        from calib_core.stages.verify.guide import verify_now
-
-        return verify_now(view)
 
 
 STAGE = Verify()

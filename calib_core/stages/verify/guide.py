@@ -17,7 +17,7 @@ _PLATE_EXIT = f"{WANTED_OF_PLATE} captures of the plate, at different places and
 _EXIT = f"{WANTED_CAPTURES} captures of the sphere, standing still, from all sides."
 
 
-def verify_now(view: GuideView) -> GuideNow | None:
+def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the verification.
 
     It is None where nobody began it, but where limits were set for it and the answer is there, and where the tool

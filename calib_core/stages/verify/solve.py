@@ -30,7 +30,7 @@ _DOUBTFUL_CHANCE = 0.01
 _FAILING_FACTOR = 3.0  # of the scatter over the expected one
 
 
-def solve_verify_stage(given: StageInput) -> VerifyResult:
+def solve(given: StageInput) -> VerifyResult:
     """Return how far the sphere's centre scatters over captures that the answer was not solved from.
 
     Where a flat plate alone was captured its flatness decides.

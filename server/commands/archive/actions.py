@@ -9,10 +9,11 @@ from typing import Any
 from calib_core.archive import archive
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.archive.bag import Content
-from calib_core.archive.dates import now, solved_when
+from calib_core.archive.dates import solved_when
 from calib_core.archive.folder import folder_of, load_session, to_json_bytes
 from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.errors import CalibrationError, InputError
+from calib_core.moment import now
 from calib_core.records import Session
 from calib_core.review.answer import ANSWER_FILE, answer_of_folder
 from calib_core.review.replay import Replay, StageReplay

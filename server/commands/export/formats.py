@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from calib_core.archive.archive import is_archive, opened
-from calib_core.archive.dates import now, solved_when
+from calib_core.archive.dates import solved_when
 from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import media_types
 from calib_core.errors import InputError
@@ -15,6 +15,7 @@ from calib_core.exports.backups import write_into
 from calib_core.exports.export import write_export
 from calib_core.exports.registry import export_named
 from calib_core.library.machines import files_of
+from calib_core.moment import now
 from calib_core.records import Record, Session
 from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import run as run_stages

@@ -1,0 +1,23 @@
+"""Moments as ISO 8601 text in UTC, to the millisecond: it sorts as time runs."""
+
+from datetime import UTC, datetime, timedelta
+
+
+def text_of(moment: datetime) -> str:
+    """Return a moment as such text."""
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def text_of_seconds(since_1970_s: float) -> str:
+    """Return a moment of the system's clock as such text."""
+    return text_of(datetime.fromtimestamp(since_1970_s, UTC))
+
+
+def now() -> str:
+    """Return the present moment as such text."""
+    return text_of(datetime.now(UTC))
+
+
+def from_now(span: timedelta) -> str:
+    """Return the moment a span of time after the present one, before it where that is negative, as such text."""
+    return text_of(datetime.now(UTC) + span)
