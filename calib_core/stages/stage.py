@@ -192,7 +192,7 @@ class Stage:
                 stage = kind.model_fields.get("stage")
                 if stage is not None and stage.default == self.name:
                     return kind
-        raise TypeError(f"the record.py of {self.name} has no record of its result")
+        raise LookupError(self.name)
 
     def solve(self, given: "StageInput") -> "Result":
         """Return its result, by its folder's solve.py; raises CalibrationError."""
