@@ -147,7 +147,6 @@ NOT_SHOWN = {
     "Use OpenCV's names; the tilts are tauX and tauY in rad.",
     "a camera matrix of 3×3 numbers with positive focal lengths",
     "a camera_from_laser whose y axis is the plane's normal and whose origin lies in the plane",
-    "a cloud of N×3 numbers",
     "a grid of the same voxels",
     "a plane's normal of three finite numbers and its distance",
     "a scan of profiles × columns × 3 numbers",
