@@ -7,6 +7,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
 from typing import Any, NoReturn
 
 from calib_core import __version__
@@ -38,7 +39,13 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(*arguments, allow_abbrev=False, **more)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: error: {_one_line(message)}. See {self.prog} --help.\n")
+        self.exit(BAD_INPUT, f"scancell: error: {_one_line(message).rstrip('.')}. See {self.prog} --help.\n")
+
+    def refuse(self, unknown: Sequence[str]) -> NoReturn:
+        """End with what is not known, and with the option that is most likely meant."""
+        close = get_close_matches(unknown[0].partition("=")[0], self._option_string_actions, 1, 0.6)
+        meant = f" (did you mean {close[0]}?)" if close else ""
+        self.error(f"unrecognized arguments: {' '.join(unknown)}{meant}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("scancell: error: an argument with a NUL character. Remove it.", file=sys.stderr)
         return BAD_INPUT
     try:
-        options = parser(words).parse_args(words)
+        options, unknown = parser(words).parse_known_args(words)
+        if unknown:
+            options.parser.refuse(unknown)
     except SystemExit as end:  # --help, or a usage error that is printed already
         return int(end.code or 0)
     try:
@@ -122,7 +131,7 @@ def _add(parent: argparse.ArgumentParser, commands: Iterable[Command], used: fro
             continue
         command.arguments(added)
         _add_common(added.add_argument_group("common").add_argument, default=argparse.SUPPRESS)
-        added.set_defaults(command=command)
+        added.set_defaults(command=command, parser=added)
 
 
 def _add_common(add: Callable[..., Any], *, default: Any) -> None:

@@ -46,6 +46,7 @@ def test_the_installed_command_answers():
         (["run"], "SESSION"),
         (["walk"], "invalid choice: 'walk'"),
         (["run", "x", "--fast"], "unrecognized arguments: --fast"),
+        (["run", "x", "--stages", "tcp"], "did you mean --stage?). See scancell run --help"),
         (["simulate", "tcp", "--seed", "x", "--out", "d"], "invalid int value: 'x'"),
         (["export", "x"], "--format"),
     ],
