@@ -1,6 +1,7 @@
 """Arrows run one way: web → HTTP → server → calib_core.  Read from the sources, so that no late import hides."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -150,6 +151,37 @@ def test_nothing_imports_the_page_and_the_product_not_its_tests() -> None:
         if within(m, "web", "tests", "pytest", "hypothesis")
     ]
     assert wrong == []
+
+
+def at_the_top(file: Path) -> Iterator[str]:
+    """Give what a module imports as it is loaded: not within functions, not for types alone."""
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        for module, name, _ in imported(file, node):
+            yield from (module, f"{module}.{name}")
+
+
+def page_imports(file: Path) -> Iterator[str]:
+    for path in re.findall(
+        r'^(?:import|export)\b[^;"]*"(\.[^"]+)"', file.read_text(encoding="utf-8"), re.MULTILINE
+    ):
+        yield str((file.parent / path).resolve())
+
+
+def in_circles(graph: dict[str, set[str]]) -> set[str]:
+    """Return the nodes that are left when those that lead to nothing are taken away, again and again."""
+    left = {node: set(after) & graph.keys() - {node} for node, after in graph.items()}
+    while ends := {node for node, after in left.items() if not after}:
+        left = {node: after - ends for node, after in left.items() if node not in ends}
+    return set(left)
+
+
+def test_nothing_is_imported_in_a_circle() -> None:
+    names = {name_of(f).removesuffix(".py").removesuffix("/__init__").replace("/", "."): f for f in SOURCES}
+    assert in_circles({name: set(at_the_top(f)) for name, f in names.items()}) == set()
+    page = [f for f in (ROOT / "web").rglob("*.js") if "vendor" not in f.parts]
+    assert len(page) > 100
+    assert in_circles({str(f): set(page_imports(f)) for f in page}) == set()
+    assert in_circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == {"a", "b", "c"}
 
 
 HEAVY = ("numba", "cv2", "open3d", "viser", "fastapi", "sqlalchemy", "uvicorn", "scipy.optimize", "scipy.stats")
