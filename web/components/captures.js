@@ -213,7 +213,7 @@ export class CapturesElement extends StateElement {
     const simulated = this.state.session?.simulated === true;
     if (!isReplaceable(capture, simulated, this.state.shows(capture.step).startsWith("sphere"))) return null;
     const words = t(simulated ? "captures.again" : "captures.redo", { capture: capture.id });
-    return h("button", { type: "button", class: "plain icon redo", needs: "capture", "aria-label": words, title: words, onclick: async () => (await import("./replace.js")).replaceCapture(this.state, capture) }, icon("redo"));
+    return h("button", { type: "button", class: "plain icon redo", needs: "capture", "aria-label": words, title: words, onclick: async () => (await import("./replace.js")).replaceCapture(this.state, capture) }, icon("again"));
   }
 
   #offerSeveral() {
