@@ -37,7 +37,7 @@ def ran(package: Path, **environment: str) -> list[str]:
     done = subprocess.run(
         [sys.executable, "-B", "-c", _SCRIPT],
         cwd=package,
-        env=plain | {"PYTHONPATH": str(package), "NUMBA_OPT": "0"} | environment,  # half the time to compile
+        env=plain | {"PYTHONPATH": str(package)} | environment,
         capture_output=True,
         text=True,
         check=True,
