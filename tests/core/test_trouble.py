@@ -52,6 +52,8 @@ def test_no_pass_is_far_off_and_what_every_cell_has_passes(name: str) -> None:
         assert found.verdict == "pass", found.warnings
     if name in CAUSES:
         assert found.warnings[0].startswith(CAUSES[name]), found.warnings
+    if any(" seems wrong by " in warning for warning in found.warnings):
+        assert not any("two steps" in warning for warning in found.warnings)  # these follow from it
 
 
 def test_a_tool_of_points_corrected_for_the_arms_lengths_is_as_unsure_as_they_are() -> None:

@@ -112,8 +112,8 @@ def doubts_about_two_steps(solution: TcpSolution) -> list[str]:
     """Return a sentence where the joint answer and the paper's two steps contradict each other."""
     if solution.two_step is None or solution.two_step_covariance is None:
         return []
-    if any(error.name == "arm_scale" for error in solution.held.errors):
-        return []  # lengths of the arm that are off move the two steps otherwise: they are said, and what to do
+    if solution.held.errors:
+        return []  # of arm or scanner: they move the two steps otherwise, and are said, with what to do
     difference = solution.joint.tool0_from_laser.difference(solution.two_step.tool0_from_laser)
     distance = float(difference @ np.linalg.solve(solution.two_step_covariance, difference))
     if distance <= _CHI2_6_RARE:
