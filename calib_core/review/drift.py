@@ -17,6 +17,7 @@ from scipy.special import chdtri
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.records import Finite, Record
+from calib_core.stages.registry import tool_stages
 
 FALSE_ALARM: Final = 6e-4
 _LEAST_SIGMA: Final = 1e-9
@@ -217,7 +218,7 @@ def _require_each_once(sessions: Sequence[SolvedSession]) -> None:
 def _unfit(session: SolvedSession) -> str:
     answer = session.answer
     if answer is None:
-        return "out of date: solve it again" if session.stale & {"chain", "tcp"} else "not solved"
+        return "out of date: solve it again" if session.stale.intersection(tool_stages()) else "not solved"
     if answer.get("verdict") == "fail":
         return "its answer failed"
     return "directions of its answer are not determined" if answer.get("undetermined") else ""

@@ -183,7 +183,7 @@ const nameOf = (session) => session.name || session.id;
 const address = (session) => `/sessions/${encodeURIComponent(session.id)}`;
 
 /** Whether there is an answer that could be checked again. @param {SessionSummary} session */
-const solved = (session) => standings(session).some(([stage, verdict]) => ["tcp", "chain"].includes(stage) && verdict !== "stale");
+const solved = (session) => standings(session).some(([stage, verdict]) => (stage === "tcp" || stage === "chain") && verdict !== "stale");
 
 /** A session's verdicts by stage, `stale` where its inputs have changed since. @param {SessionSummary} session @returns {[string, string][]} */
 const standings = ({ verdicts, stale }) => Object.entries(verdicts).map(([stage, verdict]) => [stage, stale.some((one) => one === stage) ? "stale" : verdict]);
