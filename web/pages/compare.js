@@ -38,7 +38,11 @@ export class ComparePage extends HTMLElement {
       this.#answer);
     void attempt(async () => {
       const [sessions, known] = await Promise.all([api.sessions(), stages()]);
-      const wanted = this.#value("stage") || known.find(({ name }) => sessions.some(({ verdicts }) => verdicts[name]))?.name;
+      const sides = SIDES.map((side) => this.#value(side).split(":")[0]);
+      const named = sessions.filter(({ id }) => sides.includes(id));
+      /** How many have one to compare. @param {keyof SessionSummary["verdicts"]} name */
+      const solved = (name) => (named.length ? named : sessions).filter(({ verdicts }) => verdicts[name]).length;
+      const wanted = this.#value("stage") || [...known].sort((a, b) => solved(b.name) - solved(a.name))[0]?.name;
       this.#stage.append(...known.map(({ name, title }) => h("option", { value: name, selected: name === wanted }, maybe(`step.${name}`, title ?? name))));
       for (const side of SIDES) this.#offer(side, sessions);
       await this.#refresh();
