@@ -42,7 +42,7 @@ web-types: setup
 
 # A test that fails beside others is run once more, alone: what passes then depends on time, and is told as that.
 unit: setup
-	@$(BIN)/python -m pytest -n 3 --dist worksteal --durations=25; code=$$?; \
+	@$(BIN)/python -m pytest -n 4 --dist worksteal --durations=25; code=$$?; \
 	if [ $$code -ne 1 ]; then exit $$code; fi; \
 	echo "The tests above failed beside others. Each is run once more, alone; one that passes now depends on time: mend it."; \
 	$(BIN)/python -m pytest --last-failed --last-failed-no-failures none
