@@ -39,7 +39,9 @@ def compiler() -> Path:
     if found != SHA512:
         sys.exit(f"typescript {VERSION} is not the one that is pinned: sha512 {found}")
     with tarfile.open(archive) as content:
-        content.extractall(folder, filter="data")
+        if hasattr(tarfile, "data_filter"):  # since Python 3.11.4, which Debian 12 does not have
+            content.extraction_filter = tarfile.data_filter
+        content.extractall(folder)
     return script
 
 
