@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 from html import escape
 
+from calib_core.evidence.numbers import number_text
 from server.scenes.answers import magnified as answers_magnified
 from server.scenes.cloud_layers import height_range_mm, shown_cloud
 from server.scenes.cloud_view import Section
@@ -146,9 +147,14 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
     if look.cloud.section is not None:
         parts.append(f"<p>{_cut_words(look.cloud.section, frame)}</p>")
     shown = len(merged.points_mm)
-    part = f"{shown:,} of {merged.measured:,} points" if shown < merged.measured else f"{shown:,} points"
-    how = "cleaned and merged" if merged.fused else "as they were measured: not cleaned, not registered"
-    return [*parts, f"<p>{part}, {how}.</p>"]
+    part = (
+        f"{number_text(shown, 0)} of {number_text(merged.measured, 0)}"
+        if shown < merged.measured
+        else number_text(shown, 0)
+    )
+    if merged.fused:
+        return [*parts, f"<p>{part} points, cleaned and merged.</p>"]
+    return [*parts, f"<p>{part} points as they were measured: not cleaned, not registered.</p>"]
 
 
 def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
@@ -160,7 +166,7 @@ def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
         f"<p>Distance to {escape(deviation.words)}</p>",
         _bar(DIVERGING),
         f'<div class="ticks">{ends}</div><div class="ticks"><span>inside</span><span>outside</span></div>',
-        f"<p>RMS {deviation.found.rms_mm:.3f} mm over {deviation.found.counted:,} points</p>",
+        f"<p>RMS {deviation.found.rms_mm:.3f} mm over {number_text(deviation.found.counted, 0)} points</p>",
     ]
 
 

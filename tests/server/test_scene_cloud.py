@@ -135,7 +135,8 @@ def test_a_large_cloud_is_thinned_evenly_and_said_to_be() -> None:
     shown = points_of(drawn(facts))
     assert len(shown) == MAX_SCAN_POINTS
     assert np.abs(shown.mean(axis=0)).max() < 0.3
-    assert f"{MAX_SCAN_POINTS:,} of {MAX_SCAN_POINTS + 200_001:,} points" in legend_html(facts, look_at(facts))
+    counts = [f"{count:,}".replace(",", "\u202f") for count in (MAX_SCAN_POINTS, MAX_SCAN_POINTS + 200_001)]
+    assert f"{counts[0]} of {counts[1]} points" in legend_html(facts, look_at(facts))  # no comma: German readers
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
@@ -174,7 +175,7 @@ def test_deviations_from_a_mesh_are_blue_inside() -> None:
 
     legend = live_colors(scene, CloudView("by deviation"), all_blue)
     assert "Distance to the reference mesh" in legend
-    assert "RMS 0.200 mm over 6,561 points" in legend
+    assert "RMS 0.200 mm over 6561 points" in legend
     assert "200 µm" in legend
 
 

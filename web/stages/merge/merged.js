@@ -6,7 +6,7 @@ import { h } from "../../dom.js";
 import { fixed, inField, integer, small, typedNumber } from "../../format.js";
 import { mark } from "../../icons.js";
 import { may } from "../../state/me.js";
-import { learnTexts, t } from "../../texts.js";
+import { learnTexts, said, t } from "../../texts.js";
 import { StateElement } from "../../components/base.js";
 import { histogramPlot, sectionPlot } from "./section-plot.js";
 import { attempt, say } from "../../components/toasts.js";
@@ -137,7 +137,7 @@ export class MergedElement extends StateElement {
     if (found instanceof Problem) return [mark("warn", found.message)];
     const pairs = /** @type {const} */ ([["rms", found.rms_mm], ["mean", found.mean_mm], ["p95", found.p95_mm], ["largest", found.largest_mm]]);
     return [
-      h("p", {}, t("merged.off", { reference: found.reference, points: integer(found.counted) })),
+      h("p", {}, t("merged.off", { distance: said(`Distance to ${found.reference}`), points: integer(found.counted) })),
       histogramPlot(found.histogram, found.limit_mm),
       h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(`merged.${name}`)), h("dd", {}, small(value)))),
         found.diameter_mm ? h("div", {}, h("dt", {}, t("merged.found_diameter")), h("dd", {}, `${fixed(found.diameter_mm, 3)} mm`)) : null),

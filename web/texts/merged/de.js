@@ -24,7 +24,7 @@ export const texts = Object.freeze({
   "merged.no_mesh": "Noch kein Referenznetz. Eines hinzufügen oder mit der Kugel vergleichen.",
   "merged.added": "Referenz mit {triangles} Dreiecken gespeichert.",
   "merged.mesh_hint": "STL oder PLY in Millimetern, im Rahmen der Wolke. Es wird nicht ausgerichtet.",
-  "merged.off": "Abstand zu {reference}, {points} Punkte:",
+  "merged.off": "{distance}, {points} Punkte:",
   "merged.rms": "RMS",
   "merged.mean": "Mittel",
   "merged.p95": "95 % innerhalb ±",

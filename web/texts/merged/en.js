@@ -23,7 +23,7 @@ export const texts = Object.freeze({
   "merged.no_mesh": "No reference mesh yet. Add one, or compare with the sphere.",
   "merged.added": "Reference with {triangles} triangles stored.",
   "merged.mesh_hint": "STL or PLY in millimetres, in the frame of the cloud. It is not aligned.",
-  "merged.off": "Distance to {reference}, {points} points:",
+  "merged.off": "{distance}, {points} points:",
   "merged.rms": "RMS",
   "merged.mean": "Mean",
   "merged.p95": "95 % within ±",

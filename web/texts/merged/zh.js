@@ -24,7 +24,7 @@ export const texts = Object.freeze({
   "merged.no_mesh": "还没有参考网格。请添加，或与球比较。",
   "merged.added": "已保存含 {triangles} 个三角形的参考。",
   "merged.mesh_hint": "STL 或 PLY，单位毫米，与点云同一坐标系。不做对齐。",
-  "merged.off": "到 {reference} 的距离，{points} 个点：",
+  "merged.off": "{distance}，{points} 个点：",
   "merged.rms": "RMS",
   "merged.mean": "平均",
   "merged.p95": "95 % 在 ± 以内",
