@@ -63,7 +63,8 @@ class Judged:
         Mahalanobis distance², three degrees of freedom, from what the others expect.
     threshold : float
         Beyond it a capture is left out.
-    given : of the sigmas what was told, and held; None: estimated
+    given : tuple of float or None
+        Sigmas of position (mm), orientation (rad) and table angle (rad) that were told and held; None: estimated.
     excess : float
         By how much more than given sigmas say the captures scatter: a ratio of variances, 1 where all is well.
         Where it is more, the sigmas of the fit are estimated instead.

@@ -153,7 +153,7 @@ def components(
 
 def _variance_components(solution: TcpSolution) -> VarianceComponents:
     options = solution.options
-    estimated = [] if options.point_sigma_mm else ["point_sigma_mm"]
+    estimated = ["point_sigma_mm"] if options.point_sigma_mm is None else []
     estimated += estimated_of_robot(solution.sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
     return components(solution.sigmas, solution.point_sigma_mm, solution.points_per_independent, estimated)
 

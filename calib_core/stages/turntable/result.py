@@ -188,7 +188,7 @@ def variance_components(
     sigmas: Sigmas, point_sigma_mm: float | None, options: TurntableOptions
 ) -> VarianceComponents:
     """Return the standard deviations, and which of them were estimated."""
-    estimated = [] if options.point_sigma_mm else ["point_sigma_mm"]
+    estimated = ["point_sigma_mm"] if options.point_sigma_mm is None else []
     estimated += estimated_of_robot(sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
     estimated += [] if options.angle_sigma_rad == sigmas.angle_rad else ["angle_sigma_rad"]
     return components(sigmas, point_sigma_mm, 1.0, estimated)
