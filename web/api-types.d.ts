@@ -476,11 +476,8 @@ export interface ChainResult {
   notes?: string[];
   causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  stage?: "chain";
   tool0_from_laser: number[][];
   covariance: number[][];
-  turntable_covariance: number[][];
-  cross_covariance: number[][];
   sphere_center_in_base_mm: number[];
   sphere_center_covariance: number[][];
   surface_rms_mm: number;
@@ -494,6 +491,9 @@ export interface ChainResult {
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
+  stage?: "chain";
+  turntable_covariance: number[][];
+  cross_covariance: number[][];
   residuals: (TcpResidual | TurntableResidual)[];
 }
 
@@ -1938,11 +1938,8 @@ export interface StoredChainResult {
   notes?: string[];
   causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  stage?: "chain";
   tool0_from_laser: number[][];
   covariance: number[][];
-  turntable_covariance: number[][];
-  cross_covariance: number[][];
   sphere_center_in_base_mm: number[];
   sphere_center_covariance: number[][];
   surface_rms_mm: number;
@@ -1956,6 +1953,9 @@ export interface StoredChainResult {
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
+  stage?: "chain";
+  turntable_covariance: number[][];
+  cross_covariance: number[][];
   residuals: (TcpResidual | TurntableResidual)[];
 }
 
@@ -2112,7 +2112,6 @@ export interface StoredTcpResult {
   notes?: string[];
   causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  stage?: "tcp";
   tool0_from_laser: number[][];
   covariance: number[][];
   sphere_center_in_base_mm: number[];
@@ -2128,6 +2127,7 @@ export interface StoredTcpResult {
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
+  stage?: "tcp";
   warm_up?: SessionDrift | null;
   residuals: TcpResidual[];
 }
@@ -2317,7 +2317,6 @@ export interface TcpResult {
   notes?: string[];
   causes?: RootCause[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  stage?: "tcp";
   tool0_from_laser: number[][];
   covariance: number[][];
   sphere_center_in_base_mm: number[];
@@ -2333,6 +2332,7 @@ export interface TcpResult {
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
   confidence_95?: Record<string, number>;
+  stage?: "tcp";
   warm_up?: SessionDrift | null;
   residuals: TcpResidual[];
 }

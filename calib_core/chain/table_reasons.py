@@ -7,45 +7,29 @@ import numpy as np
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.spread import spread_over
 from calib_core.chain.table_frame import TableFrame
-from calib_core.chain.table_residuals import TableResiduals
+from calib_core.chain.turntable import TurntableSolution
 from calib_core.frames import FloatArray
 
 _SAME_PLACE_MM = 2.0
 _FITS = 0.1  # of the residual: a capture that fits another label so much better belongs there
 
 
-def table_reasons(
-    observations: Sequence[TableObservation],
-    mounts: Sequence[str],
-    used: np.ndarray,
-    squared_distance: FloatArray,
-    residuals: TableResiduals,
-    frame: TableFrame,
-) -> list[str | None]:
-    """Return a sentence for each capture that is not used.
-
-    Parameters
-    ----------
-    observations : K captures
-    mounts : the mountings' names
-    used, squared_distance : (K,)
-        Mahalanobis distance² from what the others expect.
-    residuals : TableResiduals
-    frame : TableFrame
-    """
+def table_reasons(observations: Sequence[TableObservation], table: TurntableSolution) -> list[str | None]:
+    """Return a sentence for each capture that is not used."""
+    residuals, frame = table.residuals, table.frame
     places = places_in_table(observations, residuals.both_in_base, frame)
     reasons: list[str | None] = []
     for k, o in enumerate(observations):
-        if used[k]:
+        if table.used[k]:
             reasons.append(None)
             continue
         distance = float(residuals.distance_mm[k])
         seen = (
             f"the sphere appears {distance:.2f} mm (along the axis {residuals.axial_mm[k]:+.2f}, away from it "
             f"{residuals.radial_mm[k]:+.2f}, around it {np.rad2deg(residuals.angle_rad[k]):+.3f}°) from where the "
-            f"other captures expect it, {np.sqrt(squared_distance[k] / 3):.0f} times the expected scatter"
+            f"other captures expect it, {np.sqrt(table.squared_distance[k] / 3):.0f} times the expected scatter"
         )
-        other = _other_mount(places[k], frame.mounts_mm, mounts, o.mount, distance)
+        other = _other_mount(places[k], frame.mounts_mm, table.mounts, o.mount, distance)
         if other is not None:
             reasons.append(f"{seen}; it fits the mounting '{other}': correct its `mount`.")
         else:
@@ -73,14 +57,12 @@ def _other_mount(
     return names[best] if names[best] != own and off[best] < max(_FITS * distance_mm, 1.0) else None
 
 
-def remounted(
-    observations: Sequence[TableObservation], used: np.ndarray, residuals: TableResiduals, frame: TableFrame
-) -> str | None:
+def remounted(observations: Sequence[TableObservation], table: TurntableSolution) -> str | None:
     """Return a sentence where three rejected captures or more agree on a place of their own on the table."""
-    rejected = np.flatnonzero(~used)
+    rejected = np.flatnonzero(~table.used)
     if len(rejected) < 3:
         return None
-    places = places_in_table(observations, residuals.both_in_base, frame)[rejected]
+    places = places_in_table(observations, table.residuals.both_in_base, table.frame)[rejected]
     guesses = places[spread_over(len(places))].reshape(-1, 3)
     agree = np.linalg.norm(places[None] - guesses[:, None, None], axis=3).min(axis=2) < _SAME_PLACE_MM
     best = int(np.argmax(agree.sum(axis=1)))

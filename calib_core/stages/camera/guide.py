@@ -149,9 +149,7 @@ def _solve(step: str, instruction: str, why: str, result: Mapping[str, Any] | No
 
 
 def _review(step: str, result: Mapping[str, Any], look: str) -> GuideNow:
-    """Return what to do with a result that is up to date but of no use yet, or that is the last one asked for."""
-    now = review(result, look)
-    return now.model_copy(update={"step": step, "stage": step, "exit": "You trust it.", "drawing": "board-solve"})
+    return review(result, look, step=step, exit_="You trust it.", drawings=("board-solve", "board-solve"))
 
 
 def _now(step: str, **fields: Any) -> GuideNow:

@@ -6,17 +6,16 @@ import numpy as np
 
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_judging import TABLE_COLUMN
-from calib_core.chain.table_reasons import remounted
 from calib_core.chain.whole import ChainSolution
 from calib_core.frames import FloatArray
-from calib_core.records import Verdict
+from calib_core.records import Result, Verdict
 from calib_core.records.results import ArmErrorsFound, OpticsShift, ScannerFound
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.tcp.record import TcpResult, ToolResult
 from calib_core.stages.tcp.result import by_pose, tcp_result
 from calib_core.stages.tcp.verdict import beyond_told_sigma, doubts_about_two_steps
 from calib_core.stages.turntable.result import table_fields, table_rows, variance_components
-from calib_core.stages.turntable.verdict import TableJudgement, scatters_by_table, turntable_verdict
+from calib_core.stages.turntable.verdict import scatters_by_table, turntable_verdict
 
 METHOD = (
     "joint maximum likelihood over all points of both kinds of captures, errors of poses and angles integrated out"
@@ -31,29 +30,12 @@ def chain_result(
     """Return a solution as a record, with its verdict; `observations` are those of the table."""
     table = solution.turntable
     tcp = tcp_result(solution.tcp, software, inputs_sha256)
-    table_verdict, table_warnings = turntable_verdict(
-        TableJudgement(
-            table.frame,
-            table.covariance,
-            table.residuals,
-            table.captures,
-            table.used,
-            table.sigmas,
-            table.excess,
-            table.encoder,
-            table.options,
-            remounted(observations, table.used, table.residuals, table.frame),
-            table.pattern,
-            table.tool_move,
-            table.by_arm_mm,
-        )
-    )
+    table_verdict, table_warnings = turntable_verdict(table, observations)
     doubts, of_tcp = _disagreements(solution), tcp.warnings
     if table.tool_move and table.tool_move.sentence:  # the rest follows from it
         doubts = [table.tool_move.sentence]
         of_tcp = [one for one in of_tcp if one not in doubts_about_two_steps(solution.tcp)]
     verdicts: list[Verdict] = [tcp.verdict, table_verdict, "warn" if doubts else "pass"]
-    rows = table_rows(observations, table.mounts, table.used, table.squared_distance, table.residuals, table.frame)
     return ChainResult(
         stage="chain",
         method=METHOD,
@@ -62,43 +44,24 @@ def chain_result(
         verdict=max(verdicts, key=_ORDER.index),
         warnings=list(dict.fromkeys([*doubts, *of_tcp, *table_warnings])),
         notes=_notes(solution, tcp),
-        tool0_from_laser=tcp.tool0_from_laser,
-        covariance=tcp.covariance,
         turntable_covariance=table.covariance.pose.tolist(),
         cross_covariance=solution.cross_covariance.tolist(),
-        sphere_center_in_base_mm=tcp.sphere_center_in_base_mm,
-        sphere_center_covariance=tcp.sphere_center_covariance,
-        surface_rms_mm=tcp.surface_rms_mm,
-        leave_one_out_surface_rms_mm=tcp.leave_one_out_surface_rms_mm,
-        center_scatter_rms_mm=tcp.center_scatter_rms_mm,
-        undetermined=tcp.undetermined,
-        two_step=tcp.two_step,
-        variance_components=variance_components(table.sigmas, table.point_sigma_mm, table.options),
-        scanner=tcp.scanner and _with_table(tcp.scanner, solution),
-        optics=_optics(solution, tcp),
-        workpiece=tcp.workpiece,
-        arm_errors=_arm_errors(solution, tcp),
-        confidence_95=tcp.confidence_95,
-        residuals=[*tcp.residuals, *rows],
-        **table_fields(
-            observations,
-            table.mounts,
-            table.used,
-            table.frame,
-            table.covariance,
-            table.residuals,
-            table.circles,
-            table.sigmas,
-            table.encoder,
-        ),
+        residuals=[*tcp.residuals, *table_rows(observations, table)],
+        **{name: getattr(tcp, name) for name in ToolResult.model_fields.keys() - Result.model_fields.keys()}
+        | {
+            "variance_components": variance_components(table),
+            "scanner": tcp.scanner and _with_table(tcp.scanner, solution),
+            "optics": _optics(solution, tcp),
+            "arm_errors": _arm_errors(solution, tcp),
+        },
+        **table_fields(observations, table),
     )
 
 
 def _notes(solution: ChainSolution, tcp: TcpResult) -> list[str]:
     """Return the tool's notes, but for what the table is doubted for."""
     table, told_mm = solution.turntable, solution.turntable.options.position_sigma_mm
-    doubted = scatters_by_table(table.sigmas, told_mm, table.by_arm_mm)
-    said = beyond_told_sigma(table.sigmas, told_mm) if doubted else []
+    said = beyond_told_sigma(table.sigmas, told_mm) if scatters_by_table(table) else []
     return [note for note in tcp.notes if note not in said]
 
 

@@ -50,7 +50,13 @@ def guide(view: GuideView) -> GuideNow | None:
         return None
     merge = data.get("merge")
     if merge is not None and not merge.get("stale"):
-        return _review(merge)
+        return review(
+            merge,
+            "Look at the merged object: its sections, its deviations, how far scans lie apart.",
+            step="merge",
+            exit_="You trust it: then save the cloud or the mesh.",
+            drawings=("merge-done", "scan-around"),
+        )
     refused = {m.capture for m in measured if m.verdict == "fail"}
     groups = scan_groups([capture for capture in view.captures("scan") if capture.id not in refused])
     placement = _placement(session, data)
@@ -218,16 +224,4 @@ def _merge(count: int, *, again: bool) -> GuideNow:
         exit="Overlapping scans lie as near to each other as the calibration predicts.",
         drawing="merge-solve",
         progress="enough scans",
-    )
-
-
-def _review(result: Mapping[str, Any]) -> GuideNow:
-    now = review(result, "Look at the merged object: its sections, its deviations, how far scans lie apart.")
-    return now.model_copy(
-        update={
-            "step": "merge",
-            "stage": "merge",
-            "exit": "You trust it: then save the cloud or the mesh.",
-            "drawing": "merge-done" if result.get("verdict") == "pass" else "scan-around",
-        }
     )

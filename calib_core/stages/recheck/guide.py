@@ -77,9 +77,8 @@ def guide(view: GuideView) -> GuideNow | None:
         return None
     fresh = view.fresh("recheck")
     if fresh is not None:
-        now = review(fresh, "Look at the result: whether the calibration still holds.")
-        exit_ = "It holds: go on scanning. It does not: calibrate again."
-        return now.model_copy(update={"step": "recheck", "stage": "recheck", "exit": exit_})
+        look = "Look at the result: whether the calibration still holds."
+        return review(fresh, look, step="recheck", exit_="It holds: go on scanning. It does not: calibrate again.")
     refused = {m.capture for m in view.measured if m.verdict == "fail"}
     seen = sum(capture.id not in refused for capture in captures)
     if seen < ENOUGH:

@@ -1,7 +1,7 @@
 """The recheck stage: repeated captures found by their poses and compared, round by round."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,10 +55,7 @@ def solve(given: StageInput) -> RecheckResult:
         If no capture repeats a pose of the calibration.
     """
     observed = observe_stage(given)
-    name = given.session.cell.known.tool0_from_laser is None and any(
-        capture.step == "turntable" for capture in given.session.captures
-    )
-    stage = "chain" if name else "tcp"
+    stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
     assert isinstance(answer, TcpResult | ChainResult)
     own = {capture.id for capture in given.captures if capture.step == "recheck"}
@@ -74,7 +71,10 @@ def solve(given: StageInput) -> RecheckResult:
         )
     rounds = sorted({pair.round for pair in pairs})
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
-    tool, alike = _tool(answer)
+    tool, parts = replace(Tool.of(answer), covariance=np.zeros((6, 6))), answer.variance_components
+    alike = Alike(
+        parts.alike_position_sigma_mm, parts.alike_orientation_sigma_rad, parts.reach_mm, parts.reach_rad
+    )
     center = np.array(answer.sphere_center_in_base_mm)
     told: list[RecheckRound] = []
     rows: list[RecheckResidual] = []
@@ -141,20 +141,6 @@ def _apart(one: RigidTransform, other: RigidTransform) -> float:
     """Return how far two poses lie apart, 1 at the edge of what counts as repeated."""
     step = one.difference(other)
     return max(float(np.linalg.norm(step[3:])) / _NEAR_MM, float(np.linalg.norm(step[:3])) / _NEAR_RAD)
-
-
-def _tool(answer: TcpResult | ChainResult) -> tuple[Tool, Alike]:
-    parts = answer.variance_components
-    tool = Tool(
-        RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser"),
-        np.zeros((6, 6)),
-        parts.position_sigma_mm,
-        parts.orientation_sigma_rad,
-    )
-    alike = Alike(
-        parts.alike_position_sigma_mm, parts.alike_orientation_sigma_rad, parts.reach_mm, parts.reach_rad
-    )
-    return tool, alike
 
 
 def _told(pairs: Sequence[_Pair], change: Change) -> RecheckRound:

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
+from calib_core.evidence.words import listed
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
 from calib_core.guidance.place import SeenCenter, probable_place
@@ -288,8 +289,25 @@ def _solve(turns: int, *, again: bool) -> GuideNow:
 def review(
     result: Mapping[str, Any],
     look: str = "Look at the result: its uncertainty, the residuals, the two steps beside the joint answer.",
+    *,
+    step: str = "tcp",
+    stage: str | None = None,
+    exit_: str = "You trust it: then export it, or verify it with captures that were not used.",
+    drawings: tuple[str, str] = ("tcp-done", "tcp-turn"),
 ) -> GuideNow:
-    """Return what to do with a result that is up to date, as the TCP's step; `look` is said of a good one."""
+    """Return what to do with a result that is up to date.
+
+    Parameters
+    ----------
+    result : mapping
+        As JSON data.
+    look : str
+        What is said of a good one.
+    step, stage, exit_ : str
+        As in `GuideNow`; a stage that bears its step's name is left out.
+    drawings : tuple of str
+        Of an accepted result, and of another one.
+    """
     rejected = [r["capture"] for r in result.get("residuals", []) if not r.get("used", True)]
     undetermined = [u["description"] for u in result.get("undetermined", [])]
     doubts = [*undetermined, *result.get("warnings", [])]
@@ -302,7 +320,8 @@ def review(
         instruction = "Do not use this result yet: fix what is named below, then solve again."
         why = _sentence(doubts[0]) if doubts else "It does not explain the captures within their noise."
     elif rejected:
-        instruction = f"Look at the result, and at why {_listed(rejected)} {_was(rejected)} left out."
+        were = "was" if len(rejected) == 1 else "were"
+        instruction = f"Look at the result, and at why {listed(rejected)} {were} left out."
         why = "A capture that contradicts all others was spoiled: the sphere moved, or the pose is not its own."
     else:
         instruction = look
@@ -310,13 +329,13 @@ def review(
         if any(note.startswith(NOT_CHECKED) for note in result.get("notes", [])):
             why += " " + ASK_FOR_REPEAT
     return GuideNow(
-        step="tcp",
-        stage="tcp",
+        step=step,
+        stage=stage or step,
         action=action,
         instruction=instruction,
         why=why,
-        exit="You trust it: then export it, or verify it with captures that were not used.",
-        drawing="tcp-done" if result.get("verdict") == "pass" and not undetermined else "tcp-turn",
+        exit=exit_,
+        drawing=drawings[0] if result.get("verdict") == "pass" and not undetermined else drawings[1],
         progress=progress,
         still_needed=1 if undetermined else 0,
     )
@@ -334,11 +353,3 @@ def suggested(cell: Cell, pose: RigidTransform, note: str) -> dict[str, Any]:
 
 def _sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?")) else text + "."
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
-
-
-def _was(names: Sequence[str]) -> str:
-    return "was" if len(names) == 1 else "were"

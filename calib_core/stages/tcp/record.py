@@ -90,10 +90,9 @@ class TwoStep(Record):
     reason: str | None = None
 
 
-class TcpResult(Result):
-    """The scanner's pose on the flange, with its evidence."""
+class ToolResult(Result):
+    """What tells of the scanner's pose on the flange, solved alone or together with the table."""
 
-    stage: Literal["tcp"] = "tcp"
     tool0_from_laser: Matrix4
     covariance: Rows
     sphere_center_in_base_mm: Vector3
@@ -109,5 +108,11 @@ class TcpResult(Result):
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
+
+
+class TcpResult(ToolResult):
+    """The scanner's pose on the flange, with its evidence."""
+
+    stage: Literal["tcp"] = "tcp"
     warm_up: SessionDrift | None = None
     residuals: list[TcpResidual]

@@ -22,7 +22,6 @@ _EXIT = (
     f"{WANTED_ANGLES} angles at each of {WANTED_MOUNTS} heights; {LEAST_ANGLES} angles are the least, "
     "spread as far as the table turns."
 )
-_TRUST = "You trust it: the table's frame is then ready for the controller and for merging scans."
 
 
 def wants_turntable(session: Session) -> bool:
@@ -281,20 +280,14 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
         "Look at the result: tool and table together, the wobble against the angle, the circles beside the answer."
         if chain
         else "Look at the result: the axis, the wobble against the angle, the circles beside the joint answer.",
+        step="turntable",
+        stage="chain" if chain else "turntable",
+        exit_="You trust it: the table's frame is then ready for the controller and for merging scans.",
+        drawings=("turntable-done", "turntable-height"),
     )
-    accepted = result.get("verdict") == "pass" and not result.get("undetermined")
-    why = now.why
     if now.action == "review" and any(note.startswith(NOT_CHECKED) for note in result.get("notes", [])):
-        why += " " + ASK_FOR_PLAY
-    return now.model_copy(
-        update={
-            "why": why,
-            "step": "turntable",
-            "stage": "chain" if chain else "turntable",
-            "exit": _TRUST,
-            "drawing": "turntable-done" if accepted else "turntable-height",
-        }
-    )
+        return now.model_copy(update={"why": f"{now.why} {ASK_FOR_PLAY}"})
+    return now
 
 
 def _now(**fields: Any) -> GuideNow:

@@ -1,18 +1,15 @@
 """The turntable's solution as the record that is stored, sent and archived."""
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from calib_core.chain.circles import PaperAxis
-from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import TableObservation
-from calib_core.chain.table_frame import TableCovariance, TableFrame
-from calib_core.chain.table_judging import EncoderScale
-from calib_core.chain.table_reasons import remounted, table_reasons
-from calib_core.chain.table_residuals import TableResiduals
-from calib_core.chain.turntable import TurntableOptions, TurntableSolution
+from calib_core.chain.table_reasons import table_reasons
+from calib_core.chain.turntable import TurntableSolution
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
 from calib_core.stages.tcp.result import components, estimated_of_robot
@@ -24,12 +21,7 @@ from calib_core.stages.turntable.record import (
     TurntableResidual,
     TurntableResult,
 )
-from calib_core.stages.turntable.verdict import (
-    TableJudgement,
-    scatters_by_table,
-    turntable_verdict,
-    undetermined_of_table,
-)
+from calib_core.stages.turntable.verdict import scatters_by_table, turntable_verdict, undetermined_of_table
 
 METHOD = "joint maximum likelihood over points, errors of poses and angles integrated out, tool held"
 
@@ -41,25 +33,7 @@ def turntable_result(
     inputs_sha256: str,
 ) -> TurntableResult:
     """Return a solution of captures as a record, with its verdict."""
-    verdict, warnings = turntable_verdict(
-        TableJudgement(
-            solution.frame,
-            solution.covariance,
-            solution.residuals,
-            solution.captures,
-            solution.used,
-            solution.sigmas,
-            solution.excess,
-            solution.encoder,
-            solution.options,
-            remounted(observations, solution.used, solution.residuals, solution.frame),
-            solution.pattern,
-            solution.tool_move,
-            solution.by_arm_mm,
-        )
-    )
-    told_mm = solution.options.position_sigma_mm
-    by_table = scatters_by_table(solution.sigmas, told_mm, solution.by_arm_mm)
+    verdict, warnings = turntable_verdict(solution, observations)
     state = solution.state
     tool = np.eye(4)
     tool[:3, :3], tool[:3, 3] = state.tool_rotation, state.tool_translation
@@ -70,46 +44,22 @@ def turntable_result(
         inputs_sha256=inputs_sha256,
         verdict=verdict,
         warnings=warnings,
-        notes=[] if by_table else beyond_told_sigma(solution.sigmas, told_mm),
+        notes=[]
+        if scatters_by_table(solution)
+        else beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm),
         tool0_from_laser=tool.tolist(),
         covariance=solution.covariance.pose.tolist(),
         undetermined=undetermined_of_table(solution.covariance),
-        variance_components=variance_components(solution.sigmas, solution.point_sigma_mm, solution.options),
-        residuals=table_rows(
-            observations,
-            solution.mounts,
-            solution.used,
-            solution.squared_distance,
-            solution.residuals,
-            solution.frame,
-        ),
-        **table_fields(
-            observations,
-            solution.mounts,
-            solution.used,
-            solution.frame,
-            solution.covariance,
-            solution.residuals,
-            solution.circles,
-            solution.sigmas,
-            solution.encoder,
-        ),
+        variance_components=variance_components(solution),
+        residuals=table_rows(observations, solution),
+        **table_fields(observations, solution),
     )
 
 
-def table_fields(
-    observations: Sequence[TableObservation],
-    mounts: Sequence[str],
-    used: np.ndarray,
-    frame: TableFrame,
-    covariance: TableCovariance,
-    residuals: TableResiduals,
-    circles: PaperAxis,
-    sigmas: Sigmas,
-    encoder: EncoderScale,
-) -> dict[str, Any]:
+def table_fields(observations: Sequence[TableObservation], table: TurntableSolution) -> dict[str, Any]:
     """Return the fields of `TableFields` by name."""
-    counts = [sum(o.mount == name and bool(u) for o, u in zip(observations, used, strict=True)) for name in mounts]
+    frame, covariance, residuals, used = table.frame, table.covariance, table.residuals, table.used
+    counts = Counter(o.mount for o, u in zip(observations, used, strict=True) if u)
     names = [o.sphere.capture for o in observations]
     return {
         "base_from_turntable": frame.base_from_turntable.to_rows(),
@@ -125,13 +75,13 @@ def table_fields(
                 mount=name,
                 center_in_turntable_mm=place.tolist(),
                 radius_mm=float(np.hypot(place[0], place[1])),
-                captures=count,
+                captures=counts[name],
             )
-            for name, place, count in zip(mounts, frame.mounts_mm, counts, strict=True)
+            for name, place in zip(table.mounts, frame.mounts_mm, strict=True)
         ],
         "circles": [
             TableCircle(
-                mount=mounts[circle.mount],
+                mount=table.mounts[circle.mount],
                 center_in_base_mm=circle.center.tolist(),
                 normal_in_base=_towards(circle.normal, frame.axis).tolist(),
                 radius_mm=circle.radius_mm,
@@ -139,33 +89,26 @@ def table_fields(
                 plane_rms_mm=circle.plane_rms_mm,
                 captures=list(dict.fromkeys(names[int(k)] for k in circle.captures)),
             )
-            for circle in circles.circles
+            for circle in table.circles.circles
         ],
         "circles_axis_direction_in_base": None
-        if circles.direction is None
-        else _towards(circles.direction, frame.axis).tolist(),
-        "angle_sigma_deg": float(np.rad2deg(sigmas.angle_rad)),
-        "encoder_scale": EncoderScaleError(error=encoder.error, sigma=encoder.sigma, applied=encoder.applied),
+        if table.circles.direction is None
+        else _towards(table.circles.direction, frame.axis).tolist(),
+        "angle_sigma_deg": float(np.rad2deg(table.sigmas.angle_rad)),
+        "encoder_scale": EncoderScaleError.model_validate(asdict(table.encoder)),
         "radial_rms_mm": _rms(residuals.radial_mm[used]),
         "axial_rms_mm": _rms(residuals.axial_mm[used]),
         "angle_rms_deg": float(np.rad2deg(_rms(residuals.angle_rad[used]))),
     }
 
 
-def table_rows(
-    observations: Sequence[TableObservation],
-    mounts: Sequence[str],
-    used: np.ndarray,
-    squared_distance: FloatArray,
-    residuals: TableResiduals,
-    frame: TableFrame,
-) -> list[TurntableResidual]:
+def table_rows(observations: Sequence[TableObservation], table: TurntableSolution) -> list[TurntableResidual]:
     """Return one row a capture of the table."""
-    reasons = table_reasons(observations, mounts, used, squared_distance, residuals, frame)
+    residuals, reasons = table.residuals, table_reasons(observations, table)
     return [
         TurntableResidual(
             capture=o.sphere.capture,
-            used=bool(used[k]),
+            used=bool(table.used[k]),
             reason=reasons[k],
             mount=o.mount or None,
             table_deg=float(np.rad2deg(o.angle_rad)),
@@ -177,21 +120,20 @@ def table_rows(
             axial_mm=float(residuals.axial_mm[k]),
             angle_deg=float(np.rad2deg(residuals.angle_rad[k])),
             center_in_base_mm=residuals.centers_in_base[k].tolist(),
-            mahalanobis=float(np.sqrt(squared_distance[k])),
+            mahalanobis=float(np.sqrt(table.squared_distance[k])),
             side=int(residuals.sides[k]) or None,
         )
         for k, o in enumerate(observations)
     ]
 
 
-def variance_components(
-    sigmas: Sigmas, point_sigma_mm: float | None, options: TurntableOptions
-) -> VarianceComponents:
+def variance_components(table: TurntableSolution) -> VarianceComponents:
     """Return the standard deviations, and which of them were estimated."""
+    sigmas, options = table.sigmas, table.options
     estimated = ["point_sigma_mm"] if options.point_sigma_mm is None else []
     estimated += estimated_of_robot(sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
     estimated += [] if options.angle_sigma_rad == sigmas.angle_rad else ["angle_sigma_rad"]
-    return components(sigmas, point_sigma_mm, 1.0, estimated)
+    return components(sigmas, table.point_sigma_mm, 1.0, estimated)
 
 
 def _towards(direction: FloatArray, axis: FloatArray) -> FloatArray:

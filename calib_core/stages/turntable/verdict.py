@@ -1,17 +1,13 @@
 """Whether a turntable can be trusted: the verdict, and every reason for doubt as a sentence."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.chain.model import Sigmas
-from calib_core.chain.observations import named
-from calib_core.chain.table_frame import TableCovariance, TableFrame
-from calib_core.chain.table_judging import EncoderScale
-from calib_core.chain.table_patterns import Pattern
-from calib_core.chain.table_residuals import TableResiduals
-from calib_core.chain.table_tool import ToolMove
-from calib_core.chain.turntable import TurntableOptions
+from calib_core.chain.observations import TableObservation, named
+from calib_core.chain.table_frame import TableCovariance
+from calib_core.chain.table_reasons import remounted
+from calib_core.chain.turntable import TurntableSolution
 from calib_core.evidence.words import by_to_do
 from calib_core.frames import FloatArray
 from calib_core.records import Undetermined, Verdict
@@ -26,34 +22,17 @@ _LARGE_ANGLE_RAD = np.deg2rad(0.05)
 _HOPELESS_MM = 5.0
 
 
-@dataclass(frozen=True, eq=False)
-class TableJudgement:
-    """What the doubts about a table are drawn from."""
-
-    frame: TableFrame
-    covariance: TableCovariance
-    residuals: TableResiduals
-    captures: list[str]
-    used: np.ndarray
-    sigmas: Sigmas
-    excess: float
-    encoder: EncoderScale
-    options: TurntableOptions
-    remounted: str | None
-    pattern: Pattern | None
-    tool_move: ToolMove | None = None
-    by_arm_mm: float = 0.0
-
-
-def turntable_verdict(judgement: TableJudgement) -> tuple[Verdict, list[str]]:
+def turntable_verdict(
+    table: TurntableSolution, observations: Sequence[TableObservation]
+) -> tuple[Verdict, list[str]]:
     """Return the verdict on a turntable and its warnings: root causes first, and not what follows from them."""
-    undetermined = [one.description for one in undetermined_of_table(judgement.covariance)]
+    undetermined = [one.description for one in undetermined_of_table(table.covariance)]
     failures = [f"Not determined: {text}." for text in by_to_do(undetermined)]
-    failures += _failures(judgement)
-    doubts = [*_doubts_about_captures(judgement), *_doubts_about_direction(judgement)]
+    failures += _failures(table)
+    doubts = [*_doubts_about_captures(table, observations), *_doubts_about_direction(table)]
     if failures:
         return "fail", failures + doubts
-    warnings = [*doubts, *_doubts_about_axis(judgement), *_doubts_about_encoder(judgement)]
+    warnings = [*doubts, *_doubts_about_axis(table), *_doubts_about_encoder(table)]
     return ("warn" if warnings else "pass"), warnings
 
 
@@ -77,15 +56,15 @@ def undetermined_of_table(covariance: TableCovariance) -> list[Undetermined]:
 _MORE = "capture the sphere all around, well off the axis and at two heights"
 
 
-def _failures(j: TableJudgement) -> list[str]:
+def _failures(table: TurntableSolution) -> list[str]:
     found: list[str] = []
-    rejected = [name for name, used in zip(j.captures, j.used, strict=True) if not used]
-    if len(rejected) > _MOST_REJECTED * len(j.captures):
+    rejected = int(np.count_nonzero(~table.used))
+    if rejected > _MOST_REJECTED * len(table.captures):
         found.append(
-            f"{len(rejected)} of {len(j.captures)} captures contradict the others ({named(j.captures, j.used)}). "
-            "Check table angles, mountings and poses, then repeat these."
+            f"{rejected} of {len(table.captures)} captures contradict the others "
+            f"({named(table.captures, table.used)}). Check table angles, mountings and poses, then repeat these."
         )
-    scatter = float(np.sqrt(np.mean(j.residuals.distance_mm[j.used] ** 2)))
+    scatter = float(np.sqrt(np.mean(table.residuals.distance_mm[table.used] ** 2)))
     if scatter > _HOPELESS_MM:
         found.append(
             f"Table angles and scans do not fit together: the sphere is {scatter:.1f} mm off its circle. "
@@ -94,54 +73,45 @@ def _failures(j: TableJudgement) -> list[str]:
     return found
 
 
-def _doubts_about_captures(j: TableJudgement) -> list[str]:
-    moved = j.tool_move.sentence if j.tool_move else None
-    found = [sentence for sentence in (moved, j.remounted) if sentence]
-    rejected = [name for name, used in zip(j.captures, j.used, strict=True) if not used]
-    if 0 < len(rejected) <= _MOST_REJECTED * len(j.captures):
+def _doubts_about_captures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[str]:
+    moved = table.tool_move.sentence if table.tool_move else None
+    found = [sentence for sentence in (moved, remounted(observations, table)) if sentence]
+    if 0 < np.count_nonzero(~table.used) <= _MOST_REJECTED * len(table.captures):
         found.append(
-            f"Left out because they contradict the others: {named(j.captures, j.used)}; see their reasons."
+            f"Left out because they contradict the others: {named(table.captures, table.used)}; see their reasons."
         )
-    if j.excess > 1:
+    if table.excess > 1:
         found.append(
-            f"The captures scatter {np.sqrt(j.excess):.1f} times more than the given sigmas explain (wobble, play "
-            "or a robot less exact than stated); the stated uncertainty is enlarged by that."
+            f"The captures scatter {np.sqrt(table.excess):.1f} times more than the given sigmas explain (wobble, "
+            "play or a robot less exact than stated); the stated uncertainty is enlarged by that."
         )
-    if scatters_by_table(j.sigmas, j.options.position_sigma_mm, j.by_arm_mm) and j.excess <= 1:
+    if scatters_by_table(table) and table.excess <= 1:
         found.append(
-            f"The captures scatter by {j.sigmas.largest_position_mm:.2f} mm where the robot's sigma says "
-            f"{j.options.position_sigma_mm:.2f} mm (wobble, play or a robot less exact than stated); the stated "
-            "uncertainty holds it."
+            f"The captures scatter by {table.sigmas.largest_position_mm:.2f} mm where the robot's sigma says "
+            f"{table.options.position_sigma_mm:.2f} mm (wobble, play or a robot less exact than stated); the "
+            "stated uncertainty holds it."
         )
     return found
 
 
-def scatters_by_table(sigmas: Sigmas, told_mm: float | None, by_arm_mm: float) -> bool:
-    """Return whether captures of the table scatter more than is told of the robot, and than the arm explains.
-
-    Parameters
-    ----------
-    sigmas : Sigmas
-        As found with the captures of the table.
-    told_mm : float or None
-    by_arm_mm : float
-        How much captures of the still sphere scatter.
-    """
-    return told_mm is not None and is_beyond(sigmas.largest_position_mm, max(told_mm, by_arm_mm))
+def scatters_by_table(table: TurntableSolution) -> bool:
+    """Return whether captures of the table scatter more than is told of the robot, and than the arm explains."""
+    told_mm = table.options.position_sigma_mm
+    return told_mm is not None and is_beyond(table.sigmas.largest_position_mm, max(told_mm, table.by_arm_mm))
 
 
-def _doubts_about_axis(j: TableJudgement) -> list[str]:
+def _doubts_about_axis(table: TurntableSolution) -> list[str]:
     found: list[str] = []
-    values, vectors = np.linalg.eigh(j.covariance.axis_direction)
+    values, vectors = np.linalg.eigh(table.covariance.axis_direction)
     weakest = f"weakest towards {_words(vectors[:, -1])} (±{_degrees(values[-1])})"
-    if j.options.angles_unknown:
-        sense = "" if j.options.direction else "; give turntable.direction before scanning by table angles"
+    if table.options.angles_unknown:
+        sense = "" if table.options.direction else "; give turntable.direction before scanning by table angles"
         found.append(
             "The table's angles were not read: the axis rests on the shape of the circles alone, in direction "
-            f"{weakest}, in place known to {2 * np.sqrt(np.trace(j.covariance.axis_point)):.2f} mm. The sense of "
-            f"turning, angle zero and the encoder stay unknown{sense}."
+            f"{weakest}, in place known to {2 * np.sqrt(np.trace(table.covariance.axis_point)):.2f} mm. The sense "
+            f"of turning, angle zero and the encoder stay unknown{sense}."
         )
-    heights = j.frame.mounts_mm[:, 2]
+    heights = table.frame.mounts_mm[:, 2]
     if np.ptp(heights) < _ONE_HEIGHT_MM:
         found.append(
             f"One height only: the axis's direction rests on the plane of one circle, {weakest}. Mount the sphere "
@@ -152,20 +122,20 @@ def _doubts_about_axis(j: TableJudgement) -> list[str]:
     return found
 
 
-def _doubts_about_direction(j: TableJudgement) -> list[str]:
-    if j.options.direction in (None, j.frame.direction):
+def _doubts_about_direction(table: TurntableSolution) -> list[str]:
+    if table.options.direction in (None, table.frame.direction):
         return []
     return [
-        f"The table turns the other way round than turntable.direction = {j.options.direction} says: its "
-        f"angles count {'right' if j.frame.direction > 0 else 'left'}-handed about the axis that points up. "
-        f"The answer has direction {j.frame.direction}; correct the cell."
+        f"The table turns the other way round than turntable.direction = {table.options.direction} says: its "
+        f"angles count {'right' if table.frame.direction > 0 else 'left'}-handed about the axis that points up. "
+        f"The answer has direction {table.frame.direction}; correct the cell."
     ]
 
 
-def _doubts_about_encoder(j: TableJudgement) -> list[str]:
-    found = [j.pattern.sentence] if j.pattern is not None else []
-    scale = j.encoder
-    if scale.significant and not j.options.encoder_scale:
+def _doubts_about_encoder(table: TurntableSolution) -> list[str]:
+    found = [table.pattern.sentence] if table.pattern is not None else []
+    scale = table.encoder
+    if scale.significant and not table.options.encoder_scale:
         done = (
             "The answer accounts for it"
             if scale.applied
@@ -175,9 +145,13 @@ def _doubts_about_encoder(j: TableJudgement) -> list[str]:
             f"The table turns by {100 * scale.error:+.3f} ± {200 * scale.sigma:.3f} % more than its angles say. "
             f"{done}; check the encoder and the gear."
         )
-    if j.pattern is None and j.options.angle_sigma_rad is None and j.sigmas.angle_rad > _LARGE_ANGLE_RAD:
+    if (
+        table.pattern is None
+        and table.options.angle_sigma_rad is None
+        and table.sigmas.angle_rad > _LARGE_ANGLE_RAD
+    ):
         found.append(
-            f"The table's angles scatter by {np.rad2deg(j.sigmas.angle_rad):.3f}°: check the encoder and the "
+            f"The table's angles scatter by {np.rad2deg(table.sigmas.angle_rad):.3f}°: check the encoder and the "
             "table's brake."
         )
     return found

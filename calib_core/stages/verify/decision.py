@@ -4,7 +4,7 @@ Four answers, as in ILAC-G8 with the guard band w = U (k = 2): pass up to the li
 the limit, conditional fail up to the limit plus w, fail beyond.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +25,7 @@ _VERDICTS: dict[Decision, Verdict] = {
 }
 _QUARTER = 0.25
 _PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
-BAND = 0.95
-"""The share of the points that the band of a form holds."""
+_BAND = 0.95  # the share of the points that the band of a form holds
 
 
 @dataclass(frozen=True)
@@ -131,16 +130,26 @@ def probing(
     band that holds 95 % of the points; size is the fitted diameter minus the calibrated one.  Captures err as a
     whole, so the uncertainty comes from leaving out each in turn (jackknife).
     """
-    whole = _figures(np.concatenate(points_in_base), diameter_mm)
-    count = len(points_in_base)
-    parts = np.array([
-        _figures(np.concatenate([p for j, p in enumerate(points_in_base) if j != k]), diameter_mm)
-        for k in range(count)
-    ])  # fmt: skip
-    sigmas = np.sqrt((count - 1) * parts.var(axis=0))
+    whole, sigmas = jackknifed(lambda points: _figures(points, diameter_mm), points_in_base)
     sigmas[2] = np.hypot(sigmas[2], diameter_sigma_mm)
     names = ("form", "form_95", "size")
     return {n: Estimate(float(v), 2 * float(s)) for n, v, s in zip(names, whole, sigmas, strict=True)}
+
+
+def jackknifed(
+    figures: Callable[[FloatArray], tuple[float, ...]], parts: Sequence[FloatArray]
+) -> tuple[tuple[float, ...], FloatArray]:
+    """Return the figures of all parts' points together, and their standard deviations by leaving out each part."""
+    without = [figures(np.concatenate([*parts[:k], *parts[k + 1 :]])) for k in range(len(parts))]
+    return figures(np.concatenate(parts)), np.sqrt((len(parts) - 1) * np.var(without, axis=0))
+
+
+def range_and_band(values: FloatArray) -> tuple[float, float]:
+    """Return the range of values (N,) and the width of the narrowest band that holds 95 % of them."""
+    ordered = np.sort(values)
+    inside = max(int(np.ceil(_BAND * len(ordered))), 1)
+    band = (ordered[inside - 1 :] - ordered[: len(ordered) - inside + 1]).min()
+    return float(ordered[-1] - ordered[0]), float(band)
 
 
 def _figures(points: FloatArray, diameter_mm: float) -> tuple[float, float, float]:
@@ -159,7 +168,4 @@ def _figures(points: FloatArray, diameter_mm: float) -> tuple[float, float, floa
         center, radius = center + step[:3], radius + float(step[3])
         if np.abs(step).max() < 1e-9:
             break
-    distances = np.sort(np.linalg.norm(local - center, axis=1))
-    inside = max(int(np.ceil(BAND * len(distances))), 1)
-    band = (distances[inside - 1 :] - distances[: len(distances) - inside + 1]).min()
-    return float(distances[-1] - distances[0]), float(band), 2 * radius - diameter_mm
+    return *range_and_band(np.linalg.norm(local - center, axis=1)), 2 * radius - diameter_mm

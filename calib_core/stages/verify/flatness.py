@@ -11,7 +11,7 @@ from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Session
 from calib_core.stages.stage import ReadFile
-from calib_core.stages.verify.decision import BAND, Estimate
+from calib_core.stages.verify.decision import Estimate, jackknifed, range_and_band
 from calib_core.stages.verify.record import VerifyResidual
 
 LEAST_CAPTURES = 4
@@ -155,12 +155,7 @@ def flatness(points_in_base: Sequence[FloatArray]) -> tuple[Estimate, Estimate]:
     2634-style: the range of the points' signed distances from their least-squares plane.  Captures err as a whole,
     so the uncertainty comes from leaving out each in turn (jackknife).
     """
-    whole = _figures(np.concatenate(points_in_base))
-    count = len(points_in_base)
-    parts = np.array([
-        _figures(np.concatenate([p for j, p in enumerate(points_in_base) if j != k])) for k in range(count)
-    ])  # fmt: skip
-    sigmas = np.sqrt((count - 1) * parts.var(axis=0))
+    whole, sigmas = jackknifed(_figures, points_in_base)
     first, second = (Estimate(float(v), 2 * float(s)) for v, s in zip(whole, sigmas, strict=True))
     return first, second
 
@@ -207,10 +202,7 @@ def _limit(off_mm: FloatArray) -> float:
 
 def _figures(points: FloatArray) -> tuple[float, float]:
     normal, middle = plane_of(points)
-    off = np.sort((points - middle) @ normal)
-    inside = max(int(np.ceil(BAND * len(off))), 1)
-    band = (off[inside - 1 :] - off[: len(off) - inside + 1]).min()
-    return float(off[-1] - off[0]), float(band)
+    return range_and_band((points - middle) @ normal)
 
 
 def _in_base(

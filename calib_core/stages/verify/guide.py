@@ -1,8 +1,5 @@
 """The verification's step: captures of the sphere that were not used for the answer, then how far they scatter."""
 
-from collections.abc import Mapping
-from typing import Any
-
 from calib_core.guidance.advice import verify_pose
 from calib_core.records import GuideNow
 from calib_core.stages.guide import GuideView
@@ -34,7 +31,8 @@ def guide(view: GuideView) -> GuideNow | None:
     result = view.results.get("verify")
     fresh = view.fresh("verify")
     if fresh is not None:
-        return _review(fresh)
+        look = "Look at the result: how far held-out captures scatter, and what was expected."
+        return review(fresh, look, step="verify", exit_="You trust it: then export the answer.")
     refused = {m.capture for m in view.measured if m.verdict == "fail"}
     of_plate = sum(capture.id not in refused for capture in view.captures("plate"))
     flat = limits.flatness_mm is not None or limits.flatness_95_mm is not None
@@ -90,9 +88,3 @@ def _solve(*, again: bool) -> GuideNow:
         drawing="tcp-solve",
         progress="enough captures",
     )
-
-
-def _review(result: Mapping[str, Any]) -> GuideNow:
-    now = review(result, "Look at the result: how far held-out captures scatter, and what was expected.")
-    exit_ = "You trust it: then export the answer."
-    return now.model_copy(update={"step": "verify", "stage": "verify", "exit": exit_})

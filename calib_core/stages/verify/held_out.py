@@ -8,6 +8,7 @@ import numpy as np
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform, skew
+from calib_core.stages.tcp.record import ToolResult
 
 _STEPS = 20
 _CONVERGED_MM = 1e-6
@@ -31,6 +32,17 @@ class Tool:
     covariance: FloatArray
     position_sigma_mm: float = 0.0
     orientation_sigma_rad: float = 0.0
+
+    @classmethod
+    def of(cls, answer: ToolResult) -> "Tool":
+        """Return the tool of a stage's answer."""
+        parts = answer.variance_components
+        return cls(
+            RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser"),
+            np.array(answer.covariance, dtype=float),
+            parts.position_sigma_mm,
+            parts.orientation_sigma_rad,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,8 +290,6 @@ class _Joint:
 
 
 def _block_diagonal(blocks: Iterable[FloatArray]) -> FloatArray:
-    """Return the matrix (3K, 3K) with these (3, 3) along its diagonal."""
-    stacked = list(blocks)
-    whole: FloatArray = np.zeros((len(stacked), 3, len(stacked), 3))
-    whole[np.arange(len(stacked)), :, np.arange(len(stacked)), :] = stacked
-    return whole.reshape(3 * len(stacked), 3 * len(stacked))
+    from scipy.linalg import block_diag
+
+    return np.asarray(block_diag(*blocks), dtype=float)

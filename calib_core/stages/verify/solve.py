@@ -10,10 +10,9 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Verdict, Verification
-from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import StageInput
 from calib_core.stages.stage import SOFTWARE
-from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.decision import checked, overall, probing, tool_error
 from calib_core.stages.verify.flatness import Plate, plate
@@ -229,16 +228,9 @@ def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:
         return Tool(tool, np.zeros((6, 6)), cell.robot.position_sigma_mm or 0.0, turning), "known", []
     stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
-    assert isinstance(answer, TcpResult | ChainResult)
-    parts = answer.variance_components
-    tool = Tool(
-        RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser"),
-        np.array(answer.covariance, dtype=float),
-        parts.position_sigma_mm,
-        parts.orientation_sigma_rad,
-    )
+    assert isinstance(answer, ToolResult)
     failed = answer.verdict == "fail"
-    return tool, stage, [f"The {stage} stage's own verdict is fail: fix that first."] if failed else []
+    return Tool.of(answer), stage, [f"The {stage} stage's own verdict is fail: fix that first."] if failed else []
 
 
 def _judged(found: HeldOut, knows_uncertainty: bool) -> tuple[Verdict, list[str]]:
