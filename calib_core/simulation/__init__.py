@@ -6,8 +6,6 @@
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.simulation.bound import Beliefs, tcp_bound
-from calib_core.simulation.chain_bound import ChainBound, chain_bound
 from calib_core.simulation.fixed_board_cell import FIXED_BOARD_SCENARIOS, simulate_fixed_board
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
@@ -35,8 +33,6 @@ __all__ = [
     "TABLE_SCENARIOS",
     "VERIFY_SCENARIOS",
     "WHOLE_SCENARIOS",
-    "Beliefs",
-    "ChainBound",
     "Shot",
     "SimulatedSession",
     "SweepScenario",
@@ -45,13 +41,11 @@ __all__ = [
     "VerifyScenario",
     "WholeScenario",
     "World",
-    "chain_bound",
     "retake",
     "simulate",
     "simulate_table",
     "simulate_tcp",
     "simulate_verify",
-    "tcp_bound",
 ]
 
 

@@ -18,8 +18,8 @@ from calib_core.guidance.design import SIGMAS
 from calib_core.records import Session
 from calib_core.robots import parse_pose
 from calib_core.simulation.motion import turn
-from calib_core.simulation.trouble.table_cell import TablePlan, TableTrouble, TroubledTable, troubled_table
 from calib_core.stages.pipeline import solve_stage
+from tests.trouble.table_cell import TablePlan, TableTrouble, TroubledTable, troubled_table
 
 _WAVES = 200  # of a random field: enough that it is Gaussian
 _HALF_WIDTH_MM = 38.0  # how far from its middle these cells' scanner sees the sphere

@@ -6,9 +6,10 @@ import numpy as np
 from harness import Row, interleaved_medians_s
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.simulation import SimulatedSession, chain_bound, simulate
+from calib_core.simulation import SimulatedSession, simulate
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
+from tests.chain_bound import chain_bound
 
 MOST = 1.1
 _FREE = [0, 1, 3, 4, 5]  # T's rotation about its own z follows from the tilts

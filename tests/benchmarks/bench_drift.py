@@ -9,10 +9,10 @@ from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.review.drift import Measured, SolvedSession, charted
 from calib_core.simulation.motion import pose
-from calib_core.simulation.trouble import Trouble, all_troubles, troubled
-from calib_core.simulation.trouble.cell import Plan
 from calib_core.stages.pipeline import stage_input
 from calib_core.stages.tcp.solve import solve_tcp_captures
+from tests.trouble import Trouble, all_troubles, troubled
+from tests.trouble.cell import Plan
 
 _DRIFT_MM = 0.5
 _SESSIONS, _STEP_AT = 30, 20

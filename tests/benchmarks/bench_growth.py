@@ -13,9 +13,9 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.tcp import solve_tcp
 from calib_core.frames import FloatArray
-from calib_core.simulation.trouble.cell import Plan, Trouble, troubled
-from calib_core.simulation.trouble.table_cell import TablePlan, TableTrouble, troubled_table
 from calib_core.stages.pipeline import solve_stage
+from tests.trouble.cell import Plan, Trouble, troubled
+from tests.trouble.table_cell import TablePlan, TableTrouble, troubled_table
 
 TABLE_STAGES = ("turntable", "chain")
 

@@ -10,10 +10,10 @@ from harness import Row
 
 from calib_core.errors import CalibrationError
 from calib_core.frames import RigidTransform
-from calib_core.simulation.trouble import TableTrouble, TroubledTable, all_table_troubles, troubled_table
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
+from tests.trouble import TableTrouble, TroubledTable, all_table_troubles, troubled_table
 
 STAGES = ("turntable", "chain")
 _FREE = [0, 1, 3, 4, 5]  # T's rotation about its own z follows from the tilts

@@ -11,9 +11,9 @@ from harness import Row
 
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.simulation.trouble import Trouble, Troubled, all_troubles, troubled
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
+from tests.trouble import Trouble, Troubled, all_troubles, troubled
 
 _CHI2_3_95 = 7.81
 

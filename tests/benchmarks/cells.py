@@ -9,7 +9,8 @@ from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.simulation import Beliefs, SimulatedSession, simulate, tcp_bound
+from calib_core.simulation import SimulatedSession, simulate
+from tests.bound import Beliefs, tcp_bound
 
 SPHERE = SphereSize(40.0)
 GIVEN = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)

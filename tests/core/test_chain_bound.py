@@ -5,7 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.errors import InputError
-from calib_core.simulation import TableScenario, TcpScenario, chain_bound, simulate, simulate_table, tcp_bound
+from calib_core.simulation import TableScenario, TcpScenario, simulate, simulate_table
+from tests.bound import tcp_bound
+from tests.chain_bound import chain_bound
 
 
 def moved(matrix, xi):

@@ -8,12 +8,12 @@ import pytest
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.repeated import repeats
 from calib_core.frames import RigidTransform
-from calib_core.simulation.trouble import Trouble, troubled
-from calib_core.simulation.trouble.cell import profile_csv
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.guide import ASK_FOR_REPEAT, review
 from calib_core.stages.tcp.record import NOT_CHECKED, TcpResult
+from tests.trouble import Trouble, troubled
+from tests.trouble.cell import profile_csv
 
 CLEAN = Trouble("clean", lambda plan, rng: None)
 

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import calib_core.simulation as simulation
 from calib_core.errors import InputError
-from calib_core.simulation import SCENARIOS, SimulatedSession, TcpScenario, simulate, simulate_tcp, tcp_bound
+from calib_core.simulation import SCENARIOS, SimulatedSession, TcpScenario, simulate, simulate_tcp
+from tests.bound import tcp_bound
 
 
 def read_profile(data: bytes) -> np.ndarray:

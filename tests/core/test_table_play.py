@@ -5,10 +5,10 @@ from itertools import count
 import numpy as np
 import pytest
 
-from calib_core.simulation.trouble import TableTrouble, troubled_table
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.play import NOT_CHECKED, with_play
 from calib_core.stages.turntable.record import TurntableResult
+from tests.trouble import TableTrouble, troubled_table
 
 ANGLES_DEG = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 0.0)
 

@@ -3,10 +3,10 @@
 import pytest
 from bench_table_trouble import errors_over_stated, outcome
 
-from calib_core.simulation.trouble import all_table_troubles, troubled_table
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
+from tests.trouble import all_table_troubles, troubled_table
 
 TROUBLES = all_table_troubles()
 

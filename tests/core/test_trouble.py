@@ -3,9 +3,9 @@
 import pytest
 from bench_trouble import errors_over_stated, outcome
 
-from calib_core.simulation.trouble import all_troubles, troubled
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
+from tests.trouble import all_troubles, troubled
 
 TROUBLES = all_troubles()
 SOME = [

@@ -12,8 +12,9 @@ from calib_core.chain.table import TableReadings, TableState
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.records import parse_session
-from calib_core.simulation import TABLE_SCENARIOS, chain_bound, simulate
+from calib_core.simulation import TABLE_SCENARIOS, simulate
 from calib_core.stages.pipeline import run
+from tests.chain_bound import chain_bound
 
 _CHI2_5_RARE = 20.5  # 99.9 %
 

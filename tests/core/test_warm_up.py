@@ -9,11 +9,11 @@ import pytest
 from calib_core.records import Session
 from calib_core.review.drift import SolvedSession, cell_drift
 from calib_core.simulation.motion import FloatArray, pose
-from calib_core.simulation.trouble import Trouble, Troubled, all_troubles, troubled
 from calib_core.stages.pipeline import run, stage_input
 from calib_core.stages.tcp.record import SessionDrift, TcpResult
 from calib_core.stages.tcp.solve import solve_tcp_captures
 from calib_core.stages.tcp.warm_up import session_drift
+from tests.trouble import Trouble, Troubled, all_troubles, troubled
 
 
 def warming(drift_mm: float, constant: float | None, seed: int) -> Troubled:

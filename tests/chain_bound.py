@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.simulation.bound import Beliefs, moved_by
 from calib_core.simulation.motion import FloatArray
 from calib_core.simulation.profile_cell import Shot, World
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.table_cell import TableTruth
+from tests.bound import Beliefs, moved_by
 
 _SINGULAR = 1e-12
 

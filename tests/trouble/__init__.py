@@ -7,8 +7,8 @@ Every family of trouble is one module with a constant `TROUBLES`, turntables' ar
 from importlib import import_module
 from pkgutil import iter_modules
 
-from calib_core.simulation.trouble.cell import Trouble, Troubled, troubled
-from calib_core.simulation.trouble.table_cell import TableTrouble, TroubledTable, troubled_table
+from tests.trouble.cell import Trouble, Troubled, troubled
+from tests.trouble.table_cell import TableTrouble, TroubledTable, troubled_table
 
 __all__ = [
     "TableTrouble",
@@ -34,6 +34,6 @@ def all_troubles() -> dict[str, Trouble]:
 
 def all_table_troubles() -> dict[str, TableTrouble]:
     """Return every class of trouble of a cell with a turntable, by name."""
-    from calib_core.simulation.trouble.tables import TABLE_TROUBLES
+    from tests.trouble.tables import TABLE_TROUBLES
 
     return {trouble.name: trouble for trouble in TABLE_TROUBLES}

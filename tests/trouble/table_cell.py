@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.records import Session
 from calib_core.simulation.motion import FloatArray, pose, turn
-from calib_core.simulation.trouble.cell import (
+from tests.trouble.cell import (
     NOMINAL,
     TOLD,
     Arm,

@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.records import Session
 from calib_core.simulation.motion import FloatArray, back, pose, turn
 from calib_core.simulation.profile_cell import pose_numbers
-from calib_core.simulation.trouble.arm import ArmErrors, flange, joints_for
+from tests.trouble.arm import ArmErrors, flange, joints_for
 
 NOMINAL = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
 """How the flange stands in base where it is not tilted (3, 3)."""

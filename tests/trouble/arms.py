@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from calib_core.simulation.motion import FloatArray, pose, turn
-from calib_core.simulation.trouble.arm import ArmErrors
-from calib_core.simulation.trouble.cell import Plan, Trouble
+from tests.trouble.arm import ArmErrors
+from tests.trouble.cell import Plan, Trouble
 
 Rng = np.random.Generator
 

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from calib_core.simulation.motion import pose, turn
-from calib_core.simulation.trouble.arms import TROUBLES as ARMS
-from calib_core.simulation.trouble.scanner import TROUBLES as SCANNERS
-from calib_core.simulation.trouble.table_cell import MOUNTS, TablePlan, TableTrouble
+from tests.trouble.arms import TROUBLES as ARMS
+from tests.trouble.scanner import TROUBLES as SCANNERS
+from tests.trouble.table_cell import MOUNTS, TablePlan, TableTrouble
 
 Rng = np.random.Generator
 Change = Callable[[TablePlan, Rng], None]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from calib_core.simulation.motion import FloatArray, pose, turn
-from calib_core.simulation.trouble.cell import Plan, Trouble
+from tests.trouble.cell import Plan, Trouble
 
 Rng = np.random.Generator
 Book = Callable[[list[list[float]], list[FloatArray], Rng], None]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from calib_core.simulation.motion import FloatArray
-from calib_core.simulation.trouble.cell import Plan, Trouble
+from tests.trouble.cell import Plan, Trouble
 
 Rng = np.random.Generator
 Change = Callable[[Plan, Rng], None]
