@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
 from calib_core.errors import InputError
@@ -56,22 +56,8 @@ _XML = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def e57_pieces(points_mm: ArrayLike) -> Iterator[bytes | memoryview]:
-    """Give an E57 file of points (N, 3) in mm; in the file they are metres.
-
-    Raises
-    ------
-    InputError
-        If there are no points.
-    """
-    points = np.asarray(points_mm)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError("at least one point to write", f"an array of shape {points.shape}", "Merge scans first.")
-    yield from e57_pieces_of([points], len(points))
-
-
-def e57_pieces_of(blocks_mm: Iterable[NDArray[np.floating]], count: int) -> Iterator[bytes | memoryview]:
-    """Give the same file of points that come in blocks (N, 3), `count` in all, never in memory together."""
+def e57_pieces(blocks_mm: Iterable[NDArray[np.floating]], count: int) -> Iterator[bytes | memoryview]:
+    """Give an E57 file, in metres, of points in mm that come in blocks (N, 3), `count` in all."""
     layout = _layout(count)
     records = _records(blocks_mm)
     first = next(records)
@@ -255,5 +241,5 @@ FORMAT = Format(
     read=read,
     settings=E57Settings,
     media_type="model/e57",
-    write_cloud=lambda tables, count, names: e57_pieces_of((table[:, :3] for table in tables), count),
+    write_cloud=lambda tables, count, names: e57_pieces((table[:, :3] for table in tables), count),
 )

@@ -139,14 +139,8 @@ def _lzf(packed: bytes, size: int) -> bytes:
     return bytes(out)
 
 
-def pcd_pieces(values: ArrayLike, names: tuple[str, ...] = XYZ) -> Pieces:
-    """Give a binary PCD file of points (N, K), as `ply_pieces`; normals are renamed to what PCD calls them."""
-    table = table_of(values, names)
-    yield from pcd_pieces_of([table], len(table), names)
-
-
-def pcd_pieces_of(tables: Iterable[ArrayLike], count: int, names: tuple[str, ...] = XYZ) -> Pieces:
-    """Give the same file of points that are never in memory together; parameters as in `ply_pieces_of`."""
+def pcd_pieces(tables: Iterable[ArrayLike], count: int, names: tuple[str, ...]) -> Pieces:
+    """Give a binary PCD file; parameters as in `ply_pieces_of`. Normals get the names that PCD has for them."""
     renamed = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
     fields = [renamed.get(name, name) for name in names]
     ones = " ".join(["1"] * len(fields))
@@ -167,5 +161,5 @@ FORMAT = Format(
     kinds=("cloud", "profile"),
     recognise=recognise,
     read=read,
-    write_cloud=pcd_pieces_of,
+    write_cloud=pcd_pieces,
 )

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
@@ -13,14 +12,12 @@ from calib_core.formats.format import (
     Format,
     Kind,
     Match,
-    Pieces,
     PointKind,
     Reading,
     Settings,
     ending_of,
     require_kind,
 )
-from calib_core.formats.shared.writing import XYZ, table_of
 from calib_core.frames import FloatArray
 from calib_core.records.parsing import input_error
 from calib_core.registry import Registry
@@ -186,13 +183,3 @@ def _doubts_of_size(reading: Reading) -> list[str]:
             f"The points span {extent_mm / 1000:.3g} m: they look like micrometres. If they are, give the unit um."
         ]
     return []
-
-
-def cloud_pieces(name: str, points_mm: ArrayLike) -> Pieces:
-    """Give the file of a cloud (N, 3) in the format that the file's name ends in; raises InputError."""
-    ending = ending_of(name)
-    writers = {ending: entry.write_cloud for entry in FORMATS if entry.write_cloud for ending in entry.endings}
-    if ending not in writers:
-        raise InputError("a cloud's file as " + ", ".join(writers), ending or "no ending", "Name it so.", name)
-    table = table_of(points_mm, XYZ)
-    return writers[ending]([table], len(table), XYZ)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib_core.formats.format import NO_MATCH, Format, Match, Pieces, by_ending
 from calib_core.formats.shared.mesh import MeshData, require_few, wrong
-from calib_core.formats.shared.writing import BLOCK, XYZ, faces_of, table_of
+from calib_core.formats.shared.writing import faces_of
 
 _RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84
@@ -51,21 +51,14 @@ def _text_corners(data: bytes, name: str) -> NDArray[np.float32]:
     return corners.reshape(-1, 3, 3)
 
 
-def stl_pieces(points_mm: ArrayLike, triangles: ArrayLike) -> Pieces:
-    """Give a binary STL file of a mesh: points (N, 3) in mm, triangles (M, 3) of indices.
+def stl_pieces(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], count: int) -> Pieces:
+    """Give a binary STL file of points (N, 3) and triangles that come in blocks (M, 3), `count` in all.
 
     Raises
     ------
     InputError
         If there are no triangles, or one names a point that is not there.
     """
-    points = table_of(points_mm, XYZ)
-    faces = faces_of(triangles, len(points))
-    yield from stl_pieces_of(points, (faces[at : at + BLOCK] for at in range(0, len(faces), BLOCK)), len(faces))
-
-
-def stl_pieces_of(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], count: int) -> Pieces:
-    """Give the same file of triangles that come in blocks (M, 3), `count` in all; raises as `stl_pieces`."""
     yield b"scancell mesh, mm".ljust(80) + count.to_bytes(4, "little")
     for triangles in blocks:
         yield _stl_records(points_mm[faces_of(triangles, len(points_mm))])
@@ -89,5 +82,5 @@ FORMAT = Format(
     recognise=recognise,
     media_type="model/stl",
     read_mesh=parse_stl,
-    write_mesh=stl_pieces_of,
+    write_mesh=stl_pieces,
 )

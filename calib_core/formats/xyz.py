@@ -1,9 +1,9 @@
 """XYZ: one point a line, x y z and what else there is, with or without their count in the first line."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from calib_core.formats import table
 from calib_core.formats.format import Format, Match, Pieces, PointKind, Reading, by_ending
@@ -24,19 +24,13 @@ def read(data: bytes, name: str, settings: TableSettings, kind: PointKind | None
     return reading_of(parse_table(text, name, table.EXAMPLES["cloud"]), name, settings, kind, "cloud")
 
 
-def xyz_pieces(values: ArrayLike, names: tuple[str, ...] = XYZ) -> Pieces:
-    """Give a text file of points (N, K), one a line, five decimals, without a header as other programs expect."""
-    table = table_of(values, names)
-    line = " ".join(["%.5f"] * table.shape[1]) + "\n"
-    for start in range(0, len(table), BLOCK):
-        block = table[start : start + BLOCK]
-        yield (line * len(block) % tuple(block.ravel().tolist())).encode("ascii")
-
-
-def _write_cloud(
-    tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...]
-) -> Iterator[bytes | memoryview]:
-    return (piece for values in tables for piece in xyz_pieces(values[:, :3]))
+def xyz_pieces(tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...]) -> Pieces:
+    """Give a text file of points, one a line, five decimals, without a header as other programs expect."""
+    for values in tables:
+        points = table_of(values[:, :3], XYZ)
+        for start in range(0, len(points), BLOCK):
+            block = points[start : start + BLOCK]
+            yield ("%.5f %.5f %.5f\n" * len(block) % tuple(block.ravel().tolist())).encode("ascii")
 
 
 FORMAT = Format(
@@ -48,5 +42,5 @@ FORMAT = Format(
     read=read,
     settings=TableSettings,
     media_type="text/plain",
-    write_cloud=_write_cloud,
+    write_cloud=xyz_pieces,
 )

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from calib_core.archive.archive import pack_files
-from calib_core.formats.points import cloud_pieces
 from calib_core.simulation import simulate
 from tests.core.archives import entries_of, resealed
+from tests.point_files import cloud_pieces
 
 EDGES = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
 WORDS = (

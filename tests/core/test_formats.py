@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.formats.points import FORMATS, cloud_pieces, endings_of, parse_cloud, parse_profile, read_file
+from calib_core.formats.points import FORMATS, endings_of, parse_cloud, parse_profile, read_file
 from tests.core.scanner_files import ScannerFile, cloud_of, known, las, profile, scanner_files, surface
 from tests.core.table_mutations import verdict_of
+from tests.point_files import cloud_pieces
 
 CLOUD = known(cloud_of(*surface()))
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.meshes import parse_mesh
 from calib_core.formats.ply import ply_pieces
-from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import build_part
+from tests.point_files import stl_pieces
 
 BOX = trimesh.creation.box((30.0, 20.0, 10.0))
 

@@ -13,15 +13,12 @@ from hypothesis import strategies as st
 from calib_core.archive.folder import save_session
 from calib_core.archive.stored_clouds import StoredFile, in_format, media_types, read_stored_ply, requested
 from calib_core.errors import InputError, NotFoundError
-from calib_core.formats.e57 import e57_pieces
-from calib_core.formats.pcd import pcd_pieces
 from calib_core.formats.ply import ply_pieces
 from calib_core.formats.points import parse_cloud
 from calib_core.formats.shared.writing import write_pieces
-from calib_core.formats.stl import stl_pieces
-from calib_core.formats.xyz import xyz_pieces
 from server.cli import main
 from tests.core.test_session_merge import session
+from tests.point_files import cloud_pieces, stl_pieces
 
 NAMES = ("x", "y", "z", "nx", "ny", "nz", "sigma")
 POINTS = np.random.default_rng(5).normal(0, 100, (50, 7)).astype(np.float32)
@@ -77,9 +74,9 @@ def test_a_file_read_in_blocks_gives_the_same_as_one_in_memory(tmp_path: Path):
     points = rng.normal(0, 100, (100_001, 4)).astype(np.float32)
     triangles = rng.integers(0, 100_001, (150_001, 3))
     cloud = b"".join(ply_pieces(points, ("x", "y", "z", "scan")))
-    assert converted(cloud, "pcd") == b"".join(pcd_pieces(points, ("x", "y", "z", "scan")))
-    assert converted(cloud, "xyz") == b"".join(xyz_pieces(points[:, :3]))
-    assert converted(cloud, "e57") == b"".join(e57_pieces(points[:, :3]))
+    assert converted(cloud, "pcd") == b"".join(cloud_pieces("a.pcd", points, ("x", "y", "z", "scan")))
+    assert converted(cloud, "xyz") == b"".join(cloud_pieces("a.xyz", points[:, :3]))
+    assert converted(cloud, "e57") == b"".join(cloud_pieces("a.e57", points[:, :3]))
     mesh = tmp_path / "mesh.ply"
     write_pieces(mesh, ply_pieces(points[:, :3], triangles=triangles))
     with mesh.open("rb") as file:

@@ -9,9 +9,9 @@ import pytest
 
 from calib_core.archive.stored_clouds import read_stored_ply
 from calib_core.formats.ply import ply_pieces
-from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import BALL_MM, BALL_RADIUS_MM, build_part
 from server.settings import Settings
+from tests.point_files import stl_pieces
 from tests.server.live_server import assert_problem, make_session, serving, simulated_session, wait_for
 
 PART = build_part()

@@ -18,9 +18,9 @@ from playwright.sync_api import Browser, Frame, Page, sync_playwright
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from calib_core.formats.stl import stl_pieces  # noqa: E402
 from calib_core.simulation.part import build_part  # noqa: E402
 from server.settings import Settings  # noqa: E402
+from tests.point_files import stl_pieces  # noqa: E402
 from tests.server.live_server import serving, simulated_session, wait_for  # noqa: E402
 from tests.web.browsing import BROWSER_ARGUMENTS, look_into_the_merge  # noqa: E402
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from calib_core.formats.stl import stl_pieces
 from calib_core.simulation.part import build_part
+from tests.point_files import stl_pieces
 from tests.web.browsing import LOADED, go_on, in_language, leave_out_the_scene, look_into_the_merge, take_one
 from tests.web.first_look import first_look
 

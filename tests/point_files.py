@@ -1,0 +1,22 @@
+"""Points and meshes of tests as files, by the writers that the formats register."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib_core.formats.format import Pieces, ending_of
+from calib_core.formats.points import FORMATS
+from calib_core.formats.shared.writing import XYZ, table_of
+
+
+def cloud_pieces(name: str, points_mm: ArrayLike, names: tuple[str, ...] = XYZ) -> Pieces:
+    """Give the file of a cloud (N, K) in the format that the file's name ends in."""
+    writers = {ending: entry.write_cloud for entry in FORMATS if entry.write_cloud for ending in entry.endings}
+    table = table_of(points_mm, names)
+    return writers[ending_of(name)]([table], len(table), names)
+
+
+def stl_pieces(points_mm: ArrayLike, triangles: ArrayLike) -> Pieces:
+    """Give a binary STL file of a mesh: points (N, 3) in mm, triangles (M, 3) of indices."""
+    write = FORMATS.get("stl").write_mesh
+    assert write is not None
+    return write(np.asarray(points_mm, np.float32), [np.asarray(triangles)], len(np.asarray(triangles)))
