@@ -1,6 +1,6 @@
 """The session's camera: brought by the user, or solved from the session's own captures."""
 
-from calib_core.captures.solved_optics import solve_once
+from calib_core.captures.solved_optics import camera_from_result, solve_once
 from calib_core.errors import InputError
 from calib_core.optics.camera_model import CameraModel
 from calib_core.records import Session, StageName
@@ -14,10 +14,8 @@ def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResu
     known = session.cell.known.camera
     if known is not None:
         return CameraModel.from_known(known), None
-    from calib_core.stages.camera.solve import camera_from_result, solve
-
     require_captures_of(session, "camera", "the camera", "cell.known.camera")
-    result = solve_once(session, read, "camera", CameraResult, solve)
+    result = solve_once(session, read, CameraResult)
     return camera_from_result(result), result
 
 

@@ -13,7 +13,8 @@ from calib_core.captures.content import (
     thinning,
 )
 from calib_core.captures.lost_rays import telling_lost_rays
-from calib_core.captures.observe import Seen, doubts_of, points_of, see_sphere
+from calib_core.captures.observe import doubts_of, points_of, see_sphere
+from calib_core.captures.seen import Seen
 from calib_core.errors import MeasurementError
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.sphere.arc import ArcFit

@@ -2,15 +2,14 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib_core.captures.content import pose_of, reading_of, sphere_of
 from calib_core.captures.kept import seen_once
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.raw_frames import of_frames
+from calib_core.captures.seen import Doubts, Seen
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.formats.format import Reading
@@ -23,16 +22,6 @@ from calib_core.stages.stage import ReadFile
 
 CENTER_SIGMA_MM = 0.02
 """Taken for centres that a scanner reports without saying how exact they are."""
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """The points of one capture, and the circle or sphere fitted to them."""
-
-    points: FloatArray
-    on_sphere: NDArray[np.bool_]
-    fit: ArcFit | SphereFit
-    without_ray: int = 0
 
 
 def observe_capture(session: Session, capture: Capture, read: ReadFile) -> SphereObservation:
@@ -114,13 +103,6 @@ def points_of(session: Session, capture: Capture, read: ReadFile) -> SeenPoints:
     from calib_core.captures.stripe_frames import see_profile_frame
 
     return see_profile_frame(session, capture, read)
-
-
-@dataclass(frozen=True)
-class Doubts:
-    """Why a file should be looked at before it is used."""
-
-    sentences: list[str]
 
 
 def doubts_of(capture: Capture, read: ReadFile) -> list[str]:

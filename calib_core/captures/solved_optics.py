@@ -4,14 +4,17 @@ So fourteen frames of a sphere calibrate once.
 """
 
 import threading
-from collections.abc import Callable
 from typing import TypeVar
 
-from calib_core.records import Session, StageName
+import numpy as np
+
+from calib_core.optics.camera_model import CameraModel, Segment, name_distortion
+from calib_core.records import CameraSegment, Session, StageName
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.given import StageInput
 from calib_core.stages.graph import inputs_sha256, stage_captures
-from calib_core.stages.laser_plane.record import LaserPlaneResult
+from calib_core.stages.laser_plane.record import LaserPlaneResult, RefinedCamera
+from calib_core.stages.registry import STAGES
 from calib_core.stages.stage import ReadFile
 
 _Solved = TypeVar("_Solved", bound=CameraResult | LaserPlaneResult)
@@ -23,16 +26,18 @@ _lock = threading.Lock()
 _solved: dict[tuple[StageName, str], CameraResult | LaserPlaneResult] = {}
 
 
-def solve_once(
-    session: Session, read: ReadFile, stage: StageName, kind: type[_Solved], solve: Callable[..., _Solved]
-) -> _Solved:
-    """Return a stage's result, from memory where cell, captures and files are the same."""
+def solve_once(session: Session, read: ReadFile, kind: type[_Solved]) -> _Solved:
+    """Return the result of the stage with this record, from memory where cell, captures and files are the same."""
+    stage = kind.model_fields["stage"].default
     inputs = inputs_sha256(session, stage, read)
     with _lock:
         found = _solved.get((stage, inputs))
     if isinstance(found, kind):
         return found
-    return solve(StageInput(session, stage_captures(session, stage), read, inputs, lambda _fraction, _what: None))
+    given = StageInput(session, stage_captures(session, stage), read, inputs, lambda _fraction, _what: None)
+    solved = STAGES.get(stage).solve(given)
+    assert isinstance(solved, kind)
+    return solved
 
 
 def remembered(stage: StageName, inputs_sha256: str, result: _Solved) -> _Solved:
@@ -42,3 +47,21 @@ def remembered(stage: StageName, inputs_sha256: str, result: _Solved) -> _Solved
             _solved.pop(next(iter(_solved)))
         _solved[stage, inputs_sha256] = result
     return result
+
+
+def camera_from_result(result: CameraResult | RefinedCamera) -> CameraModel:
+    """Return the camera that a result holds."""
+    plain = CameraModel.from_names(result.camera_matrix, result.distortion, result.image_size)
+    segments = tuple(
+        Segment(s.near_mm, s.far_mm, CameraModel.from_names(np.eye(3), s.distortion).distortion)
+        for s in result.segments
+    )
+    return CameraModel(plain.camera_matrix, plain.distortion, result.model, result.image_size, segments)
+
+
+def camera_segments(camera: CameraModel) -> list[CameraSegment]:
+    """Return the bands of a segmental camera as a result holds them."""
+    return [
+        CameraSegment(near_mm=s.near_mm, far_mm=s.far_mm, distortion=name_distortion(s.distortion))
+        for s in camera.segments
+    ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib_core.captures.boards import read_frame
 from calib_core.captures.camera_source import camera_of, require_captures_of
 from calib_core.captures.lost_rays import SeenPoints
-from calib_core.captures.solved_optics import solve_once
+from calib_core.captures.solved_optics import camera_from_result, solve_once
 from calib_core.errors import InputError
 from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame
 from calib_core.records import Capture, KnownCamera, KnownPlane, Session
@@ -69,8 +69,6 @@ def calibration_of(session: Session, read: ReadFile) -> ProfileCalibration:
     if known is not None:
         camera, _ = camera_of(session, read)
         return ProfileCalibration.of(camera, known.normal, known.distance_mm)
-    from calib_core.stages.camera.solve import camera_from_result
-
     result = plane_of(session, read)
     camera = camera_from_result(result.camera) if result.camera else camera_of(session, read)[0]
     return ProfileCalibration.of(camera, result.plane_in_camera.normal, result.plane_in_camera.distance_mm)
@@ -117,7 +115,5 @@ def _known_camera(camera: CameraResult | RefinedCamera) -> KnownCamera:
 
 def plane_of(session: Session, read: ReadFile) -> LaserPlaneResult:
     """Return the plane of light solved from the session's captures; raises as `calibration_of`."""
-    from calib_core.stages.laser_plane.solve import solve
-
     require_captures_of(session, "laser-plane", "the plane of light", "cell.known.laser_plane")
-    return solve_once(session, read, "laser-plane", LaserPlaneResult, solve)
+    return solve_once(session, read, LaserPlaneResult)

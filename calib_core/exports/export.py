@@ -15,7 +15,7 @@ from calib_core.exports.entry import Export, Settings
 from calib_core.exports.registry import all_exports, export_named
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
-from calib_core.records.parsing import input_error
+from calib_core.records.field_errors import input_error
 from calib_core.robots import CONVENTIONS, to_pose
 from calib_core.stages.registry import table_stages
 

@@ -19,7 +19,7 @@ from calib_core.formats.format import (
     require_kind,
 )
 from calib_core.frames import FloatArray
-from calib_core.records.parsing import input_error
+from calib_core.records.field_errors import input_error
 from calib_core.registry import Registry
 
 FORMATS: Registry[Format] = Registry("a file format", "calib_core.formats", "FORMAT", Format, "scancell.formats")

@@ -30,6 +30,7 @@ from calib_core.records.causes import (
     RootCause,
     TableReading,
 )
+from calib_core.records.field_errors import input_error, input_error_from_details
 from calib_core.records.guidance import (
     Finding,
     Guide,
@@ -42,13 +43,7 @@ from calib_core.records.guidance import (
     MeterPoint,
     Still,
 )
-from calib_core.records.parsing import (
-    input_error,
-    input_error_from_details,
-    parse_capture,
-    parse_cell,
-    parse_session,
-)
+from calib_core.records.parsing import parse_capture, parse_cell, parse_session
 from calib_core.records.results import CaptureResidual, Result, Undetermined, VarianceComponents
 from calib_core.records.session import (
     ArmJoint,

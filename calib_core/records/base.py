@@ -13,6 +13,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from calib_core.records.field_errors import input_error
+from calib_core.records.known_fields import require_known_fields, unknown_within
 from calib_core.robots.conventions import CONVENTIONS
 
 FORMAT = "scancell-session/1"
@@ -103,9 +105,6 @@ class WrittenRecord(Record):
     if not TYPE_CHECKING:  # type checkers make the arguments of the fields
 
         def __init__(self, **fields: Any) -> None:
-            from calib_core.records.known_fields import require_known_fields, unknown_within
-            from calib_core.records.parsing import input_error
-
             where = type(self).__name__
             try:
                 super().__init__(**fields)

@@ -9,7 +9,7 @@ from calib_core.robots.convention import Convention
 
 if TYPE_CHECKING:
     from calib_core.exports.entry import Export
-    from calib_core.robots.controller_file import ControllerFile, Found, Reference
+    from calib_core.robots.controller_file import Found, Reference
     from calib_core.robots.told import Told
 
 
@@ -77,18 +77,6 @@ class Brand:
 
             raise InputError("a file of a brand with a reader", f"{self.title}", "Paste the poses' numbers.", name)
         return self._own("reader").find(data, name)
-
-    def read(self, data: bytes, name: str) -> "ControllerFile":
-        """Return poses, tools and frames of one file; tools and frames that it defines are applied.
-
-        Raises
-        ------
-        InputError
-            If the file is not one of this brand's at all.
-        """
-        from calib_core.robots.resolve import resolved
-
-        return resolved(self, [self.find(data, name)])
 
     def doubt(self, what: str, number: "Reference") -> str:
         """Return what is not certain about a tool that is taken for the flange, or a frame taken for the base."""

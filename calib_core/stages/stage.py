@@ -5,14 +5,12 @@ Each folder beside this file holds one: its `__init__.py` has the constant `STAG
 
 import importlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from calib_core import __version__
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
-
     from calib_core.records import Capture, GuideNow, Result, Session
     from calib_core.records.evidence import AnyBlock
     from calib_core.stages.given import StageInput
@@ -45,7 +43,6 @@ SPHERE_READS = (
 )  # fmt: skip
 """What is read of the cell by a stage that finds the sphere."""
 
-_NO_SETTINGS = {"type": "object", "properties": {}, "additionalProperties": False}
 _OF_EXCLUDED = ("kind", "excluded")
 _OF_JOINTS = ("joints_deg", "joints_mm")
 
@@ -150,48 +147,12 @@ class Stage:
         return tuple(self.takes)
 
     @property
-    def settings(self) -> "type[BaseModel] | None":
-        """The record of its settings in the cell, None where it has none."""
-        from pydantic import BaseModel
-
-        from calib_core.records import Cell
-
-        if self.settings_field is None:
-            return None
-        kind: Any = Cell.model_fields[self.settings_field].annotation
-        for record in getattr(kind, "__args__", (kind,)):  # a field that may be left out is a union with None
-            if isinstance(record, type) and issubclass(record, BaseModel):
-                return record
-        raise TypeError(f"cell.{self.settings_field} is no record")
-
-    def describe(self) -> dict[str, Any]:
-        """Return what a page or a program needs to know of it, as JSON data."""
-        settings = self.settings
-        return {
-            "name": self.name,
-            "title": self.title,
-            "steps": list(self.steps),
-            "after": list(self.after),
-            "guided": list(self.guided),
-            "planned": self.planned,
-            "is_answer": self.is_answer,
-            "step": None if self.step is None else asdict(self.step),
-            "further_steps": [asdict(step) for step in self.further_steps],
-            "settings_field": self.settings_field,
-            "settings": _NO_SETTINGS if settings is None else settings.model_json_schema(),
-            "layers": list(self.layers),
-        }
-
-    @property
     def result(self) -> "type[Result]":
         """The record of its result: the one in its folder's record.py that bears its name."""
-        from calib_core.records import Result
-
         for kind in vars(self._own("record")).values():
-            if isinstance(kind, type) and issubclass(kind, Result):
-                stage = kind.model_fields.get("stage")
-                if stage is not None and stage.default == self.name:
-                    return kind
+            stage = getattr(kind, "model_fields", {}).get("stage")
+            if stage is not None and stage.default == self.name:
+                return kind
         raise LookupError(self.name)
 
     def solve(self, given: "StageInput") -> "Result":
@@ -251,15 +212,3 @@ def read_fields(session: "Session", capture: "Capture", fields: tuple[str, ...])
     if session.cell.robot.arm is None:
         return tuple(name for name in fields if name not in _OF_JOINTS)
     return fields
-
-
-def rests_on_optics(session: "Session", captures: "Iterable[Capture]") -> tuple[str, ...]:
-    """Return the stages that turn the raw frames among captures into points; none where there are none."""
-    from calib_core.captures.raw_frames import of_frames
-
-    if not any(of_frames(capture) and not capture.excluded for capture in captures):
-        return ()
-    from calib_core.stages.registry import optics_stages
-
-    needed = optics_stages()
-    return needed[-1:] if session.cell.known.laser_plane is None else needed

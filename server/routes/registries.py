@@ -173,9 +173,10 @@ def sources() -> CaptureSources:
 @router.get("/stages", response_model=StagesOfCell)
 def stages(settings: SettingsDep) -> StagesOfCell:
     """List the stages: the names that `POST …/solve/{stage}` takes; `all` solves them in their order."""
+    from calib_core.stages.description import describe_stage
     from calib_core.stages.registry import stages as all_stages
 
-    items = [{**stage.describe(), "element": _element(settings.web, stage.name)} for stage in all_stages()]
+    items = [{**describe_stage(stage), "element": _element(settings.web, stage.name)} for stage in all_stages()]
     return StagesOfCell(items=[StageOfCell.model_validate(item) for item in items])
 
 

@@ -42,6 +42,13 @@ class SessionRow(Base):
         self.name_folded = folded(name)
         return name
 
+    @property
+    def cell_id(self) -> str:
+        """The id of the cell that the session is of."""
+        from calib_core.review.answer import cell_id_of
+
+        return cell_id_of(self.record["cell"].get("id"), self.record.get("name", ""))
+
 
 class CaptureRow(Base):
     """A capture: its record and what was measured in it; `position` is the order of arrival."""

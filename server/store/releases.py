@@ -126,8 +126,3 @@ def _sessions(db: Transaction, cell: str | None = None) -> Iterator[tuple[str, D
         query = query.where(or_(given == cell, given.is_(None), given == ""))
     for session_id, name, created, own, session_name in db.execute(query):
         yield cell_id_of(own, session_name or ""), {"id": session_id, "name": name, "created": created}
-
-
-def cell_of(row: SessionRow) -> str:
-    """Return the id of the cell that a session is of."""
-    return cell_id_of(row.record["cell"].get("id"), row.record.get("name", ""))

@@ -13,7 +13,6 @@ from calib_core.errors import InputError
 from calib_core.moment import from_now
 from server.store.database import Store
 from server.store.models import FileRow, OutputRow, ReleaseRow, SessionRow
-from server.store.releases import cell_of
 from server.store.sessions import delete_session, unused
 
 _MOST: Final = 1e9  # days, or megabytes
@@ -64,7 +63,7 @@ def sessions_beyond(
     before = None if days is None else from_now(-timedelta(days=days))
     newest_first: dict[str, list[SessionRow]] = {}
     for row in db.scalars(select(SessionRow).order_by(SessionRow.updated.desc(), SessionRow.id)):
-        newest_first.setdefault(cell_of(row), []).append(row)
+        newest_first.setdefault(row.cell_id, []).append(row)
     found: list[Old] = []
     for name, rows in newest_first.items():
         if cell is not None and name != cell:

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from calib_core.errors import NotFoundError
 from calib_core.moment import from_now, now
-from server.store.models import Base, Data, EventRow
+from server.store.models import Base, Data, EventRow, SessionRow
 from server.store.paging import Page, after_cursor, page_of
 
 KINDS: Final = ("capture", "result", "verdict", "job", "session", "release")
@@ -208,8 +208,5 @@ def forget_old_deliveries(db: Session) -> None:
 
 
 def _cell_of(db: Session, session_id: str) -> str:
-    from server.store.models import SessionRow
-    from server.store.releases import cell_of
-
     row = db.get(SessionRow, session_id)
-    return "" if row is None else cell_of(row)
+    return "" if row is None else row.cell_id

@@ -29,13 +29,21 @@ FILE_FUNCTIONS = {"loadtxt", "genfromtxt", "savetxt", "save", "savez", "fromfile
 
 
 @cache
-def read(file: Path) -> tuple[tuple[Import, ...], tuple[str, ...]]:
-    """Return a file's imports and its calls that touch files; its syntax tree is not kept."""
+def read(file: Path) -> tuple[tuple[Import, ...], tuple[str, ...], frozenset[int]]:
+    """Return a file's imports, its calls that touch files, and the lines for types alone; not its syntax tree."""
     nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
     calls = (node for node in nodes if isinstance(node, ast.Call))
-    return tuple(found for node in nodes for found in imported(file, node)), tuple(
-        f"line {call.lineno}: {name}" for call in calls if (name := touching(call))
+    return (
+        tuple(found for node in nodes for found in imported(file, node)),
+        tuple(f"line {call.lineno}: {name}" for call in calls if (name := touching(call))),
+        frozenset(line for node in nodes if isinstance(node, ast.If) for line in lines_for_types(node)),
     )
+
+
+def lines_for_types(node: ast.If) -> range:
+    if not (isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
+        return range(0)
+    return range(node.lineno, (node.body[-1].end_lineno or node.lineno) + 1)
 
 
 def imported(file: Path, node: ast.AST) -> Iterator[Import]:
@@ -154,11 +162,18 @@ def test_nothing_imports_the_page_and_the_product_not_its_tests() -> None:
     assert wrong == []
 
 
-def at_the_top(file: Path) -> Iterator[str]:
-    """Give what a module imports as it is loaded: not within functions, not for types alone."""
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
-        for module, name, _ in imported(file, node):
-            yield from (module, f"{module}.{name}")
+def imported_to_run(file: Path) -> Iterator[str]:
+    """Give what a module imports as it is loaded or within functions, not for types alone."""
+    module_imports, _, for_types = read(file)
+    for module, name, line in module_imports:
+        if line not in for_types:
+            yield f"{module}.{name}" if is_module(f"{module}.{name}") else module
+
+
+@cache
+def is_module(name: str) -> bool:
+    path = ROOT / name.replace(".", "/")
+    return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
 
 
 def page_imports(file: Path) -> Iterator[str]:
@@ -178,7 +193,7 @@ def in_circles(graph: dict[str, set[str]]) -> set[str]:
 
 def test_nothing_is_imported_in_a_circle() -> None:
     names = {name_of(f).removesuffix(".py").removesuffix("/__init__").replace("/", "."): f for f in SOURCES}
-    assert in_circles({name: set(at_the_top(f)) for name, f in names.items()}) == set()
+    assert in_circles({name: set(imported_to_run(f)) for name, f in names.items()}) == set()
     page = [f for f in (ROOT / "web").rglob("*.js") if "vendor" not in f.parts]
     assert len(page) > 100
     assert in_circles({str(f): set(page_imports(f)) for f in page}) == set()

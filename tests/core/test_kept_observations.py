@@ -14,7 +14,7 @@ from calib_core.archive.folder import load_session, result_data, save_session
 from calib_core.archive.kept_observations import KeptObservations
 from calib_core.captures import kept, observe
 from calib_core.captures.kept_form import from_bytes, to_bytes
-from calib_core.captures.observe import Seen
+from calib_core.captures.seen import Seen
 from calib_core.errors import MeasurementError
 from calib_core.records import Session
 from calib_core.review.replay import replay

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, relative_pitch_sigma, shows_stripe_alone
-from calib_core.captures.solved_optics import remembered
+from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
 from calib_core.frames import RigidTransform
@@ -14,10 +14,10 @@ from calib_core.optics.board import BoardView
 from calib_core.optics.board_refusal import COLOUR_NOTE
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import problems_of, remarks_of
-from calib_core.optics.camera_model import TILT, CameraModel, Segment, name_distortion
+from calib_core.optics.camera_model import TILT, CameraModel
 from calib_core.optics.camera_solution import CameraSolution
 from calib_core.optics.robot_lengths import RobotLengths, RobotPoses
-from calib_core.records import Board, CameraSegment, Capture, Verdict
+from calib_core.records import Board, Capture, Verdict
 from calib_core.robots import parse_pose
 from calib_core.stages.camera.record import (
     CameraByRobot,
@@ -26,7 +26,6 @@ from calib_core.stages.camera.record import (
     CameraResidual,
     CameraResult,
 )
-from calib_core.stages.laser_plane.record import RefinedCamera
 from calib_core.stages.stage import SOFTWARE
 
 if TYPE_CHECKING:
@@ -63,24 +62,6 @@ def solve(given: "StageInput") -> CameraResult:
     image_size = _one_size(views)
     solution = _calibrate(given, views, image_size, failed, board)
     return remembered("camera", given.inputs_sha256, _result(given, solution, views, failed, image_size))
-
-
-def camera_from_result(result: CameraResult | RefinedCamera) -> CameraModel:
-    """Return the camera that a result holds."""
-    plain = CameraModel.from_names(result.camera_matrix, result.distortion, result.image_size)
-    segments = tuple(
-        Segment(s.near_mm, s.far_mm, CameraModel.from_names(np.eye(3), s.distortion).distortion)
-        for s in result.segments
-    )
-    return CameraModel(plain.camera_matrix, plain.distortion, result.model, result.image_size, segments)
-
-
-def camera_segments(camera: CameraModel) -> list[CameraSegment]:
-    """Return the bands of a segmental camera as a result holds them."""
-    return [
-        CameraSegment(near_mm=s.near_mm, far_mm=s.far_mm, distortion=name_distortion(s.distortion))
-        for s in camera.segments
-    ]
 
 
 def _find_all(

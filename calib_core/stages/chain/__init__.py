@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, Stage, rests_on_optics
+from calib_core.stages.raw_frames import rests_on_optics
+from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, Stage
 
 if TYPE_CHECKING:
     from calib_core.records import Session
@@ -26,8 +27,7 @@ class Chain(Stage):
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it begins at, and what turns raw frames into points."""
-        own = [capture for capture in session.captures if capture.step in self.takes]
-        return (*rests_on_optics(session, own), "tcp", "turntable")
+        return (*rests_on_optics(session, self.takes), "tcp", "turntable")
 
 
 STAGE = Chain()

@@ -6,7 +6,7 @@ from calib_core.captures.boards import board_in, board_of
 from calib_core.captures.camera_source import camera_of
 from calib_core.captures.dark_boards import PlaneViews
 from calib_core.captures.lost_rays import lost_rays
-from calib_core.captures.solved_optics import remembered
+from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
 from calib_core.frames import FloatArray
@@ -201,8 +201,6 @@ def _notes(solution: PlaneSolution) -> list[str]:
 
 
 def _refined(camera: CameraModel) -> RefinedCamera:
-    from calib_core.stages.camera.solve import camera_segments
-
     return RefinedCamera(
         model=camera.model,
         image_size=camera.image_size,

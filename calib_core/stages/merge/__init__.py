@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import SCAN_FIELDS, CaptureStep, Stage, rests_on_optics
+from calib_core.stages.raw_frames import rests_on_optics
+from calib_core.stages.stage import SCAN_FIELDS, CaptureStep, Stage
 
 if TYPE_CHECKING:
     from calib_core.records import Session
@@ -31,9 +32,8 @@ class Merge(Stage):
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return where tool and table come from, and what turns raw frames into points."""
-        own = [capture for capture in session.captures if capture.step in self.takes]
         known = session.cell.known
-        optics = rests_on_optics(session, own)
+        optics = rests_on_optics(session, self.takes)
         if known.base_from_turntable is None and self._turns(session):
             return (*optics, "chain") if known.tool0_from_laser is None else (*optics, "tcp", "turntable")
         return (*optics, "tcp") if known.base_from_turntable is None else (*optics, "tcp", "turntable")

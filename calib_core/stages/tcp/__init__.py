@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
+from calib_core.stages.raw_frames import rests_on_optics
+from calib_core.stages.stage import SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage
 
 if TYPE_CHECKING:
     from calib_core.records import Session
@@ -26,7 +27,7 @@ class Tcp(Stage):
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it rests on: none where the scanner delivers points."""
-        return rests_on_optics(session, [capture for capture in session.captures if capture.step in self.takes])
+        return rests_on_optics(session, self.takes)
 
 
 STAGE = Tcp()

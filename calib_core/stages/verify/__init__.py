@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import SCAN_FIELDS, SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage, rests_on_optics
+from calib_core.stages.raw_frames import rests_on_optics
+from calib_core.stages.stage import SCAN_FIELDS, SPHERE_FIELDS, SPHERE_READS, CaptureStep, Stage
 
 if TYPE_CHECKING:
     from calib_core.records import Session
@@ -39,12 +40,11 @@ class Verify(Stage):
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stage that gives the answer, and what turns raw frames into points."""
-        own = [capture for capture in session.captures if capture.step in self.takes]
         steps = {capture.step for capture in session.captures if not capture.excluded}
         known = session.cell.known
         brought = known.tool0_from_laser is not None or known.base_from_turntable is not None
         return (
-            *rests_on_optics(session, own),
+            *rests_on_optics(session, self.takes),
             "chain" if {"tcp", "turntable"} <= steps and not brought else "tcp",
         )
 
