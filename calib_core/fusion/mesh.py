@@ -13,6 +13,7 @@ from calib_core.fusion.merge import VoxelCloud
 from calib_core.lean_open3d import open3d
 
 _FEWEST_POINTS = 50
+_MARGIN = 1.1  # of the octree's cube over the points
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, depth: int | None = None) -
     voxel_mm : float
         The cloud's spacing: surface farther than 2.5 of it from every point is cut away.
     depth : int, optional
-        Of the octree; by default cells as fine as the voxels, at most 10.
+        Of the octree; by default its cells are the voxels' size, or larger where that would take more than 10.
 
     Raises
     ------
@@ -101,12 +102,16 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, depth: int | None = None) -
         got = f"{np.count_nonzero(good)}"
         raise MeasurementError(f"at least {_FEWEST_POINTS} points with normals", got, "Merge more scans.")
     points: FloatArray = cloud.points_mm[good].astype(float)
+    extent = float(np.ptp(points, axis=0).max())
     if depth is None:
-        extent = float(np.ptp(points, axis=0).max())
-        depth = int(np.clip(np.ceil(np.log2(1.1 * extent / voxel_mm)), 4, 10))
+        depth = int(np.clip(np.ceil(np.log2(_MARGIN * extent / voxel_mm)), 4, 10))
     theirs = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     theirs.normals = o3d.utility.Vector3dVector(cloud.normals[good].astype(float))
-    surface, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(theirs, depth=depth, n_threads=1)
+    # A cube whose finest cells are the voxels: smaller ones take up to twice as long and tell nothing more.
+    scale = max(_MARGIN, voxel_mm * 2**depth / extent)
+    surface, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
+        theirs, depth=depth, scale=scale, n_threads=1
+    )
     vertices = np.asarray(surface.vertices)
     far, _ = KDTree(points).query(vertices, distance_upper_bound=2.5 * voxel_mm)
     surface.remove_vertices_by_mask((~np.isfinite(np.asarray(far))).tolist())
