@@ -12,10 +12,10 @@ await learnTexts("start");
 const MOST = 30;
 const [WIDTH, HEIGHT, EDGE] = [96, 24, 3];
 
-/** @param {readonly SessionSummary[]} sessions of one cell, the newest first */
+/** @param {readonly SessionSummary[]} sessions of one cell that have an answer, the newest first */
 export function drift(sessions) {
   const holder = h("span", { class: "drift" });
-  const [newest, ...earlier] = sessions.filter(({ verdicts }) => verdicts["tcp"] || verdicts["chain"]);
+  const [newest, ...earlier] = sessions;
   if (!newest || !earlier.length) return holder;
   // The list does not wait for it, and does without it where it cannot be had.
   void api.drift(newest.cell_id).catch(() => null).then((found) => {

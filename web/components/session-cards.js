@@ -5,6 +5,7 @@ import { cellWords } from "./cell-words.js";
 import { h, keyed, make } from "../dom.js";
 import { when } from "../format.js";
 import { icon, mark } from "../icons.js";
+import { stages } from "../state/registries.js";
 import { learnTexts, maybe, plural, t } from "../texts.js";
 import { DrawingElement } from "./drawing.js";
 import { drift } from "./drift.js";
@@ -18,6 +19,7 @@ const AT_ONCE = 48;
 
 export class SessionCardsElement extends HTMLElement {
   /** @type {SessionSummary[]} */ #sessions = [];
+  /** The stages whose result can be checked again. @type {Set<string>} */ #answers = new Set();
   /** What is in force, by cell. @type {Map<string, Release>} */ #inForce = new Map();
   /** The list does not wait for it, and does without it where it cannot be had. @type {Promise<void>} */ #told = Promise.resolve();
   #most = AT_ONCE;
@@ -45,7 +47,9 @@ export class SessionCardsElement extends HTMLElement {
 
   /** Answers whether there are any. */
   async load() {
-    this.#sessions = await api.sessions().finally(() => { this.#loading.hidden = true; });
+    const [sessions, known] = await Promise.all([api.sessions(), stages()]).finally(() => { this.#loading.hidden = true; });
+    this.#sessions = sessions;
+    this.#answers = new Set(known.filter(({ is_answer }) => is_answer).map(({ name }) => name));
     this.#section.hidden = this.#sessions.length === 0;
     this.#chosen = new Set(this.#sessions.map(({ id }) => id).filter((id) => this.#chosen.has(id)));
     this.#show();
@@ -112,13 +116,18 @@ export class SessionCardsElement extends HTMLElement {
       h("h3", {}, h("a", { href: address(session) }, nameOf(session))),
       h("p", { class: "soft small" }, cellWords(session.cell)),
       h("p", { class: "small" }, plural(session.capture_count, "captures.one", "captures.many"), " · ", h("time", { datetime: session.updated }, when(session.updated))),
-      h("p", { class: "verdicts" }, ...verdictsOf(session), drift(sessions)),
-      solved(session) && h("p", { class: "recheck" }, h("a", { href: `${address(session)}#recheck` }, t("start.recheck"))),
+      h("p", { class: "verdicts" }, ...verdictsOf(session), drift(sessions.filter(({ verdicts }) => Object.keys(verdicts).some((stage) => this.#answers.has(stage))))),
+      this.#isAnswered(session) && h("p", { class: "recheck" }, h("a", { href: `${address(session)}#recheck` }, t("start.recheck"))),
       this.#deeds(session),
       h("div", { class: "in-force-place" }),
       earlier.length > 0 && h("details", { class: "earlier" }, h("summary", { class: "small" }, plural(earlier.length, "start.earlier_one", "start.earlier_many")),
         h("ul", {}, ...earlier.map((one) => h("li", {}, h("a", { href: address(one) }, when(one.created)), h("span", { class: "verdicts small" }, ...verdictsOf(one)), this.#deeds(one))))),
     );
+  }
+
+  /** Whether there is an answer that could be checked again. @param {SessionSummary} session */
+  #isAnswered(session) {
+    return standings(session).some(([stage, verdict]) => this.#answers.has(stage) && verdict !== "stale");
   }
 
   /** At a cell what is in force for it; where single sessions are found, at the one that it is of. @param {Element} card @param {SessionSummary[]} sessions */
@@ -181,9 +190,6 @@ const nameOf = (session) => session.name || session.id;
 
 /** @param {SessionSummary} session */
 const address = (session) => `/sessions/${encodeURIComponent(session.id)}`;
-
-/** Whether there is an answer that could be checked again. @param {SessionSummary} session */
-const solved = (session) => standings(session).some(([stage, verdict]) => (stage === "tcp" || stage === "chain") && verdict !== "stale");
 
 /** A session's verdicts by stage, `stale` where its inputs have changed since. @param {SessionSummary} session @returns {[string, string][]} */
 const standings = ({ verdicts, stale }) => Object.entries(verdicts).map(([stage, verdict]) => [stage, stale.some((one) => one === stage) ? "stale" : verdict]);

@@ -74,7 +74,7 @@ def _turns_enough(session: "Session") -> bool:
 def _posed(session: "Session") -> "list[Capture]":
     return [
         c for c in session.captures
-        if c.step in ("camera", "laser-plane") and c.kind == "frame" and not c.excluded and c.pose is not None
+        if c.step in BoardHandEye.takes and c.kind == "frame" and not c.excluded and c.pose is not None
     ]  # fmt: skip
 
 
