@@ -9,7 +9,7 @@ import re
 from functools import lru_cache
 from pathlib import Path
 
-_ENTRY = re.compile(r'^  ("(?:[^"\\]|\\.)*"): ("(?:[^"\\]|\\.)*"),$', re.MULTILINE)
+_ENTRY = re.compile(r'^  ("(?:[^"\\]|\\.)*"): (\{.*\}),$', re.MULTILINE)
 _MOST_LETTERS = 16_000
 
 
@@ -19,7 +19,8 @@ class PageSentences:
     Parameters
     ----------
     folder : Path
-        The page's files: those in `texts/server` hold a template a line, as JSON, with {} for what changes.
+        The page's files: those in `texts/server` hold a template a line with its translations, as JSON, with {}
+        for what changes.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -31,27 +32,23 @@ class PageSentences:
         A page asks for half as many letters at a time as are looked at.
         """
         asked = _plain("\n".join(texts)[:_MOST_LETTERS])
-        files = files_of(self._folder, language)
-        state = tuple((file, file.stat().st_mtime_ns) for file in files)
+        state = tuple((file, file.stat().st_mtime_ns) for file in sorted(self._folder.glob("*.js")))
         return {
-            template: words for template, words, parts in _templates(state) if all(part in asked for part in parts)
+            template: words[language]
+            for template, words, parts in _templates(state)
+            if all(part in asked for part in parts)
         }
 
 
-def files_of(folder: Path, language: str) -> list[Path]:
-    """Return the files with a language's sentences."""
-    return [folder / f"{language}.js", *sorted((folder / language).glob("*.js"))]
-
-
-def entries_of(file: Path) -> list[tuple[str, str]]:
-    """Return a file's templates, each with its translation."""
+def entries_of(file: Path) -> list[tuple[str, dict[str, str]]]:
+    """Return a file's templates, each with its translations by language."""
     return [
         (json.loads(said), json.loads(words)) for said, words in _ENTRY.findall(file.read_text(encoding="utf-8"))
     ]
 
 
-@lru_cache(maxsize=4)
-def _templates(state: tuple[tuple[Path, int], ...]) -> list[tuple[str, str, list[str]]]:
+@lru_cache(maxsize=2)
+def _templates(state: tuple[tuple[Path, int], ...]) -> list[tuple[str, dict[str, str], list[str]]]:
     """Return templates, translations, and what must occur of a template, the longest first."""
     return [
         (said, words, sorted(parts_of(said), key=len, reverse=True))

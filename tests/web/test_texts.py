@@ -15,7 +15,7 @@ from calib_core.archive.archive import verify
 from calib_core.errors import CalibrationError
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.poses import parse_pose
-from server.http.page_sentences import PageSentences, entries_of, files_of
+from server.http.page_sentences import PageSentences, entries_of
 from tests.web.server_sentences import NOT_SHOWN, names, said_to_pages, told
 
 WEB = Path(__file__).resolve().parents[2] / "web"
@@ -109,10 +109,9 @@ def labels_of(tree: ast.AST) -> set[str]:
 
 def server_texts(language: str) -> dict[str, str]:
     """Return what the server says, from English to a language, as its files have it; none stands twice."""
-    folder = WEB / "texts" / "server"
-    rows = [row for file in files_of(folder, language) for row in entries_of(file)]
+    rows = [row for file in (WEB / "texts" / "server").glob("*.js") for row in entries_of(file)]
     assert [text for text, count in Counter(text for text, _ in rows).items() if count > 1] == []
-    return dict(rows)
+    return {text: words[language] for text, words in rows}
 
 
 WITHOUT_A_HOLE = {"Look at the result, and at why {} {} left out."}
