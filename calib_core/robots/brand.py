@@ -46,7 +46,7 @@ class Brand:
 
     name: str
     title: str
-    conventions: tuple[Convention, ...]
+    conventions: tuple[Convention, ...] = ()
     writes_like: str = ""
     endings: tuple[str, ...] = ()
     marks: str = ""
@@ -75,7 +75,7 @@ class Brand:
         if not self._has("reader"):
             from calib_core.errors import InputError
 
-            raise InputError("a file of a brand with a reader", f"{self.title}", "Paste the poses' numbers.", name)
+            raise InputError("a file of a brand with a reader", self.title, "Paste the poses' numbers.", name)
         return self._own("reader").find(data, name)
 
     def doubt(self, what: str, number: "Reference") -> str:

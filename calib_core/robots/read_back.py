@@ -94,8 +94,6 @@ def read_back(
     numbers: Sequence[float],
     convention: str,
     expected: RigidTransform,
-    position_mm: float = _POSITION_MM,
-    rotation_deg: float = _ROTATION_DEG,
 ) -> ReadBack:
     """Compare a tool's numbers, as they stand in the controller, with the tool that they should be.
 
@@ -106,8 +104,6 @@ def read_back(
     convention : str
     expected : RigidTransform
         tool0_from_laser, or the frame of a table.
-    position_mm, rotation_deg : float
-        What counts as equal.
 
     Raises
     ------
@@ -118,22 +114,21 @@ def read_back(
     if len(numbers) != known.count or not all(map(math.isfinite, numbers)):
         parse_pose(convention, numbers)  # says what is wrong with them
     target = RigidTransform(expected.matrix, "base", "tool0")
-    near = (position_mm, rotation_deg)
     apart = _apart(known, numbers, target)
-    if apart and _within(apart, near):
+    if apart and _is_same(apart):
         return ReadBack(True, "Equal to the digits that a controller keeps.", *apart)
     far = apart or (math.inf, math.inf)
     names = known.numbers.split()
-    for words, changed, name in _mistakes(known, list(numbers), target):
+    for words, changed, name in _mistakes(known, list(numbers)):
         found = _apart(CONVENTIONS[name], changed, target)
-        if found and _within(found, near):
+        if found and _is_same(found):
             first = words if words.split()[0].rstrip(",") in names else words[0].upper() + words[1:]
             return ReadBack(False, f"{first}.", *far)
     return ReadBack(False, _differences(known, numbers, target, far), *far)
 
 
-def _within(apart: tuple[float, float], near: tuple[float, float]) -> bool:
-    return apart[0] <= near[0] and apart[1] <= near[1]
+def _is_same(apart: tuple[float, float]) -> bool:
+    return apart[0] <= _POSITION_MM and apart[1] <= _ROTATION_DEG
 
 
 def _apart(known: Convention, numbers: Sequence[float], target: RigidTransform) -> tuple[float, float] | None:
@@ -147,40 +142,40 @@ def _apart(known: Convention, numbers: Sequence[float], target: RigidTransform) 
 _Mistake = tuple[str, list[float], str]
 
 
-def _mistakes(known: Convention, numbers: list[float], target: RigidTransform) -> Iterator[_Mistake]:
+def _mistakes(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
     """Yield mistakes that people make, likeliest first: alone, then together with a wrong unit of length."""
-    single = [*_units(known, numbers), *_orders(known, numbers), *_wholes(known, numbers)]
-    yield from single
-    for scale, words in _lengths(known):
+    yield from _units(known, numbers)
+    yield from _orders(known, numbers)
+    yield from _wholes(known, numbers)
+    if known.form != "matrix":
+        scale, words = _other_length(known)
         scaled = [v * scale for v in numbers[:3]] + numbers[3:]
-        if known.form != "matrix":
-            for more, changed, name in [*_orders(known, scaled), *_wholes(known, scaled)]:
-                yield f"{words}; and {more}", changed, name
+        for more, changed, name in [*_orders(known, scaled), *_wholes(known, scaled)]:
+            yield f"{words}; and {more}", changed, name
 
 
-def _lengths(known: Convention) -> list[tuple[float, str]]:
+def _other_length(known: Convention) -> tuple[float, str]:
+    """Return the factor of positions in the other unit of length, and the words for it."""
     right, wrong = ("metres", "millimetres") if known.mm_per_unit == 1000 else ("millimetres", "metres")
-    return [(1000.0 if wrong == "metres" else 1e-3, f"the position is in {wrong}, not in {right}")]
+    return 1000.0 if wrong == "metres" else 1e-3, f"the position is in {wrong}, not in {right}"
 
 
 def _units(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
+    scale, in_other_length = _other_length(known)
     if known.form == "matrix":
-        scaled = np.array(numbers).reshape(4, 4)
-        for scale, words in _lengths(known):
-            changed = scaled.copy()
-            changed[:3, 3] *= scale
-            yield words, changed.ravel().tolist(), known.name
+        changed = np.array(numbers).reshape(4, 4)
+        changed[:3, 3] *= scale
+        yield in_other_length, changed.ravel().tolist(), known.name
         return
-    for scale, words in _lengths(known):
-        yield words, [v * scale for v in numbers[:3]] + numbers[3:], known.name
+    scaled = [v * scale for v in numbers[:3]]
+    yield in_other_length, scaled + numbers[3:], known.name
     if known.form != "quaternion":
         right, wrong = ("radians", "degrees") if known.form == "rotation-vector" else ("degrees", "radians")
         factor = math.pi / 180 if wrong == "degrees" else 180 / math.pi
         turned = [v * factor for v in numbers[3:]]
         words = f"{wrong} taken for {right}"
         yield words, numbers[:3] + turned, known.name
-        for scale, length in _lengths(known):
-            yield f"{words}; and {length}", [v * scale for v in numbers[:3]] + turned, known.name
+        yield f"{words}; and {in_other_length}", scaled + turned, known.name
 
 
 def _orders(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:

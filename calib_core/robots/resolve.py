@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.robots.brand import Brand
@@ -22,8 +24,8 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
         Take poses as they stand although a tool or a frame is unknown: the caller has been asked.
     """
     skipped = [row for part in found for row in part.skipped]
-    tools = _unequivocal(brand, "tool", [tool for part in found for tool in part.tools], skipped)
-    frames = _unequivocal(brand, "frame", [frame for part in found for frame in part.frames], skipped)
+    tools = _unequivocal("tool", [tool for part in found for tool in part.tools], skipped)
+    frames = _unequivocal("frame", [frame for part in found for frame in part.frames], skipped)
     poses: list[FilePose] = []
     for taught in _without_doubles(_settled(found), skipped):
         try:
@@ -100,7 +102,7 @@ def _as_saved(taught: Taught, what: str, active: Reference | None) -> Taught:
     return replace(taught, **{what: active}, doubt=" ".join(filter(None, [taught.doubt, said])))
 
 
-def _unequivocal(brand: Brand, what: str, entries: Sequence[Frame], skipped: list[Skipped]) -> dict[str, Frame]:
+def _unequivocal(what: str, entries: Sequence[Frame], skipped: list[Skipped]) -> dict[str, Frame]:
     """Return tools or frames by their number; those that are defined twice in two ways are left out, aloud."""
     kept: dict[str, Frame] = {}
     contradicted: set[str] = set()
@@ -175,17 +177,15 @@ def _applied(
     as_written: bool,
 ) -> tuple[RigidTransform, str]:
     """Return base_from_tool0, and what is left open about it."""
-    pose, doubts = written, []
-    tool, doubt = _looked_up(brand, "tool", taught.tool, tools, as_written)
-    doubts.append(doubt)
-    frame, doubt = _looked_up(brand, "frame", taught.frame, frames, as_written)
-    doubts.append(doubt)
+    pose = written
+    tool, of_tool = _looked_up(brand, "tool", taught.tool, tools, as_written)
+    frame, of_frame = _looked_up(brand, "frame", taught.frame, frames, as_written)
     if frame is not None:
-        pose = RigidTransform((parse_pose(frame.convention, frame.pose).matrix @ pose.matrix), "base", "tool0")
+        pose = RigidTransform(parse_pose(frame.convention, frame.pose).matrix @ pose.matrix, "base", "tool0")
     if tool is not None:
         tool0_from_tool = parse_pose(tool.convention, tool.pose)
         pose = RigidTransform(pose.matrix @ tool0_from_tool.inverse().matrix, "base", "tool0")
-    return pose, " ".join(filter(None, doubts))
+    return pose, " ".join(filter(None, [of_tool, of_frame]))
 
 
 def _looked_up(
@@ -199,7 +199,8 @@ def _looked_up(
     if entry is not None:
         if entry.moving and not as_written:
             raise InputError("", f"{what} {number} {entry.moving}", "Such poses are not supported yet.")
-        return entry if any(_offset(entry)) else None, entry.doubt
+        stands_there = np.array_equal(parse_pose(entry.convention, entry.pose).matrix, np.eye(4))
+        return None if stands_there else entry, entry.doubt
     if str(number).lower() in plain:
         return None, brand.doubt(what, number)
     if as_written:
@@ -209,12 +210,6 @@ def _looked_up(
         f"taught with {what} {number}, which the file does not define",
         f"Give the file that defines it as well ({brand.definitions}), or record the flange in the base.",
     )
-
-
-def _offset(entry: Frame) -> Iterable[bool]:
-    """Tell whether a frame is another than the one that it stands in."""
-    matrix = parse_pose(entry.convention, entry.pose).matrix
-    return (abs(float(matrix[i, j]) - (i == j)) > 0 for i in range(3) for j in range(4))
 
 
 def _key(number: Reference, group: int = 1) -> str:

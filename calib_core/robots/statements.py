@@ -9,6 +9,9 @@ from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import require_count
 from calib_core.robots.text import numbers, source_of, without_comments
 
+VALUES = r"(?P<values>[-+.\d eE,]+)"
+"""Of a rule: numbers with commas between."""
+
 Kind = Literal["pose", "joints", "tool", "frame", "use-tool", "use-frame", "move"]
 
 
@@ -36,7 +39,6 @@ def find_by_rules(
     rules: Sequence[Rule],
     comment: str,
     heads: str,
-    always_in: tuple[Reference | None, Reference | None] = (None, None),
 ) -> Found:
     """Return what stands in a program.
 
@@ -53,12 +55,11 @@ def find_by_rules(
     heads : str
         A regular expression of what lines with a pose, tool or frame begin with: those that no rule reads are
         skipped aloud.
-    always_in : pair
-        The tool and frame at the beginning, where the language says so.
     """
     source = source_of(data, name)
     found = Found(name)
-    tool, frame = always_in
+    tool: Reference | None = None
+    frame: Reference | None = None
     compiled = [(rule.kind, re.compile(rule.pattern, re.IGNORECASE)) for rule in rules]
     wanted = re.compile(heads, re.IGNORECASE)
     for line, content in enumerate(without_comments(source.text, comment).split("\n"), start=1):

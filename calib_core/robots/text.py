@@ -90,26 +90,21 @@ def numbers(text: str, count: int | None = None, separator: str = ",") -> tuple[
     return values
 
 
-def without_comments(text: str, begins: str, quote: str = '"') -> str:
+def without_comments(text: str, begins: str) -> str:
     """Return a text with its comments blanked, from `begins` to the end of the line, positions kept."""
-    kept: list[str] = []
-    for line in text.split("\n"):
-        at = _comment_at(line, begins, quote)
-        kept.append(line if at < 0 else line[:at] + " " * (len(line) - at))
-    return "\n".join(kept)
+    lines = text.split("\n")
+    ends = [unquoted(line, begins) for line in lines]
+    return "\n".join(line if at < 0 else line[:at].ljust(len(line)) for line, at in zip(lines, ends, strict=True))
 
 
-def _comment_at(line: str, begins: str, quote: str) -> int:
-    at = line.find(begins)
-    while at >= 0:
-        if line.count(quote, 0, at) % 2 == 0:
-            return at
-        at = line.find(begins, at + 1)
-    return -1
+def unquoted(text: str, what: str, begin: int = 0) -> int:
+    """Return where something first stands in a text outside of double quotes, from a position on; else −1."""
+    pieces = re.compile(f'"[^"]*"?|{re.escape(what)}').finditer(text, begin)
+    return next((piece.start() for piece in pieces if piece[0] == what), -1)
 
 
-def split_top(text: str, separator: str = ",") -> list[tuple[int, str]]:
-    """Return the parts between separators that stand in no bracket and no string, with their positions."""
+def split_top(text: str) -> list[tuple[int, str]]:
+    """Return the parts between commas that stand in no bracket and no string, with their positions."""
     parts: list[tuple[int, str]] = []
     depth, begin, quoted = 0, 0, False
     for i, c in enumerate(text):
@@ -121,7 +116,7 @@ def split_top(text: str, separator: str = ",") -> list[tuple[int, str]]:
             depth += 1
         elif c in "])}":
             depth -= 1
-        elif c == separator and depth == 0:
+        elif c == "," and depth == 0:
             parts.append((begin, text[begin:i]))
             begin = i + 1
     parts.append((begin, text[begin:]))

@@ -1,4 +1,4 @@
-"""RAPID literals: lists in brackets with the places of their items, and text without its comments."""
+"""RAPID literals: lists in brackets with the places of their items."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,6 @@ class Value:
     position: int
     text: str
     items: tuple["Value", ...] | None
-
-
-def blanked(text: str) -> str:
-    """Return the text with comments blanked; a ``!`` within a string begins none."""
-    lines: list[str] = []
-    for line in text.split("\n"):
-        at, quoted = -1, False
-        for i, c in enumerate(line):
-            if c == '"':
-                quoted = not quoted
-            elif c == "!" and not quoted:
-                at = i
-                break
-        lines.append(line if at < 0 else line[:at] + " " * (len(line) - at))
-    return "\n".join(lines)
 
 
 def literal(text: str, begin: int, end: int) -> Value:

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
-from calib_core.robots.abb.literal import Value, blanked, literal
+from calib_core.robots.abb.literal import Value, literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import CALCULATED, CUT, changed
 from calib_core.robots.poses import parse_pose, to_pose
-from calib_core.robots.text import Source, number, source_of, split_top
+from calib_core.robots.text import Source, number, source_of, split_top, unquoted, without_comments
 
 _DECLARED = re.compile(
     r"\b(?:(?:LOCAL|TASK)\s+)?(CONST|VAR|PERS)\s+(\w+)\s+(\w+)\s*(\{[^}]*\})?\s*(:=|;|(?=\n)|$)", re.IGNORECASE
@@ -40,7 +40,7 @@ def find(data: bytes, name: str) -> Found:
 class _Module:
     def __init__(self, source: Source) -> None:
         self._source = source
-        self._text = blanked(source.text)
+        self._text = without_comments(source.text, "!")
         self._found = Found(source.name)
         self._parts: dict[str, Value] = {}
 
@@ -48,17 +48,18 @@ class _Module:
         """Return all that the module holds."""
         declarations = list(self._declarations())
         for _, kind, name, value in declarations:
-            if kind in _PARTS and value is not None:
+            if kind in _PARTS:
                 self._parts[name.lower()] = value
         for position, kind, name, value in declarations:
             if kind in _KINDS:
-                self._take(position, kind, name, value)
+                array = re.match(r"\s*\{([^}]*)\}", self._text[self._text.find(name, position) + len(name) :])
+                self._elements(kind, name, value, array[1].count(",") + 1 if array else 0, [])
         for found in _MOVE.finditer(self._text):
             self._move(found)
         self._mark_assigned()
         return self._found
 
-    def _declarations(self) -> Iterator[tuple[int, str, str, Value | None]]:
+    def _declarations(self) -> Iterator[tuple[int, str, str, Value]]:
         for found in _DECLARED.finditer(self._text):
             kind, name = found[2].lower(), found[3]
             if kind not in _KINDS and kind not in _PARTS:
@@ -76,12 +77,6 @@ class _Module:
             except ValueError as error:
                 if kind in _KINDS:
                     self._found.skip(line, f"{found[2]} {name}: {error}", name)
-
-    def _take(self, position: int, kind: str, name: str, value: Value | None) -> None:
-        if value is None:
-            return
-        array = re.match(r"\s*\{([^}]*)\}", self._text[self._text.find(name, position) + len(name) :])
-        self._elements(kind, name, value, array[1].count(",") + 1 if array else 0, [])
 
     def _elements(self, kind: str, name: str, value: Value, depth: int, index: list[int]) -> None:
         if depth and value.items is not None:
@@ -158,7 +153,7 @@ class _Module:
         """Note with which tool and work object a move uses its points; points that stand in it are taken."""
         kind = found[1].lower()
         line = self._source.line(found.start(1))
-        end = _statement_end(self._text, found.end())
+        end = unquoted(self._text, ";", found.end())
         if kind.startswith(_NO_MOVES) or end < 0:
             return
         arguments = split_top(self._text[found.end() : end])
@@ -214,16 +209,6 @@ class _Module:
                 if line is not None:
                     doubt = f"The program changes the {what} {entry.number} (line {line})."
                     entries[i] = replace(entry, doubt=doubt)
-
-
-def _statement_end(text: str, position: int) -> int:
-    quoted = False
-    for i in range(position, len(text)):
-        if text[i] == '"':
-            quoted = not quoted
-        elif text[i] == ";" and not quoted:
-            return i
-    return -1
 
 
 def _chained(user: tuple[float, ...], of_object: tuple[float, ...]) -> tuple[float, ...]:

@@ -17,7 +17,8 @@ from calib_core.exports.writing import (
     tool_pose,
     wanted,
 )
-from calib_core.robots.abb.literal import blanked, literal
+from calib_core.robots.abb.literal import literal
+from calib_core.robots.text import without_comments
 
 
 def _frame(pose: list[float]) -> str:
@@ -53,7 +54,7 @@ def patch(backup: bytes, answer: Answer, settings: NamedSettings) -> bytes:
 
 
 def _put(text: str, kind: str, name: str, frame: str, answer: Answer) -> str:
-    plain = blanked(text)
+    plain = without_comments(text, "!")
     found = only_match(rf"\b(?:PERS|VAR|CONST)\s+{kind}\s+{re.escape(name)}\s*:=", plain, f"{kind} {name}")
     end = plain.find(";", found.end())
     try:

@@ -11,7 +11,6 @@ class Comau(Brand):
 
     name = "comau"
     title = "Comau"
-    conventions = ()
     writes_like = "kawasaki"  # R = Rz(e1) · Ry(e2) · Rz(e3)
     endings = (".pdl", ".txt")
     marks = r"^\s*PROGRAM\s+\w+|:=\s*POS\s*\([-+.\d eE,]+"

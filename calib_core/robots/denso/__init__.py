@@ -11,7 +11,6 @@ class Denso(Brand):
 
     name = "denso"
     title = "Denso"
-    conventions = ()
     writes_like = "yaskawa"  # R = Rz(RZ) · Ry(RY) · Rx(RX)
     endings = (".pcs", ".pac", ".txt")
     marks = r"^\s*(?:TakeArm\b|(?:Tool|Work)\s+\d+\s*,\s*P\s*\(|P\[\d+\]\s*=\s*P?\s*\()"

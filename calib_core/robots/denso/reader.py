@@ -1,17 +1,16 @@
 """Denso: what each line of a program says."""
 
 from calib_core.robots.controller_file import Found
-from calib_core.robots.statements import Rule, find_by_rules
+from calib_core.robots.statements import VALUES, Rule, find_by_rules
 
-_VALUES = r"(?P<values>[-+.\d eE,]+)"
 _RULES = (
-    Rule("tool", rf"""^\s*Tool\s+(?P<number>\d+)\s*,\s*P?\s*\({_VALUES}\)"""),
-    Rule("frame", rf"""^\s*Work\s+(?P<number>\d+)\s*,\s*P?\s*\({_VALUES}\)"""),
+    Rule("tool", rf"""^\s*Tool\s+(?P<number>\d+)\s*,\s*P?\s*\({VALUES}\)"""),
+    Rule("frame", rf"""^\s*Work\s+(?P<number>\d+)\s*,\s*P?\s*\({VALUES}\)"""),
     Rule("use-tool", r"""^\s*ChangeTool\s+(?P<tool>\d+)\s*$"""),
     Rule("use-frame", r"""^\s*ChangeWork\s+(?P<frame>\d+)\s*$"""),
-    Rule("joints", rf"""^\s*(?P<name>J\[\s*\d+\s*\])\s*=\s*J?\s*\({_VALUES}\)\s*$"""),
-    Rule("pose", rf"""^\s*(?P<name>P\[\s*\d+\s*\])\s*=\s*P?\s*\({_VALUES}\)\s*$"""),
-    Rule("pose", rf"""^\s*Move\b.*?(?<![\w\]])P\s*\({_VALUES}\)"""),
+    Rule("joints", rf"""^\s*(?P<name>J\[\s*\d+\s*\])\s*=\s*J?\s*\({VALUES}\)\s*$"""),
+    Rule("pose", rf"""^\s*(?P<name>P\[\s*\d+\s*\])\s*=\s*P?\s*\({VALUES}\)\s*$"""),
+    Rule("pose", rf"""^\s*Move\b.*?(?<![\w\]])P\s*\({VALUES}\)"""),
     Rule("move", r"""^\s*Move\s+[PL]\s*,.*?(?P<name>[PJ]\[\s*\d+\s*\])\s*(?:,|$)"""),
 )
 _HEADS = r"""^\s*(?:Tool\s+\d|Work\s+\d|ChangeTool|ChangeWork|[PJ]\[\s*\d+\s*\]\s*=|Approach\b|Depart\b|Draw\b)"""

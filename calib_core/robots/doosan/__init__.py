@@ -11,7 +11,6 @@ class Doosan(Brand):
 
     name = "doosan"
     title = "Doosan"
-    conventions = ()
     writes_like = "kawasaki"  # R = Rz(A) · Ry(B) · Rz(C)
     endings = (".drl", ".py", ".txt")
     marks = r"\bposx\s*\(\s*[-+.\d]"

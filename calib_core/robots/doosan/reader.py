@@ -1,12 +1,11 @@
 """Doosan: what each line of a program says."""
 
 from calib_core.robots.controller_file import Found
-from calib_core.robots.statements import Rule, find_by_rules
+from calib_core.robots.statements import VALUES, Rule, find_by_rules
 
-_VALUES = r"(?P<values>[-+.\d eE,]+)"
 _RULES = (
-    Rule("pose", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposx\s*\(\s*{_VALUES}\)"""),
-    Rule("joints", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposj\s*\(\s*{_VALUES}\)"""),
+    Rule("pose", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposx\s*\(\s*{VALUES}\)"""),
+    Rule("joints", rf"""(?:(?P<name>\w+)\s*=\s*)?\bposj\s*\(\s*{VALUES}\)"""),
     Rule("move", r"""\bmove[jlc]x?\s*\(\s*(?P<name>[A-Za-z_]\w*)\s*[,)]"""),
 )
 _HEADS = r"""\bpos[xj]\s*\("""

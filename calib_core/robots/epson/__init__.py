@@ -11,7 +11,6 @@ class Epson(Brand):
 
     name = "epson"
     title = "Epson"
-    conventions = ()
     writes_like = "nachi"  # R = Rz(u) · Ry(v) · Rx(w)
     endings = (".prg", ".pts", ".txt")
     marks = r"^\s*(?:TLSet\s+\d+\s*,|Local\s+\d+\s*,|P\d+\s*=\s*XY\s*\(|(?:Go|Move|Jump3?)\s+XY\s*\()"

@@ -1,19 +1,18 @@
 """Epson: what each line of a program says."""
 
 from calib_core.robots.controller_file import Found
-from calib_core.robots.statements import Rule, find_by_rules
+from calib_core.robots.statements import VALUES, Rule, find_by_rules
 
-_VALUES = r"(?P<values>[-+.\d eE,]+)"
 _ARM = r"(?:/[RLABFNJ]\w*\s*)*"  # how the arm stands
 _RULES = (
-    Rule("tool", rf"""^\s*TLSet\s+(?P<number>\d+)\s*,\s*XY\s*\({_VALUES}\)"""),
-    Rule("frame", rf"""^\s*Local\s+(?P<number>\d+)\s*,\s*XY\s*\({_VALUES}\)"""),
+    Rule("tool", rf"""^\s*TLSet\s+(?P<number>\d+)\s*,\s*XY\s*\({VALUES}\)"""),
+    Rule("frame", rf"""^\s*Local\s+(?P<number>\d+)\s*,\s*XY\s*\({VALUES}\)"""),
     Rule("use-tool", r"""^\s*Tool\s+(?P<tool>\d+)\s*$"""),
     Rule(
         "pose",
-        rf"""^\s*(?P<name>P\d+|P\(\d+\))\s*=\s*XY\s*\({_VALUES}\)\s*{_ARM}(?:/(?P<frame>\d+)\s*)?{_ARM}$""",
+        rf"""^\s*(?P<name>P\d+|P\(\d+\))\s*=\s*XY\s*\({VALUES}\)\s*{_ARM}(?:/(?P<frame>\d+)\s*)?{_ARM}$""",
     ),
-    Rule("pose", rf"""^\s*(?:Go|Move|Jump3?)\s+XY\s*\({_VALUES}\)"""),
+    Rule("pose", rf"""^\s*(?:Go|Move|Jump3?)\s+XY\s*\({VALUES}\)"""),
     Rule("move", r"""^\s*(?:Go|Move|Jump3?|Arc3?)\s+(?P<name>P\d+|P\(\d+\))(?=\s|$|,)"""),
 )
 # TGo and its like move from where the arm is: no poses.

@@ -26,8 +26,7 @@ class _Saved:
     def __init__(self, data: bytes, name: str) -> None:
         self._source = source_of(data, name)
         self._found = Found(name)
-        self._tool: Reference | None = None
-        self._base: Reference | None = None
+        self._active: dict[str, Reference] = {}
         self._used_as: dict[str, str] = {}
 
     def found(self) -> Found:
@@ -41,7 +40,7 @@ class _Saved:
                 if begin[1].upper() != "END" and section in ("TRANS", "JOINTS"):
                     self._found.skip(opened, f".{section} has no .END before line {line}")
                 section, opened = begin[1].upper() if begin[1].upper() != "END" else "", line
-                self._tool = self._base = None
+                self._active = {}
             elif section in ("TRANS", "JOINTS"):
                 self._row(section, content, line)
             elif section == "SYSDATA":
@@ -61,26 +60,21 @@ class _Saved:
         name, values = row[1], row[2]
         try:
             self._source.require_ended(line)
-            if section == "JOINTS" or name.startswith("#"):
-                joints = numbers(values, separator=" ")
-                require_count(joints[:6], 6)
-                external = {f"JT{i}": v for i, v in enumerate(joints[6:], start=7)} or None
-                taught = Taught(name, None, "kawasaki", line, joints[:6], external, file=self._source.name)
-            else:
-                taught = self._transformation(name, numbers(values, separator=" "), line)
-            self._found.poses.append(taught)
+            of_joints = section == "JOINTS" or name.startswith("#")
+            self._taught(name, numbers(values, separator=" "), line, of_joints)
         except ValueError as error:
             self._found.skip(line, f"{name}: {error}")
 
-    def _transformation(self, name: str, values: tuple[float, ...], line: int) -> Taught:
+    def _taught(self, name: str, values: tuple[float, ...], line: int, of_joints: bool = False) -> None:
         require_count(values[:6], 6)
         external = {f"JT{i}": v for i, v in enumerate(values[6:], start=7)} or None
-        return Taught(name, values[:6], "kawasaki", line, None, external, file=self._source.name)
+        pose, joints = (None, values[:6]) if of_joints else (values[:6], None)
+        self._found.poses.append(Taught(name, pose, "kawasaki", line, joints, external, file=self._source.name))
 
     def _saved(self, content: str, line: int) -> None:
         """Take the tool and the base that were active when a whole backup was saved."""
         saved = _FRAME.match(content)
-        if not saved or saved[1].upper() not in ("TOOL", "BASE"):
+        if not saved:
             return
         what = saved[1].upper()
         name = f"{what} of .SYSDATA"
@@ -106,15 +100,16 @@ class _Saved:
             name = move[2].lower()
             if move[3].lstrip().startswith(("+", "-")):
                 self._found.skip(line, f"{move[1]} {move[2]}{move[3][:40]}: a compound position is calculated")
-            elif not name.startswith("#") and (self._tool, self._base) != (None, None):
-                self._found.moves.setdefault(name, set()).add((self._tool, self._base))
+            elif not name.startswith("#") and self._active:
+                used_with = self._active.get("TOOL"), self._active.get("BASE")
+                self._found.moves.setdefault(name, set()).add(used_with)
 
     def _point(self, name: str, value: str, line: int) -> None:
         literal = re.fullmatch(_TRANS, value, re.IGNORECASE)
         try:
             if not literal:
                 raise ValueError(CALCULATED)
-            self._found.poses.append(self._transformation(name, numbers(literal[1]), line))
+            self._taught(name, numbers(literal[1]), line)
         except ValueError as error:
             self._found.skip(line, f"{name}: {error}")
 
@@ -122,7 +117,7 @@ class _Saved:
         literal = re.fullmatch(_TRANS, value, re.IGNORECASE)
         named = re.fullmatch(_NAME, value)
         if value.upper() == "NULL":
-            self._set(what, 0)
+            self._active[what] = 0
         elif literal:
             name = f"{what} of line {line}"
             try:
@@ -131,18 +126,12 @@ class _Saved:
                 (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
             except ValueError as error:
                 self._found.skip(line, f"{name}: {error}")
-            self._set(what, name)
+            self._active[what] = name
         elif named:
             self._used_as[value.lower()] = what
-            self._set(what, value)
+            self._active[what] = value
         else:
-            self._set(what, f"{value[:40]} (line {line})")
-
-    def _set(self, what: str, value: Reference) -> None:
-        if what == "TOOL":
-            self._tool = value
-        else:
-            self._base = value
+            self._active[what] = f"{value[:40]} (line {line})"
 
     def _sort_out_frames(self) -> None:
         """Take transformations that programs use as tools and bases out of the poses."""

@@ -44,8 +44,7 @@ class _Program:
         self._names: dict[tuple[str, int], str] = {}
         self._types: dict[tuple[str, int], str] = {}
         self._system = False
-        self._tool: Reference | None = None
-        self._base: Reference | None = None
+        self._active: dict[str, Reference] = {}
 
     def found(self) -> Found:
         """Return all that the file holds."""
@@ -60,7 +59,7 @@ class _Program:
 
     def _line(self, line: int, content: str) -> None:
         if _BEGIN.match(content):
-            self._tool = self._base = None
+            self._active = {}
         elif _SYSTEM_LIST.match(content):
             self._system = True
         elif named := _NAMED.match(content):
@@ -70,7 +69,7 @@ class _Program:
         elif active := _ACTIVE.match(content):
             self._activate(active[1].upper(), active[2], line)
         elif basis := _BASIS.search(content):
-            self._set(basis[1].upper(), int(basis[2]))
+            self._active[basis[1].upper()] = int(basis[2])
         elif assigned := _ASSIGNED.match(content):
             self._assigned(assigned, content, line)
         elif move := _MOVE.match(content):
@@ -153,30 +152,20 @@ class _Program:
         """Follow ``$TOOL = …`` and ``$BASE = …``."""
         indexed = re.fullmatch(r"\$?(?:TOOL|BASE)_DATA\[\s*(\d+)\s*\]", value, re.IGNORECASE)
         if value.upper() == "$NULLFRAME":
-            self._set(what, 0)
+            self._active[what] = 0
         elif indexed:
-            self._set(what, int(indexed[1]))
+            self._active[what] = int(indexed[1])
         elif value.startswith("{"):
+            self._active[what] = named = f"${what} of line {line}"
             try:
                 if closing(value, 0) != len(value):
                     raise ValueError(UNMATCHED)
-                pose = _numbers(_fields(value), _POSE)
+                frame = Frame(named, named, _numbers(_fields(value), _POSE), "kuka", line, self._source.name)
+                (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
             except ValueError as error:
-                self._set(what, f"${what} of line {line}")
                 self._found.skip(line, f"${what}: {error}")
-                return
-            named = f"${what} of line {line}"
-            frame = Frame(named, named, pose, "kuka", line, self._source.name)
-            (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
-            self._set(what, named)
         else:
-            self._set(what, f"{value[:40]} (line {line})")
-
-    def _set(self, what: str, value: Reference) -> None:
-        if what == "TOOL":
-            self._tool = value
-        else:
-            self._base = value
+            self._active[what] = f"{value[:40]} (line {line})"
 
     def _move(self, move: re.Match[str], line: int) -> None:
         kind, relative, rest = move[1], move[2], move[3]
@@ -193,8 +182,8 @@ class _Program:
                     self._found.skip(line, f"{kind} {target[:60]}: {CALCULATED}")
                     continue
                 self._found.want(name, line)
-                if "F" + name.upper()[1:] not in self._motion and (self._tool, self._base) != (None, None):
-                    self._found.moves.setdefault(name.lower(), set()).add((self._tool, self._base))
+                if "F" + name.upper()[1:] not in self._motion and self._active:
+                    self._found.moves.setdefault(name.lower(), set()).add(self._tool_and_base())
 
     def _inline(self, kind: str, target: str, line: int) -> None:
         end = closing(target, 0)
@@ -207,7 +196,11 @@ class _Program:
         except ValueError as error:
             self._found.skip(line, f"{kind} {target[:60]}: {error}")
             return
-        self._found.poses.append(replace(taught, tool=self._tool, frame=self._base))
+        tool, base = self._tool_and_base()
+        self._found.poses.append(replace(taught, tool=tool, frame=base))
+
+    def _tool_and_base(self) -> tuple[Reference | None, Reference | None]:
+        return self._active.get("TOOL"), self._active.get("BASE")
 
 
 def _fields(text: str) -> dict[str, str]:

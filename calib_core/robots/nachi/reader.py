@@ -1,12 +1,11 @@
 """Nachi: what each line of a program says."""
 
 from calib_core.robots.controller_file import Found
-from calib_core.robots.statements import Rule, find_by_rules
+from calib_core.robots.statements import VALUES, Rule, find_by_rules
 
-_VALUES = r"(?P<values>[-+.\d eE,]+)"
 _RULES = (
-    Rule("pose", rf"""^\s*MOVEX\b.*?,\s*M1X\s*,\s*[PLC]\s*,\s*\({_VALUES}\)(?:.*?\bH\s*=\s*(?P<tool>\d+))?"""),
-    Rule("joints", rf"""^\s*MOVEX\b.*?,\s*M1J\s*,\s*[PLC]\s*,\s*\({_VALUES}\)"""),
+    Rule("pose", rf"""^\s*MOVEX\b.*?,\s*M1X\s*,\s*[PLC]\s*,\s*\({VALUES}\)(?:.*?\bH\s*=\s*(?P<tool>\d+))?"""),
+    Rule("joints", rf"""^\s*MOVEX\b.*?,\s*M1J\s*,\s*[PLC]\s*,\s*\({VALUES}\)"""),
 )
 _HEADS = r"""^\s*MOVEX\b"""
 

@@ -80,7 +80,7 @@ class _Recorder:
         for edge in message.transforms:
             self.take_static(*edge)
         if message.transforms:
-            self._way("tf", message.time_s, message.line)
+            self._way(message.time_s, message.line)
         for frame, numbers, line in message.poses:
             self._pose(f"line {line}", frame, numbers, message.time_s, line)
 
@@ -97,7 +97,7 @@ class _Recorder:
                 take = self.take_static if topic.endswith("tf_static") else self._edge
                 take(row.header.frame_id, row.child_frame_id, (t.x, t.y, t.z, q.x, q.y, q.z, q.w), number)
                 time_s = _stamp(row.header) or time_s
-            self._way(topic, time_s, number)
+            self._way(time_s, number)
         else:
             header = getattr(message, "header", None)
             pose = getattr(message, "pose", message)
@@ -152,7 +152,7 @@ class _Recorder:
         except ValueError as error:
             self._found.skip(line, f"{child} in {parent}: {error}")
 
-    def _way(self, topic: str, time_s: float | None, line: int) -> None:
+    def _way(self, time_s: float | None, line: int) -> None:
         way = self._tree.base_from_flange()
         if way is None:
             return

@@ -15,7 +15,6 @@ class Table(Brand):
 
     name = "table"
     title = "Table or OpenCV file"
-    conventions = ()
     writes_like = "matrix"
     endings = (".csv", ".tsv", ".txt", ".yaml", ".yml", ".xml")
     rank = 2000
