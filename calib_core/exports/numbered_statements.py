@@ -40,14 +40,15 @@ class Statements:
     def export(self, name: str, title: str, suffix: str) -> Export:
         """Return the export of the brand; its programs' comments begin with an apostrophe."""
         return program_export(
-            name, title, suffix, "' ", NumberedSettings, self._tool, self._table, patch=self._patch
-        )
+            name, title, suffix, "' ", NumberedSettings, self._tool, self._table,
+            patch=self._patch, convention=self.convention,
+        )  # fmt: skip
 
-    def _tool(self, answer: Answer, settings: NumberedSettings) -> list[str]:
-        return [f"{self.tool} {settings.tool}, {self.call}({_numbers(tool_pose(answer, self.convention))})"]
+    def _tool(self, pose: list[float], settings: NumberedSettings, answer: Answer) -> list[str]:
+        return [f"{self.tool} {settings.tool}, {self.call}({_numbers(pose)})"]
 
-    def _table(self, answer: Answer, settings: NumberedSettings) -> list[str]:
-        return [f"{self.frame} {settings.frame}, {self.call}({_numbers(table_pose(answer, self.convention))})"]
+    def _table(self, pose: list[float], settings: NumberedSettings, answer: Answer) -> list[str]:
+        return [f"{self.frame} {settings.frame}, {self.call}({_numbers(pose)})"]
 
     def _patch(self, backup: bytes, answer: Answer, settings: NumberedSettings) -> bytes:
         entries: list[tuple[str, str, str]] = []

@@ -9,7 +9,6 @@ from pydantic import Field, StringConstraints
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export, Patch, Settings
-from calib_core.frames import RigidTransform
 from calib_core.robots.poses import to_pose
 
 Part = Literal["tool", "table", "both"]
@@ -49,18 +48,14 @@ def wanted(answer: Answer, part: Part | None, default: Part) -> tuple[bool, bool
 
 def tool_pose(answer: Answer, convention: str) -> list[float]:
     """Return tool0_from_laser as a controller's numbers."""
-    return _pose(answer.tool0_from_laser, convention)
+    return to_pose(convention, answer.tool0_from_laser)
 
 
 def table_pose(answer: Answer, convention: str) -> list[float]:
     """Return base_from_turntable as a controller's numbers."""
     if answer.base_from_turntable is None:
         raise ConflictError("a solved turntable", "none", "Solve the turntable first.", "part")
-    return _pose(answer.base_from_turntable, convention)
-
-
-def _pose(frame: RigidTransform, convention: str) -> list[float]:
-    return to_pose(convention, RigidTransform(frame.matrix, "base", "tool0"))
+    return to_pose(convention, answer.base_from_turntable)
 
 
 def fixed(value: float, digits: int) -> str:
@@ -92,6 +87,7 @@ def provenance(answer: Answer) -> list[str]:
 
 
 _FAULTS = {"stale": "stale", "fail": "failed"}
+_REMARK = 30
 
 
 def mark(answer: Answer, longest: int = 32) -> str:
@@ -169,17 +165,42 @@ def patched_line(backup: bytes, answer: Answer, comment: str, entries: Iterable[
     return put_back(text, encoding)
 
 
-def remarks(line: str, longest: int = 30) -> list[str]:
+def patched_by(
+    convention: str, put: Callable[[str, Literal["tool", "frame"], list[float], Any, Answer], str]
+) -> Patch:
+    """Return what changes the tool of a backup, its user frame or both, and leaves every other byte as it is.
+
+    Parameters
+    ----------
+    convention : str
+        Of the brand's numbers.
+    put : callable
+        (text, which of the two, its numbers, settings, answer) to the text with that entry changed.
+    """
+
+    def patch(backup: bytes, answer: Answer, settings: Any) -> bytes:
+        text, encoding = as_bytes_kept(backup)
+        with_tool, with_table = wanted(answer, settings.part, "tool")
+        if with_tool:
+            text = put(text, "tool", tool_pose(answer, convention), settings, answer)
+        if with_table:
+            text = put(text, "frame", table_pose(answer, convention), settings, answer)
+        return put_back(text, encoding)
+
+    return patch
+
+
+def remarks(line: str) -> list[str]:
     """Return a line in pieces that fit a remark."""
     pieces = [""]
     for word in line.split():
-        if pieces[-1] and len(pieces[-1]) + len(word) >= longest:
+        if pieces[-1] and len(pieces[-1]) + len(word) >= _REMARK:
             pieces.append("")
-        pieces[-1] = f"{pieces[-1]} {word}".strip()[:longest]
+        pieces[-1] = f"{pieces[-1]} {word}".strip()[:_REMARK]
     return pieces
 
 
-Lines = Callable[[Answer, Any], Sequence[str]]
+Lines = Callable[[list[float], Any, Answer], Sequence[str]]
 
 
 def program_export(
@@ -192,6 +213,7 @@ def program_export(
     table: Lines,
     around: tuple[Sequence[str], Sequence[str]] = ((), ()),
     patch: Patch | None = None,
+    convention: str | None = None,
 ) -> Export:
     """Return the export of a brand whose programs are lines with comments.
 
@@ -204,19 +226,23 @@ def program_export(
     settings : type
         With a field `part`.
     tool, table : callable
-        (answer, settings) to the lines that set the tool, and the user frame.
+        (its numbers, settings, answer) to the lines that set the tool, and the user frame.
     around : pair of sequence of str
         Lines before and after.
     patch : callable, optional
         As in `Export`.
+    convention : str, optional
+        Of the numbers; that of the brand's own name where it is left out.
     """
+    numbers_of = convention or name
 
     def write(answer: Answer, chosen: Any) -> str:
         with_tool, with_table = wanted(answer, chosen.part, "both")
         lines = [*around[0], *(f"{comment}{line}" for line in provenance(answer))]
-        lines += tool(answer, chosen) if with_tool else []
+        lines += tool(tool_pose(answer, numbers_of), chosen, answer) if with_tool else []
         if with_table:
-            lines += [f"{comment}the turntable at 0 deg: z is its axis", *table(answer, chosen)]
+            own = table(table_pose(answer, numbers_of), chosen, answer)
+            lines += [f"{comment}the turntable at 0 deg: z is its axis", *own]
         return "\r\n".join([*lines, *around[1]]) + "\r\n"
 
     return Export(name, title, "text/plain", suffix, write, settings, name, patch)

@@ -6,16 +6,12 @@ from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.writing import (
     NamedSettings,
-    as_bytes_kept,
     fixed,
     only_match,
+    patched_by,
     program_export,
     provenance,
-    put_back,
     replaced,
-    table_pose,
-    tool_pose,
-    wanted,
 )
 from calib_core.robots.abb.literal import literal
 from calib_core.robots.text import without_comments
@@ -29,31 +25,21 @@ def _frame(pose: list[float]) -> str:
 _HERE = "[[0,0,0],[1,0,0,0]]"
 
 
-def _tool(answer: Answer, settings: NamedSettings) -> list[str]:
+def _tool(pose: list[float], settings: NamedSettings, answer: Answer) -> list[str]:
     load = "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]"
     return [
         "  ! the robot holds it (robhold TRUE); enter or identify its load data before moving",
-        f"  PERS tooldata {settings.tool}:=[TRUE,{_frame(tool_pose(answer, 'abb'))},{load}];",
+        f"  PERS tooldata {settings.tool}:=[TRUE,{_frame(pose)},{load}];",
     ]
 
 
-def _table(answer: Answer, settings: NamedSettings) -> list[str]:
-    frame = _frame(table_pose(answer, "abb"))
-    return [f'  PERS wobjdata {settings.frame}:=[FALSE,TRUE,"",{frame},{_HERE}];']
+def _table(pose: list[float], settings: NamedSettings, answer: Answer) -> list[str]:
+    return [f'  PERS wobjdata {settings.frame}:=[FALSE,TRUE,"",{_frame(pose)},{_HERE}];']
 
 
-def patch(backup: bytes, answer: Answer, settings: NamedSettings) -> bytes:
+def _put(text: str, what: str, pose: list[float], settings: NamedSettings, answer: Answer) -> str:
     """Return a module with one frame changed; the load data and all else stay as they are."""
-    text, encoding = as_bytes_kept(backup)
-    with_tool, with_table = wanted(answer, settings.part, "tool")
-    if with_tool:
-        text = _put(text, "tooldata", settings.tool, _frame(tool_pose(answer, "abb")), answer)
-    if with_table:
-        text = _put(text, "wobjdata", settings.frame, _frame(table_pose(answer, "abb")), answer)
-    return put_back(text, encoding)
-
-
-def _put(text: str, kind: str, name: str, frame: str, answer: Answer) -> str:
+    kind, name = "tooldata" if what == "tool" else "wobjdata", getattr(settings, what)
     plain = without_comments(text, "!")
     found = only_match(rf"\b(?:PERS|VAR|CONST)\s+{kind}\s+{re.escape(name)}\s*:=", plain, f"{kind} {name}")
     end = plain.find(";", found.end())
@@ -79,10 +65,10 @@ def _put(text: str, kind: str, name: str, frame: str, answer: Answer) -> str:
             )
         text = replaced(text, items[4].position, items[4].position + len(items[4].text), _HERE)
     place = items[1 if kind == "tooldata" else 3]
-    return replaced(text, place.position, place.position + len(place.text), frame)
+    return replaced(text, place.position, place.position + len(place.text), _frame(pose))
 
 
 EXPORT = program_export(
     "abb", "ABB RAPID: tooldata and wobjdata", ".sys", "  ! ", NamedSettings, _tool, _table,
-    (["MODULE ScancellData(SYSMODULE)"], ["ENDMODULE"]), patch,
+    (["MODULE ScancellData(SYSMODULE)"], ["ENDMODULE"]), patched_by("abb", _put),
 )  # fmt: skip

@@ -11,36 +11,30 @@ class PlainSettings(Settings):
     part: Part | None = None
 
 
-def _tool(answer: Answer, settings: PlainSettings) -> list[str]:
-    return [f"  $TOOL := POS({listed(tool_pose(answer, 'kawasaki'), 6, 8)}, '')"]
+def _tool(pose: list[float], settings: PlainSettings, answer: Answer) -> list[str]:
+    return [f"  $TOOL := POS({listed(pose, 6, 8)}, '')"]
 
 
-def _table(answer: Answer, settings: PlainSettings) -> list[str]:
-    return [f"  $UFRAME := POS({listed(table_pose(answer, 'kawasaki'), 6, 8)}, '')"]
+def _table(pose: list[float], settings: PlainSettings, answer: Answer) -> list[str]:
+    return [f"  $UFRAME := POS({listed(pose, 6, 8)}, '')"]
 
 
 def patch(backup: bytes, answer: Answer, settings: PlainSettings) -> bytes:
     """Return a program with the numbers of its $TOOL, or its $UFRAME, changed."""
-    poses = ((tool_pose, "$TOOL"), (table_pose, "$UFRAME"))
-    asked = [
-        pair for pair, is_wanted in zip(poses, wanted(answer, settings.part, "tool"), strict=True) if is_wanted
+    with_tool, with_table = wanted(answer, settings.part, "tool")
+    poses = [("$TOOL", tool_pose)] * with_tool + [("$UFRAME", table_pose)] * with_table
+    entries = [
+        (
+            f"{name} := POS(…)",
+            rf"^(?![ \t]*--)[^\r\n]*?\{name}[ \t]*:=[ \t]*POS[ \t]*\(",
+            listed(pose_of(answer, "kawasaki"), 6, 8),
+        )
+        for name, pose_of in poses
     ]
-    return patched_line(
-        backup,
-        answer,
-        "-- ",
-        [
-            (
-                f"{name} := POS(…)",
-                rf"^(?![ \t]*--)[^\r\n]*?\{name}[ \t]*:=[ \t]*POS[ \t]*\(",
-                listed(pose(answer, "kawasaki"), 6, 8),
-            )
-            for pose, name in asked
-        ],
-    )
+    return patched_line(backup, answer, "-- ", entries)
 
 
 EXPORT = program_export(
     "comau", "Comau: $TOOL and $UFRAME (PDL2)", ".pdl", "  -- ", PlainSettings, _tool, _table,
-    (["PROGRAM scancell NOHOLD", "BEGIN"], ["END scancell"]), patch,
+    (["PROGRAM scancell NOHOLD", "BEGIN"], ["END scancell"]), patch, "kawasaki",
 )  # fmt: skip

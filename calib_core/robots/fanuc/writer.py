@@ -9,10 +9,9 @@ from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
 from calib_core.exports.writing import (
     NumberedSettings,
-    as_bytes_kept,
     fixed,
+    patched_by,
     provenance,
-    put_back,
     remarks,
     replaced,
     table_pose,
@@ -54,18 +53,9 @@ def _assignments(register: int, pose: list[float], target: str) -> list[str]:
     return [*steps, f"  {target}=PR[{register}]"]
 
 
-def patch(backup: bytes, answer: Answer, settings: FanucSettings) -> bytes:
+def _put(text: str, which: str, pose: list[float], settings: FanucSettings, answer: Answer) -> str:
     """Return a .va listing with the numbers of one frame changed."""
-    text, encoding = as_bytes_kept(backup)
-    with_tool, with_table = wanted(answer, settings.part, "tool")
-    if with_tool:
-        text = _put(text, "MNUTOOL", settings.tool, tool_pose(answer, "fanuc"))
-    if with_table:
-        text = _put(text, "MNUFRAME", settings.frame, table_pose(answer, "fanuc"))
-    return put_back(text, encoding)
-
-
-def _put(text: str, variable: str, index: int, pose: list[float]) -> str:
+    variable, index = "MNUTOOL" if which == "tool" else "MNUFRAME", getattr(settings, which)
     what = f"${variable}[1,{index}]"
     head = re.search(rf"^\[\*SYSTEM\*\]\${variable}\b[^\r\n]*", text, re.MULTILINE)
     begin = re.compile(rf"^[ \t]*\[[ \t]*1[ \t]*,[ \t]*{index}[ \t]*\][ \t]*=", re.MULTILINE)
@@ -88,5 +78,12 @@ def _put(text: str, variable: str, index: int, pose: list[float]) -> str:
 
 
 EXPORT = Export(
-    "fanuc", "FANUC: UTOOL and UFRAME (TP program)", "text/plain", ".ls", write, FanucSettings, "fanuc", patch
+    "fanuc",
+    "FANUC: UTOOL and UFRAME (TP program)",
+    "text/plain",
+    ".ls",
+    write,
+    FanucSettings,
+    "fanuc",
+    patched_by("fanuc", _put),
 )

@@ -5,41 +5,26 @@ import re
 from calib_core.exports.answer import Answer
 from calib_core.exports.writing import (
     NamedSettings,
-    as_bytes_kept,
     fixed,
     listed,
     only_match,
+    patched_by,
     program_export,
-    put_back,
     replaced,
-    table_pose,
-    tool_pose,
-    wanted,
 )
 
 
-def _tool(answer: Answer, settings: NamedSettings) -> list[str]:
-    pose = listed(tool_pose(answer, "kawasaki"), 9, 11)
-    return [f"  POINT {settings.tool} = TRANS({pose})", f"  TOOL {settings.tool}"]
+def _tool(pose: list[float], settings: NamedSettings, answer: Answer) -> list[str]:
+    return [f"  POINT {settings.tool} = TRANS({listed(pose, 9, 11)})", f"  TOOL {settings.tool}"]
 
 
-def _table(answer: Answer, settings: NamedSettings) -> list[str]:
-    pose = listed(table_pose(answer, "kawasaki"), 9, 11)
-    return [f"  POINT {settings.frame} = TRANS({pose})", f"  BASE {settings.frame}"]
+def _table(pose: list[float], settings: NamedSettings, answer: Answer) -> list[str]:
+    return [f"  POINT {settings.frame} = TRANS({listed(pose, 9, 11)})", f"  BASE {settings.frame}"]
 
 
-def patch(backup: bytes, answer: Answer, settings: NamedSettings) -> bytes:
+def _put(text: str, what: str, pose: list[float], settings: NamedSettings, answer: Answer) -> str:
     """Return a saved file with one transformation changed."""
-    text, encoding = as_bytes_kept(backup)
-    with_tool, with_table = wanted(answer, settings.part, "tool")
-    if with_tool:
-        text = _put(text, settings.tool, tool_pose(answer, "kawasaki"))
-    if with_table:
-        text = _put(text, settings.frame, table_pose(answer, "kawasaki"))
-    return put_back(text, encoding)
-
-
-def _put(text: str, name: str, pose: list[float]) -> str:
+    name = getattr(settings, what)
     number = r"[-+.\deE]+"
     pattern = rf"^[ \t]*{re.escape(name)}[ \t]+({number}(?:[ \t]+{number}){{5}})"
     found = only_match(pattern, text, f"transformation {name}")
@@ -48,5 +33,5 @@ def _put(text: str, name: str, pose: list[float]) -> str:
 
 EXPORT = program_export(
     "kawasaki", "Kawasaki AS: TOOL and BASE", ".as", "  ; ", NamedSettings, _tool, _table,
-    ([".PROGRAM scancell()"], [".END"]), patch,
+    ([".PROGRAM scancell()"], [".END"]), patched_by("kawasaki", _put),
 )  # fmt: skip

@@ -12,11 +12,11 @@ class PlainSettings(Settings):
     part: Part | None = None
 
 
-def _tool(answer: Answer, settings: PlainSettings) -> list[str]:
-    return [f"Tool ({listed(tool_pose(answer, 'mitsubishi'), 6, 8)})"]
+def _tool(pose: list[float], settings: PlainSettings, answer: Answer) -> list[str]:
+    return [f"Tool ({listed(pose, 6, 8)})"]
 
 
-def _table(answer: Answer, settings: PlainSettings) -> list[str]:
+def _table(pose: list[float], settings: PlainSettings, answer: Answer) -> list[str]:
     return ["' not written: set the work coordinate on the teaching box by three points of the table"]
 
 

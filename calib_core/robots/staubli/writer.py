@@ -6,11 +6,10 @@ from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
 from calib_core.exports.writing import (
     NamedSettings,
-    as_bytes_kept,
     fixed,
     only_match,
+    patched_by,
     provenance,
-    put_back,
     replaced,
     table_pose,
     tool_pose,
@@ -56,19 +55,10 @@ def write(answer: Answer, settings: NamedSettings) -> str:
     return "\n".join([*lines, "  </Datas>", "</Database>"]) + "\n"
 
 
-def patch(backup: bytes, answer: Answer, settings: NamedSettings) -> bytes:
+def _put(text: str, kind: str, pose: list[float], settings: NamedSettings, answer: Answer) -> str:
     """Return a .dtx with the numbers of one entry changed."""
-    text, encoding = as_bytes_kept(backup)
-    with_tool, with_table = wanted(answer, settings.part, "tool")
-    if with_tool:
-        text = _put(text, settings.tool, "tool", tool_pose(answer, "staubli"), "flange")
-    if with_table:
-        text = _put(text, settings.frame, "frame", table_pose(answer, "staubli"), "world")
-    return put_back(text, encoding)
-
-
-def _put(text: str, name: str, kind: str, pose: list[float], father: str) -> str:
-    plain, _, key = name.rstrip("]").partition("[")
+    father = "flange" if kind == "tool" else "world"
+    plain, _, key = getattr(settings, kind).rstrip("]").partition("[")
     data = only_match(rf'<Data\b(?=[^>]*\bname="{plain}")(?=[^>]*\btype="{kind}")[^>]*>(.*?)</Data>', text,
                       f'{kind} "{plain}"', re.DOTALL)  # fmt: skip
     pattern = rf'<Value\b(?=[^>]*\bkey="{key or 0}")(?=[^>]*fatherId="{father}(?:\[0\])?")([^>]*?)(/?>)'
@@ -81,12 +71,6 @@ def _put(text: str, name: str, kind: str, pose: list[float], father: str) -> str
 
 
 EXPORT = Export(
-    "staubli",
-    "Stäubli VAL 3: tool and frame (.dtx)",
-    "application/xml",
-    ".dtx",
-    write,
-    NamedSettings,
-    "staubli",
-    patch,
-)
+    "staubli", "Stäubli VAL 3: tool and frame (.dtx)", "application/xml", ".dtx", write, NamedSettings, "staubli",
+    patched_by("staubli", _put),
+)  # fmt: skip

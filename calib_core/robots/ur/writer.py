@@ -17,7 +17,6 @@ from calib_core.exports.writing import (
     provenance,
     put_back,
     replaced,
-    table_pose,
     tool_pose,
     wanted,
 )
@@ -37,12 +36,12 @@ def _list(pose: list[float]) -> str:
     return ", ".join(fixed(v, 12 if i < 3 else 14) for i, v in enumerate(pose))
 
 
-def _tool(answer: Answer, settings: UrSettings) -> list[str]:
-    return [f"set_tcp(p[{_list(tool_pose(answer, 'ur'))}])"]
+def _tool(pose: list[float], settings: UrSettings, answer: Answer) -> list[str]:
+    return [f"set_tcp(p[{_list(pose)}])"]
 
 
-def _table(answer: Answer, settings: UrSettings) -> list[str]:
-    return [f"global {settings.frame}=p[{_list(table_pose(answer, 'ur'))}]"]
+def _table(pose: list[float], settings: UrSettings, answer: Answer) -> list[str]:
+    return [f"global {settings.frame}=p[{_list(pose)}]"]
 
 
 def patch(backup: bytes, answer: Answer, settings: UrSettings) -> bytes:
