@@ -140,22 +140,21 @@ class SimulatedDevices:
             image = self.lens.image(self.cell.points(now_s, self._rng), self._rng, exposure_us)
             return image, now_s + self.scanner_clock_s
 
-    def _flange(self) -> tuple[RigidTransform, bool, float, float]:
-        now_s = time.monotonic()
-        moment = self.cell.at(now_s)
-        return RigidTransform(moment.reported, "base", "tool0"), moment.moving, moment.table_deg, now_s
+    def _flange(self, moment_s: float | None = None) -> tuple[RigidTransform, bool, float]:
+        moment = self.cell.at(time.monotonic() if moment_s is None else moment_s)
+        return RigidTransform(moment.reported, "base", "tool0"), moment.moving, moment.table_deg
 
-    def _outputs(self) -> Mapping[str, tuple[float, ...]]:
-        pose, moving, _, now_s = self._flange()
+    def _outputs(self, moment_s: float) -> Mapping[str, tuple[float, ...]]:
+        pose, moving, _ = self._flange(moment_s)
         return {
-            "timestamp": (now_s,),
+            "timestamp": (moment_s,),
             "actual_q": self._arm.joints_rad(pose.matrix),
             "actual_TCP_pose": tuple(to_pose("ur", pose)),
             "actual_TCP_speed": (_SPEED if moving else 0.0, *(0.0,) * 5),
         }
 
     def _variable(self, name: str) -> str:
-        pose, moving, table_deg, _ = self._flange()
+        pose, moving, table_deg = self._flange()
         numbers = zip("XYZABC", to_pose("kuka", pose), strict=True)
         return {
             "$POS_ACT": "{E6POS: " + ", ".join(f"{letter} {value:.6f}" for letter, value in numbers) + "}",
@@ -168,7 +167,7 @@ class SimulatedDevices:
         }.get(name.upper(), "")
 
     def _values(self) -> Mapping[str, Any]:
-        pose, moving, table_deg, _ = self._flange()
+        pose, moving, table_deg = self._flange()
         return {"Pose": to_pose("quaternion-xyzw", pose), "Moving": moving, "Table": table_deg}
 
     def _turn(self, table_deg: float | None) -> None:

@@ -1,5 +1,6 @@
 """A controller's RTDE: version, outputs, start, data; 500 Hz at most."""
 
+import select
 import socket
 import struct
 import time
@@ -16,8 +17,11 @@ _TYPES = {
 }
 _VERSION, _CONTROLLER_VERSION, _SETUP, _START, _PAUSE, _DATA = b"VvOSPU"
 
-Outputs = Callable[[], Mapping[str, tuple[float, ...]]]
-"""Returns the outputs' values by name."""
+_BUFFERED_S = 2.0
+"""Messages of so long are sent late rather than left out."""
+
+Outputs = Callable[[float], Mapping[str, tuple[float, ...]]]
+"""Returns the outputs' values by name at a moment of `time.monotonic`."""
 
 
 class RtdeServer(TcpServer):
@@ -42,7 +46,7 @@ class RtdeServer(TcpServer):
                 (frequency_hz,) = struct.unpack(">d", body[:8])
                 period_s = 1.0 / min(max(frequency_hz, 1.0), 500.0)
                 names = [name for name in body[8:].decode("ascii").split(",") if name]
-                told = self._outputs()
+                told = self._outputs(time.monotonic())
                 types = ",".join(_TYPES[name] if name in told else "NOT_FOUND" for name in names)
                 _send(peer, kind, b"\x01" + types.encode())
             elif kind == _START:
@@ -52,21 +56,20 @@ class RtdeServer(TcpServer):
                 _send(peer, kind, b"\x01")
 
     def _stream(self, peer: socket.socket, names: list[str], period_s: float) -> None:
-        peer.settimeout(period_s)
+        """Send a message for every cycle: a controller misses none, however late this process is given time."""
+        cycle_s = time.monotonic()
         while not self.stopped.is_set():
-            told = self._outputs()
+            cycle_s = max(cycle_s + period_s, time.monotonic() - _BUFFERED_S)
+            wait_s = max(0.0, cycle_s - time.monotonic())
+            if select.select([peer], [], [], wait_s)[0]:
+                size, kind = struct.unpack(">HB", exactly(peer, 3))
+                exactly(peer, size - 3)
+                _send(peer, kind, b"\x01")
+                if kind == _PAUSE:
+                    return
+            told = self._outputs(cycle_s)
             numbers = [value for name in names for value in told[name]]
             _send(peer, _DATA, struct.pack(f">B{len(numbers)}d", 1, *numbers))
-            try:
-                size, kind = struct.unpack(">HB", exactly(peer, 3))
-            except TimeoutError:
-                continue
-            exactly(peer, size - 3)
-            _send(peer, kind, b"\x01")
-            if kind == _PAUSE:
-                peer.settimeout(None)
-                return
-            time.sleep(period_s)
 
 
 def _send(peer: socket.socket, kind: int, body: bytes) -> None:

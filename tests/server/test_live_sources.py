@@ -98,7 +98,7 @@ def test_rtde_tells_the_flange_without_the_tools_offset(offset_mm: float | None)
     told: dict[str, tuple[float, ...]] = {"timestamp": (12.5,), **OUTPUTS}
     if offset_mm is not None:
         told["tcp_offset"] = (0.0, 0.0, offset_mm / 1000, 0.0, 0.0, 0.0)
-    server = RtdeServer(lambda: told)
+    server = RtdeServer(lambda _: told)
     try:
         found = sample_of(connected("ur-rtde", host="127.0.0.1", port=server.port))
     finally:
@@ -121,7 +121,7 @@ peer.disconnect()
 def test_a_peers_client_reads_our_rtde_server() -> None:
     """The peer knows one port alone."""
     try:
-        server = RtdeServer(lambda: {"timestamp": (time.monotonic(),), **OUTPUTS}, port=30004)
+        server = RtdeServer(lambda moment_s: {"timestamp": (moment_s,), **OUTPUTS}, port=30004)
     except OSError:
         pytest.skip("port 30004 is taken")
     try:
