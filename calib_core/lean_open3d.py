@@ -6,11 +6,19 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
+from calib_core.errors import InputError
+
 _DRAWING = "open3d.visualization.draw_plotly"
 
 
 def open3d() -> Any:
-    """Return the package Open3D; what draws with plotly is loaded when it is called."""
+    """Return the package Open3D; what draws with plotly is loaded when it is called.
+
+    Raises
+    ------
+    InputError
+        If one of the system's libraries that it needs is missing, which pip cannot bring.
+    """
     if "open3d" not in sys.modules:
         stand_in = ModuleType(_DRAWING)
         for name in ("get_plotly_fig", "draw_plotly", "draw_plotly_server"):
@@ -18,6 +26,12 @@ def open3d() -> Any:
         sys.modules[_DRAWING] = stand_in
         try:
             importlib.import_module("open3d")
+        except ModuleNotFoundError:
+            raise
+        except (ImportError, OSError) as error:  # the loader's own words name the file
+            need = "the system's libraries libegl1, libgl1, libgomp1 and libusb-1.0-0, for Open3D"
+            to_do = "Install them, on Debian and Ubuntu with apt-get install libegl1 libgl1 libgomp1 libusb-1.0-0."
+            raise InputError(need, str(error), to_do) from None
         finally:
             sys.modules.pop(_DRAWING, None)
     return importlib.import_module("open3d")

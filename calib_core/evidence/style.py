@@ -4,16 +4,18 @@ from typing import Final
 
 STYLE: Final = """
 .scancell { --ink: #1b1f24; --soft: #59636e; --line: #d5dae0; --accent: #0b62c4; --second: #9a4d00;
-  --third: #6f3fb0; --band: #e6eef8; --pass: #13703d; --warn: #8a5200; --fail: #b3261e; color: var(--ink); }
+  --third: #6f3fb0; --band: #e6eef8; --pass: #13703d; --warn: #8a5200; --fail: #b3261e;
+  --paper: #fff; color: var(--ink); }
 @media (prefers-color-scheme: dark) {
   .scancell { --ink: #e8ebee; --soft: #9da7b1; --line: #3a424b; --accent: #6cb0ff; --second: #f0a95a;
-    --third: #c3a2f5; --band: #22303f; --pass: #5fd08f; --warn: #f0b45a; --fail: #ff8a80; }
+    --third: #c3a2f5; --band: #22303f; --pass: #5fd08f; --warn: #f0b45a; --fail: #ff8a80; --paper: #12171c; }
 }
 @media print {
   .scancell { --ink: #000; --soft: #444; --line: #bbb; --accent: #0b62c4; --second: #9a4d00; --third: #6f3fb0;
-    --band: #eef3fa; --pass: #13703d; --warn: #8a5200; --fail: #b3261e; }
+    --band: #eef3fa; --pass: #13703d; --warn: #8a5200; --fail: #b3261e; --paper: #fff; }
   .scancell details::details-content { content-visibility: visible; height: auto; }
 }
+.scancell.notebook { background: var(--paper); padding: 1px 12px; }
 .scancell h3 { margin: 22px 0 6px; font-size: 16px; }
 .scancell table { border-collapse: collapse; max-width: 100%; margin: 6px 0; font-variant-numeric: tabular-nums; }
 .scancell th { text-align: left; font-weight: 500; }

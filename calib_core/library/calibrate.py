@@ -1,13 +1,16 @@
 """One function a calibration: arrays or files in (see `inputs`), the result out."""
 
+from __future__ import annotations  # so that help() shows the names of the types, not what they stand for
+
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from calib_core.archive.folder import read_bytes
 from calib_core.frames import FloatArray
 from calib_core.library.inputs import (
+    Calibration,
     Captures,
     CellLike,
     Poses,
@@ -21,11 +24,19 @@ from calib_core.library.opened import OpenSession
 from calib_core.records import Capture
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.hand_eye.record import HandEyeResult
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.merge.record import MergeResult
+from calib_core.stages.recheck.record import RecheckResult
 from calib_core.stages.stage import Progress
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
+from calib_core.stages.verify.record import VerifyResult
+
+if TYPE_CHECKING:
+    from calib_core.formats.format import Reading
+    from calib_core.sphere.arc import ArcFit
+    from calib_core.sphere.cloud import SphereFit
 
 
 def calibrate_tcp(cell: CellLike, scans: Scans, poses: Poses, *, progress: Progress | None = None) -> TcpResult:
@@ -35,10 +46,20 @@ def calibrate_tcp(cell: CellLike, scans: Scans, poses: Poses, *, progress: Progr
     ----------
     cell : Cell or mapping
         With `pose_convention` and, if known, `sphere_diameter_mm` and the robot's and the scanner's sigmas.
-    scans, poses
-        One a capture; see `inputs`.  At least five orientations determine the answer.
+    scans : sequence
+        One a capture: a file's path, N×2 points of a profile (x, z), N×3 of a cloud, the three numbers of a centre
+        that the scanner reports itself, or a list of profiles (a sweep, whose pose is a list of poses); mm.
+    poses : sequence or path
+        One a scan: the controller's numbers in the cell's `pose_convention`, base_from_tool0 as 4×4 matrix (mm) or
+        `RigidTransform`, or a pose of `read_poses`; or the path of a text with one pose a line.  Five or more, of
+        which three are turned about different axes, determine the answer.
     progress : callable, optional
         Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    TcpResult
+        With `tool0_from_laser`, `covariance`, `verdict`, `residuals` and the other fields of results/tcp.json.
 
     Raises
     ------
@@ -54,7 +75,7 @@ def calibrate_turntable(
     scans: Scans,
     poses: Poses,
     table_deg: Sequence[float],
-    tool: Any,
+    tool: Calibration,
     *,
     mounts: Sequence[str] | None = None,
     progress: Progress | None = None,
@@ -65,10 +86,10 @@ def calibrate_turntable(
     ----------
     cell : Cell or mapping
     scans, poses
-        One a capture; see `inputs`.
+        One a capture, as of `calibrate_tcp`.
     table_deg : sequence of float
         The table's angle of each capture.
-    tool : TcpResult, ChainResult or 4×4 array
+    tool : TcpResult, ChainResult, RigidTransform or 4×4 array
         The scanner on the flange.
     mounts : sequence of str, optional
         The name of the place on the table where the sphere was, where there are several.
@@ -140,9 +161,39 @@ def calibrate_laser_plane(
         As `calibrate_tcp`.
     """
     steps: dict[str, Captures] = {"laser-plane": Captures(frames)}
-    if len(camera_frames):
-        steps["camera"] = Captures(camera_frames)
+    if further := list(camera_frames):
+        steps["camera"] = Captures(further)
     return cast("LaserPlaneResult", make_session(cell, steps).run("laser-plane", progress)["laser-plane"])
+
+
+def calibrate_hand_eye(
+    cell: CellLike,
+    frames: Scans,
+    poses: Poses,
+    calibration: Calibration | None = None,
+    *,
+    progress: Progress | None = None,
+) -> HandEyeResult:
+    """Return where the camera is on the flange, by frames of a board that stands still: a second opinion.
+
+    Parameters
+    ----------
+    cell : Cell or mapping
+        With the `board`, which is `fixed`, and the camera in `known.camera` where it is known.
+    frames, poses
+        One a board's frame, as of `calibrate_camera` and `calibrate_tcp`.
+    calibration : TcpResult, ChainResult, RigidTransform or 4×4 array, optional
+        The sphere's answer, to compare with where the cell knows the plane of light.
+    progress : callable, optional
+
+    Raises
+    ------
+    CalibrationError
+        As `calibrate_tcp`.
+    """
+    known = cell if calibration is None else with_calibration(cell, calibration)
+    session = make_session(known, {"camera": Captures(frames, poses)})
+    return cast("HandEyeResult", session.run("hand-eye", progress)["hand-eye"])
 
 
 class Merged:
@@ -161,7 +212,12 @@ class Merged:
         self.result, self.points_mm, self.files = result, points_mm, files
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # a copy asks for such names before it has a result
+            raise AttributeError(name)
         return getattr(self.result, name)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *type(self.result).model_fields]
 
     def __str__(self) -> str:
         return str(self.result)
@@ -175,7 +231,7 @@ def merge_scans(
     scans: Scans,
     poses: Poses,
     table_deg: Sequence[float] | None = None,
-    calibration: Any = None,
+    calibration: Calibration | None = None,
     *,
     progress: Progress | None = None,
 ) -> Merged:
@@ -185,10 +241,10 @@ def merge_scans(
     ----------
     cell : Cell or mapping
     scans, poses
-        One a scan; see `inputs`.
+        One a scan, as of `calibrate_tcp`.
     table_deg : sequence of float, optional
         The table's angle of each scan.
-    calibration : ChainResult, TcpResult or 4×4 array, optional
+    calibration : ChainResult, TcpResult, RigidTransform or 4×4 array, optional
         The scanner on the flange and, with a table, where it is; left out: what `cell.known` has.
     progress : callable, optional
 
@@ -203,17 +259,66 @@ def merge_scans(
 
 
 def verify(
-    cell: CellLike, scans: Scans, poses: Poses, calibration: Any, *, progress: Progress | None = None
-) -> Any:
-    """Return what captures that no calibration has seen say of one: the result of the stage `verify`.
+    cell: CellLike,
+    scans: Scans,
+    poses: Poses,
+    calibration: Calibration,
+    *,
+    mounts: Sequence[str] | None = None,
+    plate: Captures | None = None,
+    progress: Progress | None = None,
+) -> VerifyResult:
+    """Return what captures that no calibration has seen say of one.
 
-    Parameters and errors as of `merge_scans`.
+    Parameters
+    ----------
+    cell : Cell or mapping
+        With the limits in `verification`, if any.
+    scans, poses
+        Of a sphere that stands still, one a capture, as of `calibrate_tcp`.
+    calibration : TcpResult, ChainResult, RigidTransform or 4×4 array
+    mounts : sequence of str, optional
+        Which sphere of a ball bar each scan shows.
+    plate : Captures, optional
+        Of a flat plate, for its flatness.
+    progress : callable, optional
+
+    Raises
+    ------
+    CalibrationError
+        As `calibrate_tcp`.
     """
-    session = make_session(with_calibration(cell, calibration), {"verify": Captures(scans, poses)})
-    return session.run("verify", progress)["verify"]
+    steps = {"verify": Captures(scans, poses, mounts=mounts)}
+    if plate is not None:
+        steps["plate"] = plate
+    session = make_session(with_calibration(cell, calibration), steps)
+    return cast("VerifyResult", session.run("verify", progress)["verify"])
 
 
-def fit_sphere(scan: Scan, diameter_mm: float | None = None) -> Any:
+def recheck_tcp(
+    cell: CellLike, tcp: Captures, repeated: Captures, *, progress: Progress | None = None
+) -> RecheckResult:
+    """Return whether a calibration still holds, from some of its poses captured again, the sphere in its place.
+
+    Parameters
+    ----------
+    cell : Cell or mapping
+    tcp : Captures
+        Those of the calibration.
+    repeated : Captures
+        Now, at three or more of the same poses.
+    progress : callable, optional
+
+    Raises
+    ------
+    CalibrationError
+        As `calibrate_tcp`, or if no pose is repeated.
+    """
+    session = make_session(cell, {"tcp": tcp, "recheck": repeated})
+    return cast("RecheckResult", session.run("recheck", progress)["recheck"])
+
+
+def fit_sphere(scan: Scan, diameter_mm: float | None = None) -> ArcFit | SphereFit:
     """Return the sphere in a cloud (`SphereFit`), or the circle in a profile (`ArcFit`), with covariance.
 
     Raises
@@ -231,7 +336,7 @@ def fit_sphere(scan: Scan, diameter_mm: float | None = None) -> Any:
     return fit_cloud(parse_cloud(data, name), diameter_mm)
 
 
-def read_scan(path: PathLike[str] | str) -> Any:
+def read_scan(path: PathLike[str] | str) -> Reading:
     """Return a scanner's file as a `Reading`: its points, N×2 or N×3 in mm, and what was taken for what.
 
     Raises

@@ -2,16 +2,19 @@
 
 Scans are given one a capture: a file's path, or an array: N×2 is a profile (x, z), N×3 a cloud, three numbers the
 sphere's centre, all in millimetres in L; a list of profiles is a sweep, whose pose is a list too.  Frames are
-paths, or H×W arrays of 8 or 16 bit.  Poses are the controller's numbers in the cell's `pose_convention`, 4×4
-matrices base_from_tool0 in millimetres, or the path of a text with one pose a line.
+paths, or H×W arrays of 8 or 16 bit.  Poses are the controller's numbers in the cell's `pose_convention`,
+base_from_tool0 as 4×4 matrices (mm) or `RigidTransform`, poses of `read_poses`, or the path of a text with one
+pose a line.
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations  # as in `calibrate`
+
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,11 +25,19 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
 from calib_core.records import Capture, Cell, Kind, Session, parse_cell
 from calib_core.records.known_fields import require_known_fields
+from calib_core.robots.controller_file import FilePose
 from calib_core.stages.registry import steps_that_show
 
-Scan: TypeAlias = ArrayLike | PathLike[str] | str
-Scans: TypeAlias = Sequence[Any]
-Poses: TypeAlias = Sequence[Any] | PathLike[str] | str
+if TYPE_CHECKING:
+    from calib_core.formats.format import Reading
+    from calib_core.stages.chain.record import ChainResult
+    from calib_core.stages.tcp.record import TcpResult
+
+Scan: TypeAlias = "ArrayLike | PathLike[str] | str | Reading"
+Scans: TypeAlias = "Iterable[Scan | Sequence[Scan]]"
+Pose: TypeAlias = ArrayLike | RigidTransform | FilePose
+Poses: TypeAlias = Iterable[Pose | Sequence[Pose]] | PathLike[str] | str
+Calibration: TypeAlias = "TcpResult | ChainResult | RigidTransform | ArrayLike"
 CellLike: TypeAlias = Cell | Mapping[str, Any]
 
 
@@ -65,7 +76,7 @@ def make_session(cell: CellLike, steps: Mapping[str, Captures], name: str = "") 
     return in_memory(Session(name=name, cell=known, captures=captures), files)
 
 
-def with_calibration(cell: CellLike, calibration: Any) -> Cell:
+def with_calibration(cell: CellLike, calibration: Calibration) -> Cell:
     """Return a cell whose tool and, where the calibration has one, table are known.
 
     Raises
@@ -74,14 +85,15 @@ def with_calibration(cell: CellLike, calibration: Any) -> Cell:
         If it is neither a result nor a 4×4 matrix.
     """
     known = _cell(cell).known
-    tool = getattr(calibration, "tool0_from_laser", calibration)
-    matrix = np.asarray(tool, dtype=float)
-    if matrix.shape != (4, 4):
+    tool = calibration.matrix if isinstance(calibration, RigidTransform) else calibration
+    matrix = _array(getattr(calibration, "tool0_from_laser", tool))
+    if matrix is None or matrix.shape != (4, 4):
+        got = repr(calibration)[:60] if matrix is None or not matrix.ndim else f"an array of shape {matrix.shape}"
         to_do = "Give a TcpResult, a ChainResult, or tool0_from_laser."
-        raise InputError("a calibration, or a 4×4 matrix", f"an array of shape {matrix.shape}", to_do)
+        raise InputError("a calibration, or a 4×4 matrix", got, to_do)
     update: dict[str, Any] = {"tool0_from_laser": matrix.tolist()}
-    if getattr(calibration, "base_from_turntable", None) is not None:
-        update["base_from_turntable"] = calibration.base_from_turntable
+    if (table := getattr(calibration, "base_from_turntable", None)) is not None:
+        update["base_from_turntable"] = table
     return _cell(cell).model_copy(update={"known": known.model_copy(update=update)})
 
 
@@ -95,9 +107,10 @@ def _cell(cell: CellLike) -> Cell:
 
 
 def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dict[str, bytes]]]:
-    count = len(given.scans)
+    scans = _listed(given.scans, step)
+    count = len(scans)
     poses = [None] * count if given.poses is None else _poses(cell, given.poses)
-    angles = [None] * count if given.table_deg is None else [float(angle) for angle in given.table_deg]
+    angles = [None] * count if given.table_deg is None else _angles(given.table_deg, step)
     mounts = [None] * count if given.mounts is None else list(given.mounts)
     for what, found in (("pose", poses), ("angle", angles), ("mount", mounts)):
         if len(found) != count:
@@ -105,8 +118,24 @@ def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dic
             raise InputError(f"{count} {what}s, one a scan", str(len(found)), to_do, step)
     return [
         _capture(step, k, scan, {"pose": pose, "table_deg": angle, "mount": mount})
-        for k, (scan, pose, angle, mount) in enumerate(zip(given.scans, poses, angles, mounts, strict=True))
+        for k, (scan, pose, angle, mount) in enumerate(zip(scans, poses, angles, mounts, strict=True))
     ]
+
+
+def _listed(scans: Scans, step: str) -> list[Any]:
+    """Return the scans as a list; one scan in place of a list is told as such."""
+    is_profile = isinstance(scans, np.ndarray) and scans.ndim == 2 and scans.shape[1] == 2
+    if is_profile or isinstance(scans, str | PathLike):
+        raise InputError("a list of scans, one a pose", "one scan", "Put the scans in a list.", step)
+    return list(scans)
+
+
+def _angles(angles: Iterable[Any], step: str) -> list[float]:
+    try:
+        return [float(angle) for angle in angles]
+    except (TypeError, ValueError) as error:
+        need = "the table's angle of each scan, a number in degrees"
+        raise InputError(need, str(error), "Correct this angle.", step) from None
 
 
 def _capture(step: str, index: int, scan: Any, fields: dict[str, Any]) -> tuple[Capture, dict[str, bytes]]:
@@ -132,20 +161,21 @@ def _capture(step: str, index: int, scan: Any, fields: dict[str, Any]) -> tuple[
 
 def kind_name_and_bytes(scan: Any, where: str, kind: Kind | None) -> tuple[Kind, str, bytes]:
     """Return what a scan is, a file's name for it, and the bytes."""
+    from calib_core.formats.format import Reading
     from calib_core.formats.points import read_file
 
     if isinstance(scan, str | PathLike):
         path = Path(cast("str | PathLike[str]", scan))
         data = read_bytes(path, "Name the scanner's file.")
         return kind or read_file(data, str(path)).kind, str(path), data
-    array = np.asarray(scan)
     if kind == "frame":
-        return kind, "frame.png", _png(array, where)
-    if array.ndim != 2 or array.shape[1] not in (2, 3):
-        need = "N×2 (a profile), N×3 (a cloud), or three numbers (a centre)"
-        raise InputError(need, f"an array of shape {array.shape}", "Give the points as rows.", where)
+        return kind, "frame.png", _png(np.asarray(scan), where)
+    array = _array(scan.points if isinstance(scan, Reading) else scan)
+    if array is None or array.ndim != 2 or array.shape[1] not in (2, 3):
+        got = repr(scan)[:60] if array is None or not array.ndim else f"an array of shape {array.shape}"
+        raise InputError("points, N×2 (a profile) or N×3 (a cloud)", got, "Give them as rows of numbers.", where)
     data = BytesIO()
-    np.save(data, array.astype(float), allow_pickle=False)
+    np.save(data, array, allow_pickle=False)
     return ("profile" if array.shape[1] == 2 else "cloud"), "points.npy", data.getvalue()
 
 
@@ -179,8 +209,14 @@ def _poses_of_text(cell: Cell, path: Path) -> list[Any]:
 
 
 def _pose(cell: Cell, pose: Any, where: str) -> list[Any]:
-    from calib_core.robots import to_pose
+    from calib_core.robots import parse_pose, to_pose
 
+    if isinstance(pose, FilePose):
+        if pose.pose is None:
+            raise InputError("a pose", f"joints alone ({pose.name})", "Give its pose.", where)
+        pose = parse_pose(pose.convention, pose.pose, where)
+    if isinstance(pose, RigidTransform):
+        return to_pose(cell.pose_convention, pose)
     if np.shape(pose) == (4, 4):
         return to_pose(cell.pose_convention, RigidTransform.from_rounded(pose, "base", "tool0"))
     array = _array(pose)

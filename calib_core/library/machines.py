@@ -62,7 +62,8 @@ def files_of(path: Path) -> dict[str, bytes]:
             return {str(p.relative_to(path)): p.read_bytes() for p in names}
         return {path.name: path.read_bytes()}
     except OSError as error:
-        raise InputError("a file that can be read", str(error), "Check its name.", str(path)) from None
+        got = (error.strerror or type(error).__name__).lower()
+        raise InputError("a file that can be read", got, "Check its name.", str(path)) from None
 
 
 def tool_of(

@@ -48,7 +48,7 @@ def html_of(result: Result) -> str:
 
     data = _told(result)
     body = f"<h2>{title_of(data['stage'])}</h2>{result_html(data, result.evidence)}"
-    return f'<div class="scancell"><style>{STYLE}</style>{body}</div>'
+    return f'<div class="scancell notebook"><style>{STYLE}</style>{body}</div>'
 
 
 def _told(result: Result) -> dict[str, Any]:

@@ -6,7 +6,9 @@ from typing import Any
 import bench_recheck
 import pytest
 
+import calib_core as cc
 from calib_core.errors import MotionError
+from calib_core.library.opened import in_memory
 from calib_core.records import Measured, Session, parse_session
 from calib_core.simulation import SimulatedSession, retake, simulate
 from calib_core.stages.guide import guide
@@ -72,6 +74,17 @@ def test_an_unchanged_cell_still_holds_and_the_guide_leads_there(solved: Any) ->
     assert now.suggested_pose is not None
     assert guide(session, measured, solved[1]).current.action == "solve"
     assert guide(session, measured, {**solved[1], "recheck": result.to_json()}).current.action == "review"
+
+
+def test_the_library_rechecks_arrays(solved: Any) -> None:
+    record, files = again(solved, [0.0])
+    session = in_memory(record, files)
+    steps = [[c for c in session.captures if c.step == step] for step in ("tcp", "recheck")]
+    before, now = (
+        cc.Captures([cc.scan_points(session, c) for c in captures], [c.pose for c in captures])
+        for captures in steps
+    )
+    assert cc.recheck_tcp(session.cell, before, now).holds
 
 
 def test_captures_from_other_poses_are_refused_with_what_to_do(solved: Any) -> None:

@@ -1,12 +1,16 @@
 """Each function of the library on arrays alone: the answer is what the session's own files give."""
 
+import copy
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.robots.controller_file import FilePose
 from calib_core.simulation import SimulatedSession
 
 Rendered = Callable[[str, int], SimulatedSession]
@@ -49,6 +53,8 @@ def test_a_part_is_merged_and_its_calibration_checked() -> None:
     merged = cc.merge_scans(cell, scans, poses, angles)
     away = np.linalg.norm(merged.points_mm - np.array(truth["ball_center_in_turntable_mm"]), axis=1)
     assert len(merged.points_mm) == merged.points > 1000
+    assert copy.copy(merged).points == merged.points
+    assert "overlap_rms_mm" in dir(merged)
     off_ball = np.abs(away - truth["ball_diameter_mm"] / 2)
     assert (off_ball < 0.5).sum() > 500
     assert np.median(off_ball[off_ball < 2.0]) < 0.2
@@ -66,3 +72,43 @@ def test_captures_that_no_calibration_saw_verify_one() -> None:
     wrong[:3, 3] += [4.0, 0.0, 0.0]
     assert cc.verify(session.cell, scans, poses, wrong).verdict == "fail"
     assert checked.held_out_scatter_rms_mm < 3 * checked.expected_scatter_rms_mm
+
+
+def test_scans_and_poses_are_taken_in_every_form_in_which_one_has_them(tmp_path: Path) -> None:
+    session, _ = cc.simulate("tcp", 1)
+    cell = session.cell
+    shown = session.captures[:3]
+    scans = [cc.scan_points(session, capture) for capture in shown]
+    transforms = [cc.parse_pose(cell.pose_convention, capture.pose or []) for capture in shown]
+    (tmp_path / "scan.csv").write_bytes(session.read(shown[0].files[0]))
+    as_kuka = [tuple(cc.to_pose("kuka", pose)) for pose in transforms]
+    from_file = [FilePose(f"P{k}", pose, "kuka", None, None, 1, 0, k) for k, pose in enumerate(as_kuka)]
+    reading = cc.read_scan(tmp_path / "scan.csv")
+    for given in (transforms, from_file, np.array([pose.matrix for pose in transforms]), iter(transforms)):
+        made = cc.make_session(cell, {"tcp": cc.Captures((scan for scan in [reading, *scans[1:]]), given)})
+        for capture, own in zip(made.captures, shown, strict=True):
+            np.testing.assert_allclose(capture.pose or [], own.pose or [], atol=1e-6)
+            np.testing.assert_allclose(cc.scan_points(made, capture), cc.scan_points(session, own), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("scans", "angles", "said"),
+    [
+        (np.zeros((5, 2)), None, "a list of scans, one a pose, got one scan"),
+        ("scan.csv", None, "a list of scans, one a pose, got one scan"),
+        ([np.array([["a", "b"]])], None, "Give them as rows of numbers"),
+        ([None], None, "got None"),
+        ([np.zeros((2, 9))], None, r"shape \(2, 9\)"),
+        ([np.zeros((5, 2))], ["x"], "a number in degrees"),
+    ],
+)
+def test_what_is_no_scan_or_angle_is_told_in_words(scans: Any, angles: Any, said: str) -> None:
+    captures = cc.Captures(scans, [[0.0] * 6], angles)
+    with pytest.raises(cc.CalibrationError, match=said):
+        cc.make_session(cc.Cell(pose_convention="kuka"), {"turntable": captures})
+
+
+@pytest.mark.parametrize("calibration", [None, "tool.json", np.eye(3)])
+def test_what_is_no_calibration_is_told_in_words(calibration: Any) -> None:
+    with pytest.raises(cc.CalibrationError, match="need a calibration, or a 4×4 matrix, got"):
+        cc.verify(cc.Cell(pose_convention="kuka"), [], [], calibration)
