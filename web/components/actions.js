@@ -41,9 +41,7 @@ export class ActionsElement extends StateElement {
   #capturing = false;
   #followed = "";
 
-  get parts() {
-    return /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view"]);
-  }
+  parts = /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view"]);
 
   build() {
     this.intake?.addEventListener("solve", () => void this.solve());

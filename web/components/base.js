@@ -8,10 +8,7 @@ export class StateElement extends HTMLElement {
   /** @type {SessionState | null} */ #state = null;
   /** @type {(() => void) | null} */ #stop = null;
 
-  /** @returns {readonly Part[]} */
-  get parts() {
-    return [];
-  }
+  /** What of the state it shows. @type {readonly Part[]} */ parts = [];
 
   /** The session's state; the page sets it before the element is shown. */
   get state() {

@@ -38,9 +38,7 @@ export class CapturesElement extends StateElement {
   /** @type {ReturnType<typeof setTimeout> | undefined} */ #timer;
   /** @type {WeakMap<Element, { capture: CaptureOut, told: string }>} */ #shown = new WeakMap();
 
-  get parts() {
-    return /** @type {const} */ (["captures", "results", "selection", "step"]);
-  }
+  parts = /** @type {const} */ (["captures", "results", "selection", "step"]);
 
   build() {
     this.append(

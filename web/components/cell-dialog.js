@@ -10,6 +10,7 @@ import { learnTexts, maybe, t } from "../texts.js";
 import { did, patchBack } from "../state/undo.js";
 import { bring } from "../state/upload.js";
 import { conventionWords } from "./pose-columns.js";
+import { alarm, closeButton, field, showDialog } from "./dialog.js";
 import { attempt } from "./toasts.js";
 
 await learnTexts("cell");
@@ -24,13 +25,6 @@ const MOST_TURNS = 8;
 const KINDS = ["profile", "cloud", "center", "frame"];
 /** @type {readonly NonNullable<Cell["board"]>["kind"][]} */
 const BOARDS = ["chessboard", "charuco", "circles", "asymmetric-circles"];
-
-/** @param {string} id @param {string} label @param {HTMLElement} control @param {string} [hint] */
-function field(id, label, control, hint) {
-  control.id = id;
-  if (hint) control.setAttribute("aria-describedby", `${id}-hint`);
-  return h("div", { class: "field" }, h("label", { for: id }, label), control, hint ? h("span", { class: "hint", id: `${id}-hint` }, hint) : null);
-}
 
 /** @param {string} name @param {Record<string, unknown>} [rest] */
 function number(name, rest = {}) {
@@ -162,7 +156,7 @@ export const cellDialogFor = (convention, found) => attempt(async () => open(awa
 
 /** @param {ConventionInfo[]} conventions @param {SessionOut} [session] @param {{ convention: PoseConvention | undefined, found: Found[] }} [brought] */
 function open(conventions, session, brought) {
-  const alarm = h("p", { class: "form-problem", role: "alert", hidden: true });
+  const told = alarm();
   const form = h(
     "form", { method: "dialog", novalidate: true },
     h("h2", { id: "new-title" }, t(session ? "new.correct" : "new.title")),
@@ -182,8 +176,8 @@ function open(conventions, session, brought) {
       field("new-orientation-sigma", t("new.orientation_sigma"), number("orientation_sigma")),
       field("new-z", t("new.z_axis"), h("select", { name: "z_axis" }, h("option", { value: "" }, t("new.z_data")), h("option", { value: "away" }, t("new.z_away")), h("option", { value: "toward" }, t("new.z_toward")))),
       h("p", { class: "hint soft small" }, t("new.sigma_hint")))),
-    h("div", { class: "foot" }, alarm,
-      h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go")))),
+    h("div", { class: "foot" }, told.element,
+      h("div", { class: "row end" }, closeButton(), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go")))),
   );
   const dialog = h("dialog", { "aria-labelledby": "new-title" }, form);
   const base = { session, found: brought?.found };
@@ -191,12 +185,10 @@ function open(conventions, session, brought) {
   if (brought?.convention && convention instanceof HTMLSelectElement) convention.value = brought.convention;
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    void submit(form, alarm, dialog, base);
+    void submit(form, told, dialog, base);
   });
   if (session) fill(form, session);
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+  showDialog(dialog);
 }
 
 /**
@@ -231,18 +223,18 @@ function namesOfChanges(before, after) {
 
 /**
  * @param {HTMLFormElement} form
- * @param {HTMLElement} alarm
+ * @param {ReturnType<typeof alarm>} told
  * @param {HTMLDialogElement} dialog
  * @param {{ session?: SessionOut, found?: Found[] }} base the session as the fields were filled from it; without one a new one is made, for files that may be there already
  */
-async function submit(form, alarm, dialog, base) {
+async function submit(form, { show, during }, dialog, base) {
   const data = new FormData(form);
   const found = faults(data);
   mark(form, found);
-  alarm.textContent = Object.values(found)[0] ?? "";
-  alarm.hidden = alarm.textContent === "";
-  if (!alarm.hidden) return;
-  try {
+  const [fault] = Object.values(found);
+  show(fault ?? "");
+  if (fault) return;
+  await during(async () => {
     const body = bodyOf(data);
     const stored = base.session ? await changed(base, base.session, asChange(body)) : await api.createSession(body);
     const { session } = base;
@@ -255,11 +247,7 @@ async function submit(form, alarm, dialog, base) {
       if (base.found) bring(stored.id, base.found);
       go(`/sessions/${stored.id}`);
     }
-  } catch (error) {
-    if (!(error instanceof Problem)) throw error;
-    alarm.textContent = error.message;
-    alarm.hidden = false;
-  }
+  });
 }
 
 /** @param {HTMLFormElement} form @param {Record<string, string>} found */

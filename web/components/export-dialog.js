@@ -1,9 +1,9 @@
 // Saving an export; some ask something first: which tool of the controller, which frame, how fast.
 
 import { api } from "../state/api.js";
-import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";
+import { alarm, closeButton, openDialog, saveFile } from "./dialog.js";
 import { schemaForm } from "./schema-form.js";
 import { notify } from "./toasts.js";
 
@@ -11,33 +11,17 @@ import { notify } from "./toasts.js";
 
 /** It is fetched, not gone to: why there is nothing to save is told on this page. @param {string} sessionId @param {Entry} entry @param {Record<string, unknown>} chosen */
 export async function saveExport(sessionId, { name, suffix }, chosen) {
-  const link = h("a", { href: URL.createObjectURL(await api.exported(sessionId, name, chosen)), download: `${name}${suffix}` });
-  link.click();
-  URL.revokeObjectURL(link.href);
-  notify(t("export.saved", { name: link.download }));
+  saveFile(await api.exported(sessionId, name, chosen), `${name}${suffix}`);
+  notify(t("export.saved", { name: `${name}${suffix}` }));
 }
 
 /** @param {string} sessionId @param {Entry} entry */
 export function exportDialog(sessionId, entry) {
-  const alarm = h("p", { class: "form-problem", role: "alert", hidden: true });
-  const dialog = h("dialog", { "aria-labelledby": "export-title" });
+  const { element: problem, during } = alarm();
   const save = async (/** @type {Record<string, unknown>} */ values) => {
-    alarm.hidden = true;
     const chosen = Object.fromEntries(Object.entries(values).filter(([, value]) => value !== null));
-    try {
-      await saveExport(sessionId, entry, chosen);
-      dialog.close();
-    } catch (error) {
-      if (!(error instanceof Problem)) throw error;
-      alarm.textContent = error.message;
-      alarm.hidden = false;
-    }
+    if (await during(() => saveExport(sessionId, entry, chosen))) dialog.close();
   };
-  dialog.append(h("div", { class: "body" },
-    h("h2", { id: "export-title" }, entry.title), alarm,
-    schemaForm(entry.settings, {}, { prefix: "export", go: t("export.save"), submit: save, needs: "" }),
-    h("div", { class: "row end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")))));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+  const form = schemaForm(entry.settings, {}, { prefix: "export", go: t("export.save"), submit: save, needs: "" });
+  const dialog = openDialog("export", entry.title, [problem, form, h("div", { class: "row end" }, closeButton())]);
 }

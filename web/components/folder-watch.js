@@ -30,9 +30,7 @@ export class FolderWatchElement extends StateElement {
   #none = h("p", { class: "panel", hidden: true }, t("watch.unavailable"));
   #status = h("section", { class: "panel watch-status", "aria-label": t("watch.title"), "aria-live": "polite", hidden: true });
 
-  get parts() {
-    return /** @type {const} */ (["session", "captures"]);
-  }
+  parts = /** @type {const} */ (["session", "captures"]);
 
   build() {
     this.append(this.#panel, this.#none, this.#status);

@@ -4,6 +4,7 @@ import { h, make, s } from "../dom.js";
 import { small } from "../format.js";
 import { t } from "../texts.js";
 import { arrowsOn, timesLonger } from "./arrows.js";
+import { closeButton, showDialog } from "./dialog.js";
 import { framePlot } from "./frame-plot.js";
 import { PlotElement } from "./plot.js";
 import { profilePlot } from "./profile-plot.js";
@@ -16,14 +17,10 @@ const SIZE = { width: 1000, height: 520 };
 /** @param {CaptureOut} capture @param {SessionState} state */
 export function fullSize(capture, state) {
   const { measured, id } = capture;
-  const dialog = h("dialog", { class: "full-size", "aria-labelledby": "full-title" });
-  dialog.append(h("div", { class: "body" },
-    h("div", { class: "row spread" }, h("h2", { id: "full-title" }, id), h("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, t("close"))),
+  showDialog(h("dialog", { class: "full-size", "aria-labelledby": "full-title" }, h("div", { class: "body" },
+    h("div", { class: "row spread" }, h("h2", { id: "full-title" }, id), closeButton(t("close"), { autofocus: true })),
     ...(measured.image_size ? frameWithArrows(capture, state) : [profilePlot(measured, SIZE)]),
-    along(measured)));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+    along(measured))));
 }
 
 /** The frame with what was found in it, and with the camera's residuals once that is solved. @param {CaptureOut} capture @param {SessionState} state */

@@ -20,9 +20,7 @@ export class GuideElement extends StateElement {
   #drawing = make(DrawingElement);
   #words = h("div", { class: "guide-words", "aria-live": "polite" });
 
-  get parts() {
-    return /** @type {const} */ (["guide", "step", "results"]);
-  }
+  parts = /** @type {const} */ (["guide", "step", "results"]);
 
   build() {
     this.append(this.#words, this.#drawing);

@@ -65,9 +65,7 @@ export class IntakeElement extends StateElement {
     h("div", { class: "row end" }, this.#addAndSolve, this.#add),
   );
 
-  get parts() {
-    return /** @type {const} */ (["session"]);
-  }
+  parts = /** @type {const} */ (["session"]);
 
   build() {
     this.#text.setAttribute("aria-describedby", "pose-hint");

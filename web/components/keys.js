@@ -2,6 +2,7 @@
 
 import { h } from "../dom.js";
 import { learnTexts, t } from "../texts.js";
+import { closeButton, openDialog } from "./dialog.js";
 
 await learnTexts("plots");
 
@@ -14,11 +15,6 @@ const KEYS = [
 ];
 
 export function keysDialog() {
-  const dialog = h("dialog", { "aria-labelledby": "keys-title" }, h("div", { class: "body" },
-    h("h2", { id: "keys-title" }, t("keys.title")),
-    h("dl", { class: "keys" }, ...KEYS.map(([key, words]) => h("div", {}, h("dt", {}, h("kbd", {}, key)), h("dd", {}, t(words))))),
-    h("div", { class: "row end" }, h("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, t("close")))));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+  const keys = KEYS.map(([key, words]) => h("div", {}, h("dt", {}, h("kbd", {}, key)), h("dd", {}, t(words))));
+  openDialog("keys", t("menu.keys"), [h("dl", { class: "keys" }, ...keys), h("div", { class: "row end" }, closeButton(t("close"), { autofocus: true }))]);
 }

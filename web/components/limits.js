@@ -18,9 +18,7 @@ const FIELD = "verification";
 export class LimitsElement extends StateElement {
   #shown = "";
 
-  get parts() {
-    return /** @type {const} */ (["session", "captures", "step"]);
-  }
+  parts = /** @type {const} */ (["session", "captures", "step"]);
 
   update() {
     const { state } = this;

@@ -5,9 +5,7 @@ import { t } from "../texts.js";
 import { StateElement } from "./base.js";
 
 export class LiveElement extends StateElement {
-  get parts() {
-    return /** @type {const} */ (["live"]);
-  }
+  parts = /** @type {const} */ (["live"]);
 
   update() {
     const { live } = this.state;

@@ -19,9 +19,7 @@ const MOST_OFFERED = 300;
 export class QualityElement extends StateElement {
   /** @type {string | null} the capture that the shown one is compared with */ #other = null;
 
-  get parts() {
-    return /** @type {const} */ (["captures", "selection", "results"]);
-  }
+  parts = /** @type {const} */ (["captures", "selection", "results"]);
 
   update() {
     const capture = this.state.shown;

@@ -15,9 +15,7 @@ const SIGNS = /** @type {Record<string, string>} */ ({
 export class RailElement extends StateElement {
   #list = h("ol", { class: "rail-steps" });
 
-  get parts() {
-    return /** @type {const} */ (["guide", "results", "captures", "step"]);
-  }
+  parts = /** @type {const} */ (["guide", "results", "captures", "step"]);
 
   build() {
     this.append(h("nav", { "aria-label": t("rail.steps") }, this.#list));

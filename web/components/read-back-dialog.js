@@ -9,6 +9,7 @@ import { chosen } from "../state/files.js";
 import { conventions } from "../state/registries.js";
 import { learnTexts, said, t } from "../texts.js";
 import { conventionWords } from "./pose-columns.js";
+import { field, formButtons, openDialog } from "./dialog.js";
 import { attempt } from "./toasts.js";
 
 await learnTexts("dialogs");
@@ -18,12 +19,12 @@ await learnTexts("dialogs");
 /** @param {string} sessionId */
 export function readBackDialog(sessionId) {
   const outcome = h("div", { role: "status", class: "read-back" });
-  const files = h("input", { id: "read-back-files", type: "file", multiple: true });
-  const tool = h("select", { id: "read-back-tool" });
-  const numbers = h("input", { id: "read-back-numbers", type: "text", autocomplete: "off", placeholder: "0 0 184 0 45 0", spellcheck: false });
-  const convention = h("select", { id: "read-back-convention" }, h("option", { value: "" }, t("read_back.session")));
-  const which = h("div", { class: "field", hidden: true }, h("label", { for: "read-back-tool" }, t("read_back.tool")), tool);
-  const dialog = h("dialog", { "aria-labelledby": "read-back-title" });
+  const files = h("input", { type: "file", multiple: true, onchange: () => void listTools() });
+  const tool = h("select", {});
+  const numbers = h("input", { type: "text", autocomplete: "off", placeholder: "0 0 184 0 45 0", spellcheck: false, oninput: () => numbers.setCustomValidity("") });
+  const convention = h("select", {}, h("option", { value: "" }, t("read_back.session")));
+  const which = field("read-back-tool", t("read_back.tool"), tool);
+  which.hidden = true;
 
   let latest = 0; // answers may come in another order than they were asked for
   const listTools = async () => {
@@ -38,8 +39,7 @@ export function readBackDialog(sessionId) {
       which.hidden = tools.length < 2;
     });
   };
-  const compare = async (/** @type {Event} */ event) => {
-    event.preventDefault();
+  const compare = async () => {
     const found = numbers.value.trim() ? [] : chosen(files);
     /** @type {Record<string, string>} */
     const asked = found.length ? { tool: tool.value } : { numbers: numbers.value, convention: convention.value };
@@ -57,23 +57,12 @@ export function readBackDialog(sessionId) {
     }
     if (comparison === latest) outcome.replaceChildren(...answer);
   };
-  files.addEventListener("change", () => void listTools());
-  numbers.addEventListener("input", () => numbers.setCustomValidity(""));
-  dialog.append(h(
-    "form", { class: "body", novalidate: true, onsubmit: compare },
-    h("h2", { id: "read-back-title" }, t("read_back.title")),
+  openDialog("read-back", t("read_back.title"), [
     h("p", { class: "soft" }, t("read_back.how")),
-    h("div", { class: "field" }, h("label", { for: "read-back-files" }, t("read_back.files")), files),
-    which,
-    h("div", { class: "field" }, h("label", { for: "read-back-numbers" }, t("read_back.numbers")), numbers),
-    h("div", { class: "field" }, h("label", { for: "read-back-convention" }, t("read_back.convention")), convention),
-    outcome,
-    h("div", { class: "row end" },
-      h("button", { type: "button", onclick: () => dialog.close() }, t("close")),
-      h("button", { type: "submit", class: "primary" }, t("read_back.compare")))));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+    field("read-back-files", t("read_back.files"), files), which,
+    field("read-back-numbers", t("read_back.numbers"), numbers), field("read-back-convention", t("read_back.convention"), convention),
+    outcome, formButtons(t("result.compare"), t("close")),
+  ], { submit: compare });
   void attempt(async () => convention.append(...(await conventions()).map((one) => h("option", { value: one.name }, conventionWords(one)))));
 }
 

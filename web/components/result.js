@@ -21,9 +21,7 @@ export class ResultElement extends StateElement {
   #due = true;
   #drawing = 0;
 
-  get parts() {
-    return /** @type {const} */ (["results", "guide", "selection", "job", "view", "step"]);
-  }
+  parts = /** @type {const} */ (["results", "guide", "selection", "job", "view", "step"]);
 
   /** @param {ReadonlySet<import("../state/session.js").Part>} changed */
   update(changed) {

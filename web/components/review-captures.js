@@ -11,9 +11,7 @@ export class ReviewCapturesElement extends StateElement {
   #head = h("tr");
   #body = h("tbody");
 
-  get parts() {
-    return /** @type {const} */ (["captures", "selection", "step"]);
-  }
+  parts = /** @type {const} */ (["captures", "selection", "step"]);
 
   build() {
     this.append(this.#count, h("div", { class: "table-holder", tabindex: 0, role: "region", "aria-labelledby": "review-captures-title" },

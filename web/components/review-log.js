@@ -16,9 +16,7 @@ export class ReviewLogElement extends StateElement {
   #list = h("ol", { class: "log" });
   #drawn = 0;
 
-  get parts() {
-    return /** @type {const} */ (["place"]);
-  }
+  parts = /** @type {const} */ (["place"]);
 
   build() {
     this.append(h("details", { class: "panel", open: true }, h("summary", {}, t("review.log")), this.#list));

@@ -40,9 +40,7 @@ export class SceneElement extends StateElement {
   /** @type {(() => void) | null} */ #stopTheme = null;
   /** @type {string | null} */ #lit = null;
 
-  get parts() {
-    return /** @type {const} */ (["session", "guide", "selection", "place", "step", "view"]);
-  }
+  parts = /** @type {const} */ (["session", "guide", "selection", "place", "step", "view"]);
 
   build() {
     const tools = h("div", { class: "scene-tools", role: "group", "aria-label": t("scene.tools"), onpointerenter: () => this.#learn(), onfocusin: () => this.#learn() },

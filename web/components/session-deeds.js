@@ -5,6 +5,7 @@ import { h } from "../dom.js";
 import { did } from "../state/undo.js";
 import { learnTexts, plural, t } from "../texts.js";
 import "./undo.js";
+import { closeButton, field, openDialog } from "./dialog.js";
 import { attempt, notify } from "./toasts.js";
 
 await Promise.all([learnTexts("start"), learnTexts("cell")]);
@@ -16,19 +17,13 @@ export const nameOf = (session) => session.name || session.id;
 
 /** @param {string} title @param {(Node | string)[]} body @param {{ words: string, danger?: boolean, act: () => Promise<void> }} go */
 function ask(title, body, { words, danger = false, act }) {
-  const submit = async (/** @type {Event} */ event) => {
-    event.preventDefault();
+  const submit = async (/** @type {SubmitEvent} */ { target }) => {
+    if (!/** @type {HTMLFormElement} */ (target).reportValidity()) return;
     dialog.close();
     await act();
   };
-  const dialog = h("dialog", { "aria-labelledby": "deed-title" }, h("form", { onsubmit: (/** @type {Event} */ event) => void submit(event) },
-    h("h2", { id: "deed-title" }, title), ...body,
-    h("div", { class: "row end" },
-      h("button", { type: "button", autofocus: danger, onclick: () => dialog.close() }, t("cancel")),
-      h("button", { type: "submit", class: danger ? "danger" : "primary" }, words))));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+  const dialog = openDialog("deed", title, [...body, h("div", { class: "row end" },
+    closeButton(t("cancel"), { autofocus: danger }), h("button", { type: "submit", class: danger ? "danger" : "primary" }, words))], { submit });
 }
 
 /** @param {readonly SessionSummary[]} sessions @param {() => Promise<void>} after */
@@ -47,8 +42,8 @@ export function removeSessions(sessions, after) {
 
 /** @param {SessionSummary} session @param {() => Promise<void>} after */
 export function renameSession(session, after) {
-  const name = h("input", { id: "session-name", required: true, maxlength: 200, autocomplete: "off", ".value": session.name });
-  ask(t("start.rename", { name: nameOf(session) }), [h("div", { class: "field" }, h("label", { for: "session-name" }, t("new.name")), name)],
+  const name = h("input", { required: true, maxlength: 200, autocomplete: "off", ".value": session.name });
+  ask(t("start.rename", { name: nameOf(session) }), [field("session-name", t("new.name"), name)],
     { words: t("place.save"), act: async () => { if (await attempt(() => api.changeSession(session.id, { name: name.value.trim() }))) await after(); } });
   name.select();
 }

@@ -5,6 +5,7 @@ import { h } from "../dom.js";
 import { inField, typedNumber } from "../format.js";
 import { t } from "../texts.js";
 import { did } from "../state/undo.js";
+import { field, formButtons, openDialog } from "./dialog.js";
 import { attempt } from "./toasts.js";
 
 /** @import {CaptureOut} from "../state/model.js" */
@@ -14,11 +15,9 @@ import { attempt } from "./toasts.js";
  * @param {CaptureOut} capture
  */
 export function tableDialog(sessionId, capture) {
-  const angle = h("input", { id: "place-angle", inputmode: "decimal", autocomplete: "off", required: true, autofocus: true, value: inField(capture.table_deg) });
+  const angle = h("input", { inputmode: "decimal", autocomplete: "off", required: true, autofocus: true, value: inField(capture.table_deg), oninput: () => angle.setCustomValidity("") });
   const mount = h("input", { id: "place-mount", autocomplete: "off", value: capture.mount ?? "", "aria-describedby": "place-hint" });
-  const dialog = h("dialog", { "aria-labelledby": "place-title" });
-  const save = async (/** @type {Event} */ event) => {
-    event.preventDefault();
+  const save = async () => {
     const value = typedNumber(angle.value);
     angle.setCustomValidity(Number.isFinite(value) ? "" : t("place.need_angle"));
     if (!angle.reportValidity()) return;
@@ -28,16 +27,9 @@ export function tableDialog(sessionId, capture) {
     dialog.close();
     did(t("place.changed", { capture: capture.id }), () => api.changeCapture(sessionId, capture.id, before));
   };
-  angle.addEventListener("input", () => angle.setCustomValidity(""));
-  dialog.append(h(
-    "form", { class: "body", novalidate: true, onsubmit: save },
-    h("h2", { id: "place-title" }, t("place.title", { capture: capture.id })),
-    h("div", { class: "field" }, h("label", { for: "place-angle" }, t("place.angle")), angle),
+  const dialog = openDialog("place", t("place.title", { capture: capture.id }), [
+    field("place-angle", t("place.angle"), angle),
     h("div", { class: "field" }, h("label", { for: "place-mount" }, t("place.mount")), h("span", { class: "hint", id: "place-hint" }, t("place.mount_hint")), mount),
-    h("div", { class: "row end" },
-      h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")),
-      h("button", { type: "submit", class: "primary" }, t("place.save")))));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+    formButtons(t("place.save")),
+  ], { submit: save });
 }

@@ -27,9 +27,7 @@ export class TimelineElement extends StateElement {
   #timer = 0;
   #drawn = 0;
 
-  get parts() {
-    return /** @type {const} */ (["place"]);
-  }
+  parts = /** @type {const} */ (["place"]);
 
   get #review() {
     if (!(this.state instanceof ReviewState)) throw new Error("a time line needs a review");

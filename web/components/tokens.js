@@ -6,6 +6,7 @@ import { when } from "../format.js";
 import { mark } from "../icons.js";
 import { t } from "../texts.js";
 import { copyButton } from "./copy.js";
+import { closeButton, openDialog } from "./dialog.js";
 import { attempt, notify } from "./toasts.js";
 
 /** @import {TokenRecord} from "../state/model.js" */
@@ -77,7 +78,6 @@ export class TokensElement extends HTMLElement {
 
   /** @param {TokenRecord} token */
   #askToRevoke({ id, name }) {
-    const dialog = h("dialog", { "aria-labelledby": "revoke-title" });
     const revoke = async () => {
       dialog.close();
       if (!await attempt(() => api.revokeToken(id))) return;
@@ -85,14 +85,8 @@ export class TokensElement extends HTMLElement {
       await attempt(() => this.#load());
       this.changed();
     };
-    dialog.append(h("div", { class: "body" },
-      h("h2", { id: "revoke-title" }, t("tokens.end_what", { name })), h("p", {}, t("tokens.end_words")),
-      h("div", { class: "row end" },
-        h("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, t("cancel")),
-        h("button", { type: "button", class: "danger", onclick: () => void revoke() }, t("tokens.end")))));
-    dialog.addEventListener("close", () => dialog.remove());
-    document.body.append(dialog);
-    dialog.showModal();
+    const dialog = openDialog("revoke", t("tokens.end_what", { name }), [h("p", {}, t("tokens.end_words")), h("div", { class: "row end" },
+      closeButton(t("cancel"), { autofocus: true }), h("button", { type: "button", class: "danger", onclick: () => void revoke() }, t("tokens.end")))]);
   }
 }
 

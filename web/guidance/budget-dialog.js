@@ -4,7 +4,8 @@ import { get } from "../state/http.js";
 import { h, s } from "../dom.js";
 import { fixed, plusMinus, small } from "../format.js";
 import { t } from "../texts.js";
-import { alarm, choice, numberField, opened, tableOf } from "./parts.js";
+import { alarm } from "../components/dialog.js";
+import { choice, numberField, opened, tableOf } from "./parts.js";
 
 /** @import {BudgetAtPart, FieldPoint} from "../api-types.js" */
 

@@ -4,7 +4,8 @@ import { json, request } from "../state/http.js";
 import { h } from "../dom.js";
 import { fixed, plusMinus } from "../format.js";
 import { said, t } from "../texts.js";
-import { alarm, choice, numberField, opened, tableOf } from "./parts.js";
+import { alarm } from "../components/dialog.js";
+import { choice, numberField, opened, tableOf } from "./parts.js";
 
 /** @import {CellPlan} from "../api-types.js" */
 

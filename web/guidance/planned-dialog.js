@@ -6,7 +6,8 @@ import { h } from "../dom.js";
 import { fixed, forController, plusMinus } from "../format.js";
 import { maybe, t } from "../texts.js";
 import { attempt, notify } from "../components/toasts.js";
-import { alarm, choice, numberField, opened, tableOf } from "./parts.js";
+import { alarm, saveFile } from "../components/dialog.js";
+import { choice, numberField, opened, tableOf } from "./parts.js";
 
 /** @import {PoseList} from "../api-types.js" */
 
@@ -30,9 +31,7 @@ export async function plannedDialog(sessionId) {
   const save = () => during(async () => {
     const response = await request(`${base}/program?${asked({ brand: brand.select.value })}`);
     const name = /filename="([^"]+)"/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? "planned.txt";
-    const link = h("a", { href: URL.createObjectURL(await response.blob()), download: name });
-    link.click();
-    URL.revokeObjectURL(link.href);
+    saveFile(await response.blob(), name);
     notify(t("planned.saved", { name }));
   });
   opened("planned", t("planned.title"), h("p", { class: "soft" }, t("planned.how")),

@@ -44,9 +44,7 @@ class LivePanelElement extends StateElement {
   #told = "";
   /** @type {(() => void) | null} */ #stopPreviews = null;
 
-  get parts() {
-    return /** @type {const} */ (["devices", "session"]);
-  }
+  parts = /** @type {const} */ (["devices", "session"]);
 
   build() {
     this.#devices.sessionId = this.#table.sessionId = this.state.id;

@@ -2,6 +2,7 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
+import { field } from "../components/dialog.js";
 import { comparisonSections } from "../components/comparison.js";
 import { attempt } from "../components/toasts.js";
 import { stages } from "../state/registries.js";
@@ -22,7 +23,7 @@ export class ComparePage extends HTMLElement {
   /** Answers may come in another order than they were asked for: only the latest counts. */
   #asked = 0;
   #answer = h("div", { class: "comparison", "aria-live": "polite" });
-  #stage = h("select", { id: "compare-stage", onchange: () => void this.#changed("stage", this.#stage.value) });
+  #stage = h("select", { onchange: () => void this.#changed("stage", this.#stage.value) });
   /** @type {Record<"left" | "right", { session: HTMLSelectElement, solve: HTMLSelectElement }>} */
   #chosen = { left: this.#side("left"), right: this.#side("right") };
 
@@ -57,8 +58,8 @@ export class ComparePage extends HTMLElement {
   /** @param {"left" | "right"} side */
   #side(side) {
     const changed = () => void this.#changed(side, session.value + (solve.value ? `:${solve.value}` : ""));
-    const session = h("select", { id: `compare-${side}`, onchange: () => void this.#changed(side, session.value) });
-    const solve = h("select", { id: `compare-${side}-solve`, onchange: changed });
+    const session = h("select", { onchange: () => void this.#changed(side, session.value) });
+    const solve = h("select", { onchange: changed });
     return { session, solve };
   }
 
@@ -112,11 +113,6 @@ export class ComparePage extends HTMLElement {
 function names({ left, right }) {
   if (left.session === right.session) return { left: t("comparison.first", { when: when(left.created) }), right: t("comparison.second", { when: when(right.created) }) };
   return { left: left.name || left.session, right: right.name || right.session };
-}
-
-/** @param {string} id @param {string} label @param {HTMLElement} control */
-function field(id, label, control) {
-  return h("div", { class: "field" }, h("label", { for: id }, label), control);
 }
 
 customElements.define("sc-compare", ComparePage);

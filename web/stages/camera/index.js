@@ -15,9 +15,7 @@ class CameraResidualsElement extends StateElement {
   #picture = h("div", {});
   #select = h("select", { id: "camera-view", onchange: () => this.state.select(this.#select.value || null) });
 
-  get parts() {
-    return /** @type {const} */ (["selection"]);
-  }
+  parts = /** @type {const} */ (["selection"]);
 
   get #views() {
     return (this.result?.residuals ?? []).filter((view) => (view.points_px ?? []).length > 0);

@@ -44,9 +44,7 @@ export class MergedElement extends StateElement {
   #section = h("div", { class: "merged-answer" });
   #deviation = h("div", { class: "merged-answer", "aria-live": "polite" });
 
-  get parts() {
-    return /** @type {const} */ ([]);
-  }
+  parts = /** @type {const} */ ([]);
 
   build() {
     const view = this.#view;
