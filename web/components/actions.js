@@ -139,7 +139,7 @@ export class ActionsElement extends StateElement {
     this.#progress.replaceChildren(
       h("progress", { max: 1, value: job.progress, "aria-label": words }),
       h("span", { class: "small" }, said(job.message ?? "") || words),
-      h("button", { type: "button", needs: "capture", onclick: cancel }, t("actions.cancel")),
+      h("button", { type: "button", needs: "capture", onclick: cancel }, t("cancel")),
     );
   }
 

@@ -20,7 +20,7 @@ export class AuditLogElement extends HTMLElement {
   connectedCallback() {
     if (this.firstChild) return;
     this.append(h("section", { class: "panel audit", "aria-labelledby": "audit-title" },
-      h("h2", { id: "audit-title" }, t("audit.title")), h("p", { class: "soft small" }, t("audit.what")),
+      h("h2", { id: "audit-title" }, t("review.log")), h("p", { class: "soft small" }, t("audit.what")),
       h("table", { class: "compare" }, h("thead", {}, h("tr", {}, ...HEADS.map((head) => h("th", { scope: "col" }, t(head))))), this.#rows),
       this.#none, h("div", { class: "row" }, this.#more)));
     void attempt(() => this.refresh());

@@ -1,6 +1,7 @@
 // Both answers of a comparison in one scene: the scanner as either puts it, and where the two put one point of the workpiece.
 
 import { api } from "../state/api.js";
+import { randomName } from "../state/http.js";
 import { h } from "../dom.js";
 import { theme } from "../theme.js";
 import { t } from "../texts.js";
@@ -35,5 +36,3 @@ async function tell(frame, scene, viewer) {
     await new Promise((resolve) => setTimeout(resolve, ASK_AGAIN_MS));
   }
 }
-
-const randomName = () => Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");

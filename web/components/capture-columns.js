@@ -87,7 +87,7 @@ export function statusOf(capture, residual) {
   const reason = residual?.used === false ? residual.reason ?? "" : "";
   // What a step does not need is not rejected: frames of the stripe for the camera, captures of another kind.
   if (reason.startsWith(STRIPE_ALONE)) return ["skipped", t("captures.stripe_only")];
-  if (reason.startsWith(OTHER_KIND)) return ["skipped", t("captures.not_needed")];
+  if (reason.startsWith(OTHER_KIND)) return ["skipped", t("status.not-needed")];
   if (residual?.used === false) return verdict === "fail" ? ["fail", t("quality.fail")] : ["warn", t("captures.rejected")];
   if (residual) return ["pass", t("captures.used")];
   return [verdict, maybe(`quality.${verdict}`, verdict)];

@@ -38,7 +38,7 @@ export function compareCaptures(state, a, b) {
     h("table", { class: "number" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, t("both.figure")), ...both.map(({ id }) => h("th", { scope: "col", class: "right" }, id)))),
       h("tbody", {},
-        row(t("both.state"), both.map(({ measured: { verdict } }) => mark(verdict, maybe(`quality.${verdict}`, verdict)))),
+        row(t("column.state"), both.map(({ measured: { verdict } }) => mark(verdict, maybe(`quality.${verdict}`, verdict)))),
         ...FIGURES.map(([name, words]) => row(t(`both.${name}`), both.map(({ measured }) => words(measured)))))),
     moved,
   );

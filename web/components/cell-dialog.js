@@ -38,7 +38,7 @@ function kindField() {
 /** @param {ConventionInfo[]} conventions */
 function brandField(conventions) {
   const options = conventions.map((one) => ({ value: one.name, words: conventionWords(one) })).sort((a, b) => a.words.localeCompare(b.words));
-  return h("select", { name: "convention", required: true }, h("option", { value: "" }, t("new.choose")), ...options.map(({ value, words }) => h("option", { value }, words)));
+  return h("select", { name: "convention", required: true }, h("option", { value: "" }, t("choose")), ...options.map(({ value, words }) => h("option", { value }, words)));
 }
 
 /** The board's fields; needed only where raw camera frames come in. */
@@ -159,14 +159,14 @@ function open(conventions, session, brought) {
   const told = alarm();
   const form = h(
     "form", { method: "dialog", novalidate: true },
-    h("h2", { id: "new-title" }, t(session ? "new.correct" : "new.title")),
+    h("h2", { id: "new-title" }, t(session ? "cell.correct" : "new.title")),
     field("new-kind", t("new.kind"), kindField()),
     field("new-convention", t("new.brand"), brandField(conventions), t("new.brand_hint")),
     field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
     boardFields(),
-    h("details", {}, h("summary", {}, t("new.more")), h("div", { class: "more-fields" },
+    h("details", {}, h("summary", {}, t("menu.open")), h("div", { class: "more-fields" },
       h("div", { class: "row whole" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes" }), h("label", { for: "new-turntable" }, t("new.turntable"))),
-      field("new-name", t("new.name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
+      field("new-name", t("name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
       h("button", { type: "button", class: "plain wide", onclick: async (/** @type {Event} */ { target }) => (await import("../guidance/certificate.js")).fillFromCertificate(/** @type {HTMLButtonElement} */ (target).form) }, t("new.certificate")),
       field("new-point-sigma", t("new.point_sigma"), number("point_sigma")),
@@ -177,7 +177,7 @@ function open(conventions, session, brought) {
       field("new-z", t("new.z_axis"), h("select", { name: "z_axis" }, h("option", { value: "" }, t("new.z_data")), h("option", { value: "away" }, t("new.z_away")), h("option", { value: "toward" }, t("new.z_toward")))),
       h("p", { class: "hint soft small" }, t("new.sigma_hint")))),
     h("div", { class: "foot" }, told.element,
-      h("div", { class: "row end" }, closeButton(), h("button", { type: "submit", class: "primary" }, t(session ? "new.save" : "new.go")))),
+      h("div", { class: "row end" }, closeButton(), h("button", { type: "submit", class: "primary" }, t(session ? "place.save" : "new.go")))),
   );
   const dialog = h("dialog", { "aria-labelledby": "new-title" }, form);
   const base = { session, found: brought?.found };

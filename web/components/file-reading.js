@@ -32,7 +32,7 @@ export class FileReadingElement extends HTMLElement {
     h("summary", {}, t("reading.otherwise")),
     h("div", { class: "field" }, h("label", { for: "reading-format" }, t("reading.format")), this.#format),
     h("div", { class: "field" }, h("label", { for: "reading-unit" }, t("reading.unit")), this.#unit),
-    h("div", { class: "field" }, h("label", { for: "reading-columns" }, t("reading.columns")), h("span", { class: "hint", id: "reading-columns-hint" }, t("reading.columns_hint")), this.#columns),
+    h("div", { class: "field" }, h("label", { for: "reading-columns" }, t("columns.label")), h("span", { class: "hint", id: "reading-columns-hint" }, t("reading.columns_hint")), this.#columns),
     h("button", { type: "button", onclick: () => void this.#look() }, t("reading.again")));
 
   /** Look at the first file that came; all of one intake are read alike. @param {readonly Found[]} found @param {SessionOut["cell"] | undefined} cell */
@@ -96,7 +96,7 @@ export class FileReadingElement extends HTMLElement {
       t("reading.read", { title, points, kind: maybe(`reading.kind_${kind}`, kind) }),
       grid ? t("reading.grid", { rows: grid[0] ?? 0, columns: grid[1] ?? 0 }) : "",
       missing ? t("reading.missing", { missing }) : "",
-      Object.entries(columns).map(([axis, name]) => t("reading.column", { axis, name: said(name) })).join(", "),
+      Object.entries(columns).map(([axis, name]) => `${axis} = ${said(name)}`).join(", "),
       t("reading.in_unit", { unit, from: maybe(`reading.from_${from}`, from) }),
     ].filter(Boolean).join(t("reading.join"));
   }

@@ -10,7 +10,7 @@ await learnTexts("plots");
 
 /** @type {readonly (readonly [string, Text])[]} */
 const KEYS = [
-  [t("key.space"), "keys.capture"], ["S · Enter", "keys.solve"], ["Ctrl+Z", "keys.undo"], ["Ctrl+Shift+Z", "keys.redo"],
+  [t("key.space"), "keys.capture"], ["S · Enter", "actions.solve"], ["Ctrl+Z", "undo"], ["Ctrl+Shift+Z", "keys.redo"],
   ["1 – 9", "keys.step"], ["M · R", "keys.view"], ["← →", "keys.dots"], ["Enter", "keys.pick"], ["X", "keys.exclude"], ["?", "keys.keys"],
 ];
 

@@ -16,7 +16,7 @@ function who() {
   const { name, role, login } = me();
   if (login === "not-needed" || !role) return [h("p", { class: "soft small" }, t("menu.who_machine"))];
   return [
-    h("p", {}, h("strong", {}, t("menu.who", { name })), h("br"), h("span", { class: "soft small" }, t(`menu.role_${role}`))),
+    h("p", {}, h("strong", {}, name), h("br"), h("span", { class: "soft small" }, t(`menu.role_${role}`))),
     login === "cookie" && h("button", { type: "button", onclick: () => void logOut() }, t("menu.log_out")),
   ];
 }
@@ -38,7 +38,7 @@ function shopFloor() {
 
 /** The button and what it opens. */
 export function menu() {
-  const panel = h("div", { id: "menu", class: "menu", popover: "auto", role: "group", "aria-label": t("menu.title") },
+  const panel = h("div", { id: "menu", class: "menu", popover: "auto", role: "group", "aria-label": t("menu.open") },
     ...who(), h("button", { type: "button", class: "plain", onclick: async () => (await import("./keys.js")).keysDialog() }, t("menu.keys"), h("kbd", { "aria-hidden": "true" }, "?")),
     languages(), ...shopFloor(),
     may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));

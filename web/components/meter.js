@@ -2,7 +2,7 @@
 
 import { h, s } from "../dom.js";
 import { significant } from "../format.js";
-import { plural, t } from "../texts.js";
+import { t } from "../texts.js";
 
 /** @import {Meter} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -21,7 +21,7 @@ export function meterSection(meter, state) {
   return h("section", { class: "meter", "aria-label": t("meter.title") },
     h("p", { class: "number" }, h("strong", { class: "meter-now" }, text),
       wanted ? h("span", { class: "soft" }, ` → ${t("answer.wanted", { limit: millimetres(wanted) })}`) : null,
-      enough && !doubted ? h("span", {}, `, ${t("meter.enough")}`) : more ? h("span", {}, `, ${plural(more, "meter.more_one", "meter.more_many")}`) : null),
+      enough && !doubted ? h("span", {}, `, ${t("meter.enough")}`) : more ? h("span", {}, `, ${t("meter.more", { count: more })}`) : null),
     historyLine(meter, state));
 }
 

@@ -50,7 +50,7 @@ export class RecomputeElement extends HTMLElement {
       this.#progress.hidden = false;
       this.#progress.replaceChildren(
         h("progress", { max: 1, value: now.progress, "aria-label": t("recompute.running") }), h("span", { class: "small" }, said(now.message ?? "") || t("recompute.running")),
-        h("button", { type: "button", onclick: cancel }, t("actions.cancel")));
+        h("button", { type: "button", onclick: cancel }, t("cancel")));
       await new Promise((resolve) => setTimeout(resolve, ASK_MS));
       now = await api.job(job.id);
     }

@@ -1,6 +1,7 @@
 // The 3-D scene beside everything: its own document from the same server, in this page's theme, with its controls above.
 
 import { api } from "../state/api.js";
+import { randomName } from "../state/http.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
@@ -22,13 +23,13 @@ const MOST_ASKED = 60;
 
 export class SceneElement extends StateElement {
   #frame = h("iframe", { title: t("scene.title"), onload: () => void this.#tellStory() });
-  #views = h("select", { "aria-label": t("scene.view"), onchange: () => this.#look() });
+  #views = h("select", { "aria-label": t("view.label"), onchange: () => this.#look() });
   #layers = h("fieldset", { class: "scene-layer-list" }, h("legend", { class: "visually-hidden" }, t("scene.layers")));
   #play = h("button", { type: "button", class: "scene-play", onclick: () => this.#toggle() });
   #picture = h("button", { type: "button", class: "plain wide", onclick: () => void this.#download() }, t("scene.picture"));
   #large = h("button", { type: "button", class: "icon", "aria-label": t("scene.large"), title: t("scene.large"), onclick: () => void this.#enlarge() }, icon("large"));
   #page = h("a", { class: "button plain wide", download: "" }, t("scene.page"));
-  #viewer = randomName();
+  /** This page's name in its scene: another page beside it has its own camera. */ #viewer = randomName();
   #shown = "";
   #learnt = 0;
   #offered = "";
@@ -242,11 +243,6 @@ function folded(words, content) {
     details.querySelector("summary")?.focus();
   });
   return details;
-}
-
-/** A name of this page for its scene: another page beside it has its own camera. */
-function randomName() {
-  return Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
 customElements.define("sc-scene", SceneElement);

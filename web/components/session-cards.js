@@ -117,7 +117,7 @@ export class SessionCardsElement extends HTMLElement {
       h("p", { class: "soft small" }, cellWords(session.cell)),
       h("p", { class: "small" }, plural(session.capture_count, "captures.one", "captures.many"), " · ", h("time", { datetime: session.updated }, when(session.updated))),
       h("p", { class: "verdicts" }, ...verdictsOf(session), drift(sessions.filter(({ verdicts }) => Object.keys(verdicts).some((stage) => this.#answers.has(stage))))),
-      this.#isAnswered(session) && h("p", { class: "recheck" }, h("a", { href: `${address(session)}#recheck` }, t("start.recheck"))),
+      this.#isAnswered(session) && h("p", { class: "recheck" }, h("a", { href: `${address(session)}#recheck` }, t("step.recheck"))),
       this.#deeds(session),
       h("div", { class: "in-force-place" }),
       earlier.length > 0 && h("details", { class: "earlier" }, h("summary", { class: "small" }, plural(earlier.length, "start.earlier_one", "start.earlier_many")),
@@ -176,7 +176,7 @@ export class SessionCardsElement extends HTMLElement {
       left && right && !more.length ? h("a", { class: "button", href: `/compare?left=${left.id}&right=${right.id}` }, t("result.compare")) : "",
       h("button", { type: "button", onclick: async () => (await deeds()).saveArchives(chosen) }, t("start.save")),
       h("button", { type: "button", needs: "capture", onclick: async () => (await deeds()).archiveSessions(chosen, !chosen.every(({ archived }) => archived), () => this.load()) }, t(chosen.every(({ archived }) => archived) ? "start.unarchive_go" : "start.archive_go")),
-      h("button", { type: "button", needs: "admin", class: "danger", onclick: async () => (await deeds()).removeSessions(chosen, () => this.load()) }, t("start.remove_go")));
+      h("button", { type: "button", needs: "admin", class: "danger", onclick: async () => (await deeds()).removeSessions(chosen, () => this.load()) }, t("captures.delete")));
   }
 }
 

@@ -33,7 +33,7 @@ export function removeSessions(sessions, after) {
   const captures = plural(sessions.reduce((sum, one) => sum + one.capture_count, 0), "captures.one", "captures.many");
   ask(sessions.length === 1 ? t("start.remove", { name: nameOf(first) }) : t("start.remove_several", { count: sessions.length }),
     [h("p", {}, t(sessions.length === 1 ? "start.remove_words" : "start.remove_several_words", { captures }))],
-    { words: t("start.remove_go"), danger: true, act: async () => {
+    { words: t("captures.delete"), danger: true, act: async () => {
       const gone = await attempt(async () => { for (const { id } of sessions) await api.removeSession(id); });
       if (gone) notify(sessions.length === 1 ? t("start.removed", { name: nameOf(first) }) : t("start.removed_several", { count: sessions.length }));
       await after();
@@ -43,7 +43,7 @@ export function removeSessions(sessions, after) {
 /** @param {SessionSummary} session @param {() => Promise<void>} after */
 export function renameSession(session, after) {
   const name = h("input", { required: true, maxlength: 200, autocomplete: "off", ".value": session.name });
-  ask(t("start.rename", { name: nameOf(session) }), [field("session-name", t("new.name"), name)],
+  ask(t("start.rename", { name: nameOf(session) }), [field("session-name", t("name"), name)],
     { words: t("place.save"), act: async () => { if (await attempt(() => api.changeSession(session.id, { name: name.value.trim() }))) await after(); } });
   name.select();
 }

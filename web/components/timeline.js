@@ -100,7 +100,7 @@ export class TimelineElement extends StateElement {
 
   /** @param {boolean} plays */
   #show(plays) {
-    this.#play.replaceChildren(icon(plays ? "pause" : "play"), t(plays ? "timeline.pause" : "timeline.play"));
+    this.#play.replaceChildren(icon(plays ? "pause" : "play"), t(plays ? "timeline.pause" : "scene.play"));
   }
 }
 

@@ -12,7 +12,7 @@ import { attempt, notify } from "./toasts.js";
 /** @import {TokenRecord} from "../state/model.js" */
 
 const ROLES = /** @type {const} */ (["read", "capture", "admin"]);
-const HEADS = /** @type {const} */ (["tokens.name", "tokens.role", "tokens.created", "tokens.expires", "tokens.state"]);
+const HEADS = /** @type {const} */ (["name", "tokens.role", "tokens.created", "tokens.expires", "column.state"]);
 
 export class TokensElement extends HTMLElement {
   /** Called after each change, so that the log follows. */ changed = () => {};
@@ -32,7 +32,7 @@ export class TokensElement extends HTMLElement {
     return h("section", { class: "panel", "aria-labelledby": "make-title" },
       h("h2", { id: "make-title" }, t("tokens.make")),
       h("form", { class: "token-form", novalidate: true, onsubmit: (/** @type {Event} */ event) => void this.#make(event) },
-        h("div", { class: "field" }, h("label", { for: "token-name" }, t("tokens.name")), this.#name, h("span", { class: "hint", id: "token-name-hint" }, t("tokens.name_hint"))),
+        h("div", { class: "field" }, h("label", { for: "token-name" }, t("name")), this.#name, h("span", { class: "hint", id: "token-name-hint" }, t("tokens.name_hint"))),
         h("div", { class: "field" }, h("label", { for: "token-role" }, t("tokens.role")), this.#role),
         h("div", { class: "field" }, h("label", { for: "token-days" }, t("tokens.days")), this.#days, h("span", { class: "hint", id: "token-days-hint" }, t("tokens.days_hint"))),
         h("button", { type: "submit", class: "primary" }, t("tokens.go"))),

@@ -40,7 +40,7 @@ export function chooseArm(button) {
       }
     }));
     show();
-    button.replaceWith(h("div", { class: "field" }, h("label", { for: select.id }, t("arm.title")), select, file));
+    button.replaceWith(h("div", { class: "field" }, h("label", { for: select.id }, t("plan.arm")), select, file));
     select.focus();
   });
 }

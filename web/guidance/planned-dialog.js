@@ -16,7 +16,7 @@ export async function plannedDialog(sessionId) {
   const steps = (await stages()).flatMap(({ planned, step }) => (planned && step ? [step] : []));
   const { element: problem, during } = alarm();
   const step = choice("planned-step", t("planned.step"), steps.map(({ name, title }) => [name, maybe(`planned.step_${name}`, title)]));
-  const count = numberField("planned-count", t("planned.count"), 8);
+  const count = numberField("planned-count", t("plan.captures"), 8);
   const brand = choice("planned-brand", t("planned.brand"), []);
   const list = h("div", { class: "planned-list", "aria-live": "polite" });
   const base = `/sessions/${encodeURIComponent(sessionId)}/planned`;
@@ -35,7 +35,7 @@ export async function plannedDialog(sessionId) {
     notify(t("planned.saved", { name }));
   });
   opened("planned", t("planned.title"), h("p", { class: "soft" }, t("planned.how")),
-    h("form", { class: "fields", novalidate: true, onsubmit: show }, step.element, count.element, h("button", { type: "submit" }, t("planned.go"))),
+    h("form", { class: "fields", novalidate: true, onsubmit: show }, step.element, count.element, h("button", { type: "submit" }, t("plan.go"))),
     problem, list,
     h("div", { class: "fields" }, brand.element, h("button", { type: "button", onclick: () => void save() }, t("planned.save"))),
     h("p", { class: "soft" }, t("planned.safety")));
@@ -52,5 +52,5 @@ function listed(plan) {
     [pose.table_deg == null ? "" : `${fixed(pose.table_deg, 1)}°`, pose.higher_mm ? `${fixed(pose.higher_mm, 0)} mm` : ""].filter(Boolean).join(", ") || "–",
     pose.uncertainty_mm === null ? "–" : plusMinus(pose.uncertainty_mm, "mm"),
   ]);
-  return [h("p", {}, plan.note), tableOf(["#", t("planned.pose", { convention: plan.pose_convention }), t("planned.table"), t("plan.then")], rows, t("planned.title"))];
+  return [h("p", {}, plan.note), tableOf(["#", t("planned.pose", { convention: plan.pose_convention }), t("column.table"), t("plan.then")], rows, t("planned.title"))];
 }

@@ -55,7 +55,7 @@ export class DevicesElement extends HTMLElement {
     const word = maybe(`device.${status}`, status);
     return [
       h("div", { class: "row spread" },
-        h("p", {}, h("strong", {}, item.name), " ", mark(SIGNS[status] ?? "todo", word), h("span", { class: "soft small" }, ` ${item.title}${status === "live" ? ` · ${t("devices.rate", { rate: Math.round(rate) })}` : ""}`)),
+        h("p", {}, h("strong", {}, item.name), " ", mark(SIGNS[status] ?? "todo", word), h("span", { class: "soft small" }, ` ${item.title}${status === "live" ? ` · ${`${Math.round(rate)}/s`}` : ""}`)),
         h("span", { class: "row" },
           h("button", { type: "button", class: "small", needs: "admin", onclick: () => void this.#put(item, !connected) }, t(connected ? "devices.disconnect" : "devices.connect")),
           h("button", { type: "button", class: "plain icon", needs: "admin", "aria-label": t("devices.remove", { name: item.name }), onclick: () => void this.#remove(item) }, icon("trash")))),
@@ -94,7 +94,7 @@ export class DevicesElement extends HTMLElement {
     const select = h("select", { id: "device-source", onchange: pick }, ...sources.map((one) => h("option", { value: one.name }, one.title)));
     this.#form.replaceChildren(
       h("div", { class: "field" }, h("label", { for: "device-source" }, t("devices.source")), select),
-      h("div", { class: "field" }, h("label", { for: "device-name" }, t("devices.name")), name), place);
+      h("div", { class: "field" }, h("label", { for: "device-name" }, t("name")), name), place);
     pick();
     this.#form.hidden = false;
     select.focus();

@@ -39,7 +39,7 @@ class LivePanelElement extends StateElement {
   #seconds = h("input", { id: "live-seconds", inputmode: "decimal", autocomplete: "off", value: "5" });
   #sweep = h("button", { type: "button", needs: "capture", onclick: () => void this.#record() }, t("capture.sweep"));
   #mountField = h("div", { class: "field" }, h("label", { for: "live-mount" }, t("capture.mount")), this.#mount);
-  #angleField = h("div", { class: "field" }, h("label", { for: "live-angle" }, t("capture.angle")), this.#angle);
+  #angleField = h("div", { class: "field" }, h("label", { for: "live-angle" }, t("place.angle")), this.#angle);
   /** @type {number[]} */ #drawnMs = [];
   #told = "";
   /** @type {(() => void) | null} */ #stopPreviews = null;
@@ -53,17 +53,17 @@ class LivePanelElement extends StateElement {
       h("div", { class: "row spread" }, h("h2", { id: "live-title" }, t("devices.title")),
         h("span", { class: "row" },
           h("button", { type: "button", needs: "admin", onclick: () => void this.#devices.add() }, t("devices.add")), large,
-          h("button", { type: "button", class: "plain", onclick: () => this.#close() }, t("devices.hide")))),
+          h("button", { type: "button", class: "plain", onclick: () => this.#close() }, t("close")))),
       h("p", { class: "soft small" }, t("devices.how")),
       this.#devices, this.#sign,
       h("figure", { "aria-label": t("preview.title") }, this.#canvas, this.#nothing, this.#rate),
       this.#advice, this.#figures,
       h("div", { class: "row live-capture" },
         h("div", { class: "row" }, this.#automatic, h("label", { for: "live-automatic" }, t("capture.automatic"))),
-        h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("capture.sound"))),
+        h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("menu.sound"))),
         h("button", { type: "button", needs: "capture", title: t("clocks.how"), onclick: () => void attempt(() => live.measureClocks(this.state.id)) }, t("clocks.measure"))),
       h("div", { class: "row live-capture" },
-        h("div", { class: "field" }, h("label", { for: "live-step" }, t("capture.step")), this.#step), this.#mountField, this.#angleField, this.#now,
+        h("div", { class: "field" }, h("label", { for: "live-step" }, t("intake.step")), this.#step), this.#mountField, this.#angleField, this.#now,
         h("div", { class: "field" }, h("label", { for: "live-seconds" }, t("capture.seconds")), this.#seconds), this.#sweep),
       this.#table));
   }
@@ -172,8 +172,8 @@ function advice({ exposure, clocks }) {
 /** @param {Preview} preview */
 function figures({ exposure, robot, table_deg, clocks }) {
   const rows = /** @type {[string, (Node | string)[]][]} */ ([]);
-  if (exposure?.zone) rows.push([t("preview.zone"), [fixed(exposure.zone, 2), zoneBar(exposure.zone)]]);
-  if (exposure?.extent_deg) rows.push([t("preview.extent"), [`${fixed(exposure.extent_deg, 0)}°`]]);
+  if (exposure?.zone) rows.push([t("quality.zone"), [fixed(exposure.zone, 2), zoneBar(exposure.zone)]]);
+  if (exposure?.extent_deg) rows.push([t("quality.extent"), [`${fixed(exposure.extent_deg, 0)}°`]]);
   if (exposure?.rms_mm) rows.push([t("preview.rms"), [small(exposure.rms_mm)]]);
   const picture = exposure?.picture;
   if (picture) {
@@ -182,7 +182,7 @@ function figures({ exposure, robot, table_deg, clocks }) {
   }
   const place = robot?.base_from_tool0?.slice(0, 3).map((row) => fixed(row[3] ?? 0, 1));
   if (place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`]]);
-  if (table_deg !== null) rows.push([t("preview.table"), [`${fixed(table_deg, 2)}°`]]);
+  if (table_deg !== null) rows.push([t("column.table"), [`${fixed(table_deg, 2)}°`]]);
   if (clocks) rows.push([t("preview.clocks"), [`${clocks.offset_s < 0 ? "" : "+"}${fixed(1000 * clocks.offset_s, 1)}\u00a0±\u00a0${fixed(2000 * clocks.sigma_s, 1)} ms`]]);
   return rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, ...value)));
 }

@@ -66,7 +66,7 @@ export class TableElement extends HTMLElement {
       const limits = { low_deg: { type: "number" }, high_deg: { type: "number" }, minutes: { type: "number", default: 15 } };
       const given = /** @type {{ properties?: Record<string, object> }} */ (mover.settings).properties ?? {};
       this.#form.replaceChildren(h("p", { class: "reason" }, t("table.warning")), schemaForm({ properties: { ...limits, ...given } }, {}, {
-        prefix: "mover", go: t("table.arm"), needs: "admin", submit: async ({ low_deg, high_deg, minutes, ...settings }) => {
+        prefix: "device", ids: "mover", go: t("table.arm"), needs: "admin", submit: async ({ low_deg, high_deg, minutes, ...settings }) => {
           const kept = Object.fromEntries(Object.entries(settings).filter(([, value]) => value !== null));
           await attempt(async () => this.#show(await live.arm(this.sessionId, { mover: mover.name, settings: kept, low_deg, high_deg, minutes })));
         } }));

@@ -35,7 +35,7 @@ export class ComparePage extends HTMLElement {
         field("compare-stage", t("comparison.stage"), this.#stage),
         ...SIDES.flatMap((side) => [
           field(`compare-${side}`, t(`comparison.${side}`), this.#chosen[side].session),
-          field(`compare-${side}-solve`, t(`comparison.${side}_solve`), this.#chosen[side].solve)])),
+          field(`compare-${side}-solve`, t("comparison.solve"), this.#chosen[side].solve)])),
       this.#answer);
     void attempt(async () => {
       const [sessions, known] = await Promise.all([api.sessions(), stages()]);
@@ -68,7 +68,7 @@ export class ComparePage extends HTMLElement {
     const [id] = this.#value(side).split(":");
     const solved = sessions.filter((session) => Object.keys(session.verdicts).length || session.id === id);
     this.#chosen[side].session.replaceChildren(
-      h("option", { value: "" }, t("comparison.choose")),
+      h("option", { value: "" }, t("choose")),
       ...solved.map((session) => h("option", { value: session.id, selected: session.id === id }, `${session.name || session.id} · ${when(session.created)}`)));
   }
 
@@ -104,7 +104,7 @@ export class ComparePage extends HTMLElement {
     /** @type {PastResult[]} */
     const items = id ? await api.history(id, stage) : [];
     this.#chosen[side].solve.replaceChildren(
-      h("option", { value: "" }, t("comparison.latest")),
+      h("option", { value: "" }, t("history.latest")),
       ...items.map((item) => h("option", { value: item.number, selected: String(item.number) === number }, `${when(item.created)} · ${maybe(`verdict.${item.verdict}`, item.verdict)} · ${t("evidence.used_of", { used: item.used, all: item.captures })}`)));
   }
 }

@@ -51,7 +51,7 @@ export class StartPage extends HTMLElement {
           h("button", { type: "button", needs: "capture", onclick: () => this.#folder.click() }, t("way.folder_go")),
           h("button", { type: "button", needs: "capture", onclick: () => this.#archive.click() }, t("way.archive_go"))),
         way("rest", t("way.rest"), t("way.rest_words"), snippet(), copyButton(program(), t("way.rest_go")),
-          h("a", { class: "button", href: "/docs", target: "_blank" }, t("way.rest_docs"))),
+          h("a", { class: "button", href: "/docs", target: "_blank" }, t("menu.docs"))),
       ),
       this.#tour(),
     );

@@ -249,9 +249,6 @@ export const api = {
   /** @param {string} id */
   archiveAddress: (id) => `${ROOT}${session(id)}/archive`,
 
-  /** @param {string} id @param {string} format */
-  exportAddress: (id, format) => `${ROOT}${session(id)}/exports/${encodeURIComponent(format)}`,
-
   /** @param {string} id @param {string} captureId @param {string} name */
   fileAddress: (id, captureId, name) => `${ROOT}${capture(id, captureId)}/files/${encodeURIComponent(name.split("/").at(-1) ?? name)}`,
 

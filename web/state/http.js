@@ -27,11 +27,13 @@ export class Problem extends Error {
   }
 }
 
-/** A key that lets the server recognise the same request sent twice. Works without a secure context, too. */
-function idempotencyKey() {
-  const bytes = crypto.getRandomValues(new Uint8Array(16));
-  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+/** A name that nobody else has; unlike `randomUUID` it works without a secure context, too. @param {number} [length] in bytes */
+export function randomName(length = 8) {
+  return Array.from(crypto.getRandomValues(new Uint8Array(length)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
+
+/** A key that lets the server recognise the same request sent twice. */
+const idempotencyKey = () => randomName(16);
 
 /** @param {number} milliseconds */
 const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));

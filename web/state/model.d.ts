@@ -2,8 +2,8 @@
 
 import type {
   AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord,
-  CloudDeviations, CloudSection, MergeResidual, MergeResult as MergeRecord, ReferenceMesh,
-  CameraResult as CameraRecord, Capture, Cell, CellDrift, CellSummary, DriftSeries, FolderState, Guide, GuideNow, GuideStep, Meter, Job, Me, Measured, NewSession, Release, SessionAnswer, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
+  CloudDeviations, CloudSection, MergeResult as MergeRecord, ReferenceMesh,
+  CameraResult as CameraRecord, Capture, Cell, CellDrift, CellSummary, DriftSeries, FolderState, Guide, GuideNow, Meter, Job, Me, Measured, NewSession, Release, SessionAnswer, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile, ToolComparison,
@@ -12,7 +12,7 @@ import type {
 } from "../api-types.js";
 
 export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
-export type { CloudDeviations, CloudSection, MergeResidual, ReferenceMesh, FolderState, Capture, Guide, GuideNow, GuideStep, Job, Me, Measured, Meter, SessionSummary, TcpResidual, TurntableResidual };
+export type { CloudDeviations, CloudSection, ReferenceMesh, FolderState, Capture, Guide, GuideNow, Job, Me, Measured, Meter, SessionSummary };
 export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
 export type { CellDrift, CellSummary, DriftSeries, Release, SessionAnswer };
 export type { FileReading, ToolComparison };

@@ -1,7 +1,7 @@
 // A session at a place of its time line: what was there then, to look at. Nothing here changes the session.
 
 import { api } from "./api.js";
-import { Problem } from "./http.js";
+import { Problem, randomName } from "./http.js";
 import { SessionState } from "./session.js";
 import { stages } from "./registries.js";
 
@@ -23,7 +23,8 @@ export class ReviewState extends SessionState {
       const [session, timeline, known] = await Promise.all([api.session(this.id), api.timeline(this.id), stages()]);
       this.stages = known;
       this.timeline = timeline;
-      this.session = { ...session, scene: `/scenes/${this.id}.${viewName()}/` };
+      // A scene of its own moves through time without taking others along.
+      this.session = { ...session, scene: `/scenes/${this.id}.r${randomName()}/` };
       this.tell("session");
       await this.go(startOf(timeline));
     } catch (error) {
@@ -83,9 +84,4 @@ export class ReviewState extends SessionState {
 /** The last solve is what one wants to see first. @param {TimelineItem[]} timeline */
 function startOf(timeline) {
   return timeline.findLast((item) => item.kind === "result")?.place ?? timeline.length - 1;
-}
-
-/** A name for this page's own scene, which moves through time without taking others along. */
-function viewName() {
-  return `r${Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("")}`;
 }

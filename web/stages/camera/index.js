@@ -26,7 +26,7 @@ class CameraResidualsElement extends StateElement {
     this.#select.append(h("option", { value: "" }, t("camera.all_views", { views: views.length })),
       ...views.map((view) => h("option", { value: view.capture }, `${view.capture} · ${fixed(view.rms_px ?? 0, 3)} px${view.used ? "" : ` · ${t("captures.rejected")}`}`)));
     this.append(h("p", { class: "soft small" }, t("camera.arrows_what", { times: this.result ? timesLonger(this.result) : 1 })),
-      h("div", { class: "field" }, h("label", { for: "camera-view" }, t("camera.view")), this.#select), this.#picture);
+      h("div", { class: "field" }, h("label", { for: "camera-view" }, t("view.label")), this.#select), this.#picture);
   }
 
   update() {

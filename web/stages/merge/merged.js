@@ -133,11 +133,11 @@ export class MergedElement extends StateElement {
     if (view.colors !== "deviation") return [];
     const found = await api.cloudDeviations(this.state.id, view).catch(refused);
     if (found instanceof Problem) return [mark("warn", found.message)];
-    const pairs = /** @type {const} */ ([["rms", found.rms_mm], ["mean", found.mean_mm], ["p95", found.p95_mm], ["largest", found.largest_mm]]);
+    const pairs = /** @type {const} */ ([["glossary.term_rms", found.rms_mm], ["merged.mean", found.mean_mm], ["merged.p95", found.p95_mm], ["merged.largest", found.largest_mm]]);
     return [
       h("p", {}, t("merged.off", { distance: said(`Distance to ${found.reference}`), points: integer(found.counted) })),
       histogramPlot(found.histogram, found.limit_mm),
-      h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(`merged.${name}`)), h("dd", {}, small(value)))),
+      h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, small(value)))),
         found.diameter_mm ? h("div", {}, h("dt", {}, t("merged.found_diameter")), h("dd", {}, `${fixed(found.diameter_mm, 3)} mm`)) : null),
       h("p", { class: "soft small" }, t("merged.signs")),
     ];

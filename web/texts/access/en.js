@@ -6,7 +6,6 @@ export const texts = {
   "access.no_login": "This server only answers its own machine and asks for no login. Tokens are needed once it listens on the network.",
 
   "tokens.make": "New token",
-  "tokens.name": "Name",
   "tokens.name_hint": "A person or a program, such as robot cell 4. It appears in the log.",
   "tokens.role": "Role",
   "tokens.days": "Valid for (days)",
@@ -20,7 +19,6 @@ export const texts = {
   "tokens.created": "Created",
   "tokens.expires": "Expires",
   "tokens.forever": "never",
-  "tokens.state": "State",
   "tokens.good": "active",
   "tokens.expired": "expired",
   "tokens.revoked": "revoked",
@@ -33,7 +31,6 @@ export const texts = {
   "role.capture": "capture: view, capture and solve",
   "role.admin": "admin: everything",
 
-  "audit.title": "Log",
   "audit.what": "Actions and refused requests, newest first.",
   "audit.when": "When",
   "audit.who": "Who",

@@ -2,9 +2,6 @@
 
 export const texts = Object.freeze({
   "new.title": "Neue Sitzung",
-  "new.correct": "Zelle bearbeiten",
-  "new.save": "Speichern",
-  "new.choose": "Auswählen …",
   "new.default_name": "{robot}, {date}",
   "new.kind": "Ausgabe des Scanners",
   "new.brand": "Roboter",
@@ -21,8 +18,6 @@ export const texts = Object.freeze({
   "new.board_marker": "Markergröße in mm",
   "new.board_dictionary": "Marker-Wörterbuch",
   "new.board_dictionary_hint": "Wie auf der Tafel angegeben, etwa DICT_5X5_100. Nur für ChArUco.",
-  "new.more": "Mehr",
-  "new.name": "Name",
   "new.diameter_sigma": "Standardunsicherheit des Durchmessers in mm",
   "new.point_sigma": "Punktrauschen in mm",
   "new.position_sigma": "Wiederholgenauigkeit des Roboters, Position, in mm",

@@ -2,9 +2,6 @@
 
 export const texts = Object.freeze({
   "new.title": "New session",
-  "new.correct": "Edit cell",
-  "new.save": "Save",
-  "new.choose": "Choose …",
   "new.default_name": "{robot}, {date}",
   "new.kind": "Scanner output",
   "new.brand": "Robot",
@@ -23,8 +20,6 @@ export const texts = Object.freeze({
   "new.board_marker": "Marker size in mm",
   "new.board_dictionary": "Marker dictionary",
   "new.board_dictionary_hint": "As printed on the board, such as DICT_5X5_100. ChArUco boards only.",
-  "new.more": "More",
-  "new.name": "Name",
   "new.diameter_sigma": "Standard uncertainty of the diameter in mm",
   "new.point_sigma": "Point noise in mm",
   "new.position_sigma": "Robot repeatability, position, in mm",

@@ -2,9 +2,6 @@
 
 export const texts = Object.freeze({
   "new.title": "新建会话",
-  "new.correct": "编辑单元",
-  "new.save": "保存",
-  "new.choose": "请选择 …",
   "new.default_name": "{robot}，{date}",
   "new.kind": "扫描仪输出",
   "new.brand": "机器人",
@@ -21,8 +18,6 @@ export const texts = Object.freeze({
   "new.board_marker": "标记尺寸（mm）",
   "new.board_dictionary": "标记字典",
   "new.board_dictionary_hint": "见标定板，例如 DICT_5X5_100。仅用于 ChArUco。",
-  "new.more": "更多",
-  "new.name": "名称",
   "new.diameter_sigma": "直径的标准不确定度（mm）",
   "new.point_sigma": "点噪声（mm）",
   "new.position_sigma": "机器人重复定位精度，位置（mm）",

@@ -6,6 +6,8 @@ export const common = {
   "cancel": "Cancel",
   "notices": "Notices",
   "copied": "Copied",
+  "name": "Name",
+  "choose": "Choose …",
   "key.space": "Space",
 
   "undo": "Undo",
@@ -24,9 +26,7 @@ export const common = {
   "login.how_words": "An administrator creates one on the server with this command. The role is read, capture or admin.",
 
   "menu.open": "More",
-  "menu.title": "More",
   "menu.who_machine": "No login: this server only answers its own machine.",
-  "menu.who": "{name}",
   "menu.role_read": "can view everything",
   "menu.role_capture": "can view, capture and solve",
   "menu.role_admin": "can do everything",

@@ -54,7 +54,6 @@ export const result = {
   "truth.within": "as stated",
   "truth.beyond": "more than stated",
 
-  "camera.view": "View",
   "camera.all_views": "All {views} views",
   "camera.view_label": "Residuals of view {capture}: {corners} corners, RMS {rms} px",
   "camera.arrows_what": "Seen minus predicted, drawn {times} times as long. Arrows in one direction in one region mean that the lens model does not fit there.",

@@ -1,7 +1,7 @@
 // Deutsch. Was eine Zelle erreichen wird, das Fehlerbudget an einem Punkt, geplante Posen.
 
 export const texts = {
-  "guidance.close": "Schließen", "guidance.number": "Eine Zahl eingeben.",
+  "guidance.number": "Eine Zahl eingeben.",
 
   "plan.title": "Zelle planen", "plan.how": "Was erreichbar ist, bevor etwas gekauft oder montiert wird: mit welcher Kugel, in wie vielen Aufnahmen und wo sie stehen soll.",
   "plan.scanner": "Scanner", "plan.near_mm": "Messbereich beginnt bei, mm", "plan.far_mm": "Messbereich endet bei, mm", "plan.near_width_mm": "Breite am Anfang, mm", "plan.far_width_mm": "Breite am Ende, mm",
@@ -22,10 +22,10 @@ export const texts = {
   "budget.height": "Höhe über dem Tisch", "budget.picture": "Unsicherheit über dem Tisch, von {least} bis {most}", "budget.pick": "Klicken wählt einen Punkt. Blass ist {least}, volle Farbe {most}.",
 
   "planned.title": "Geplante Posen", "planned.how": "Posen, die zusammen die kleinste Unsicherheit am Werkstück lassen, die hilfreichste zuerst.",
-  "planned.step": "Für", "planned.step_tcp": "den TCP", "planned.step_turntable": "den Drehtisch", "planned.step_verify": "eine Überprüfung", "planned.count": "Aufnahmen", "planned.go": "Planen",
-  "planned.pose": "Flansch in der Basis ({convention})", "planned.table": "Tisch", "planned.brand": "Steuerung", "planned.save": "Als Programm speichern", "planned.saved": "{name} ist gespeichert.",
+  "planned.step": "Für", "planned.step_tcp": "den TCP", "planned.step_turntable": "den Drehtisch", "planned.step_verify": "eine Überprüfung",
+  "planned.pose": "Flansch in der Basis ({convention})", "planned.brand": "Steuerung", "planned.save": "Als Programm speichern", "planned.saved": "{name} ist gespeichert.",
   "planned.safety": "Das Programm fährt mit dem Flansch, langsam, von weit außen, und hält vor jeder Bewegung, bis der Bediener sie startet. Im Handbetrieb verwenden.",
 
-  "arm.title": "Arm", "arm.unknown": "nicht bekannt", "arm.urdf": "Aus einer URDF …", "arm.taken": "{source}: {count} Gelenke",
+  "arm.unknown": "nicht bekannt", "arm.urdf": "Aus einer URDF …", "arm.taken": "{source}: {count} Gelenke",
   "certificate.taken": "{name} aus Kalibrierschein {number} übernommen.", "certificate.several": "Kalibrierschein {number} hat mehrere Durchmesser; {name} ist übernommen. Prüfen, ob es der richtige ist.",
 };

@@ -1,7 +1,7 @@
 // English. What a cell will reach, the error budget at a point, planned poses.
 
 export const texts = {
-  "guidance.close": "Close", "guidance.number": "Enter a number.",
+  "guidance.number": "Enter a number.",
 
   "plan.title": "Plan a cell", "plan.how": "What is reachable before anything is bought or mounted: with which sphere, in how many captures, and where to put it.",
   "plan.scanner": "Scanner", "plan.near_mm": "Field begins at, mm", "plan.far_mm": "Field ends at, mm", "plan.near_width_mm": "Width where it begins, mm", "plan.far_width_mm": "Width where it ends, mm",
@@ -22,10 +22,10 @@ export const texts = {
   "budget.height": "Height over the table", "budget.picture": "Uncertainty over the table, from {least} to {most}", "budget.pick": "Click to pick a point. Pale is {least}, full colour {most}.",
 
   "planned.title": "Planned poses", "planned.how": "Poses that together leave the least uncertainty at the workpiece, the most helpful one first.",
-  "planned.step": "For", "planned.step_tcp": "the TCP", "planned.step_turntable": "the turntable", "planned.step_verify": "a verification", "planned.count": "Captures", "planned.go": "Plan",
-  "planned.pose": "Flange in base ({convention})", "planned.table": "Table", "planned.brand": "Controller", "planned.save": "Save as program", "planned.saved": "{name} is saved.",
+  "planned.step": "For", "planned.step_tcp": "the TCP", "planned.step_turntable": "the turntable", "planned.step_verify": "a verification",
+  "planned.pose": "Flange in base ({convention})", "planned.brand": "Controller", "planned.save": "Save as program", "planned.saved": "{name} is saved.",
   "planned.safety": "The program goes by the flange, slowly, from well outside, and stops before each move until the operator starts it. Use manual mode.",
 
-  "arm.title": "Arm", "arm.unknown": "not known", "arm.urdf": "From a URDF …", "arm.taken": "{source}: {count} joints",
+  "arm.unknown": "not known", "arm.urdf": "From a URDF …", "arm.taken": "{source}: {count} joints",
   "certificate.taken": "{name} of certificate {number} is taken.", "certificate.several": "Certificate {number} has several diameters; {name} is taken. See that it is the right one.",
 };

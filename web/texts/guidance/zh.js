@@ -1,7 +1,7 @@
 // 中文。单元可达到的精度、某点的误差预算、规划的位姿。
 
 export const texts = {
-  "guidance.close": "关闭", "guidance.number": "请输入数字。",
+  "guidance.number": "请输入数字。",
 
   "plan.title": "规划单元", "plan.how": "在购买或安装之前可以达到什么：用哪种球、需要多少次采集、放在哪里。",
   "plan.scanner": "扫描仪", "plan.near_mm": "视场起点，mm", "plan.far_mm": "视场终点，mm", "plan.near_width_mm": "起点处宽度，mm", "plan.far_width_mm": "终点处宽度，mm",
@@ -22,10 +22,10 @@ export const texts = {
   "budget.height": "转台上方高度", "budget.picture": "转台上方的不确定度，从 {least} 到 {most}", "budget.pick": "单击选择一个点。浅色为 {least}，深色为 {most}。",
 
   "planned.title": "规划的位姿", "planned.how": "共同使工件处不确定度最小的位姿，最有帮助的在前。",
-  "planned.step": "用于", "planned.step_tcp": "TCP", "planned.step_turntable": "转台", "planned.step_verify": "验证", "planned.count": "采集次数", "planned.go": "规划",
-  "planned.pose": "法兰在基座中（{convention}）", "planned.table": "转台", "planned.brand": "控制器", "planned.save": "保存为程序", "planned.saved": "{name} 已保存。",
+  "planned.step": "用于", "planned.step_tcp": "TCP", "planned.step_turntable": "转台", "planned.step_verify": "验证",
+  "planned.pose": "法兰在基座中（{convention}）", "planned.brand": "控制器", "planned.save": "保存为程序", "planned.saved": "{name} 已保存。",
   "planned.safety": "程序以法兰为准，从远处缓慢接近，每次移动前停下，直到操作员启动。请使用手动模式。",
 
-  "arm.title": "机械臂", "arm.unknown": "未知", "arm.urdf": "来自 URDF ……", "arm.taken": "{source}：{count} 个关节",
+  "arm.unknown": "未知", "arm.urdf": "来自 URDF ……", "arm.taken": "{source}：{count} 个关节",
   "certificate.taken": "已采用证书 {number} 的 {name}。", "certificate.several": "证书 {number} 含多个直径；已采用 {name}。请确认是否正确。",
 };

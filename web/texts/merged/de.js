@@ -25,7 +25,6 @@ export const texts = Object.freeze({
   "merged.added": "Referenz mit {triangles} Dreiecken gespeichert.",
   "merged.mesh_hint": "STL oder PLY in Millimetern, im Rahmen der Wolke. Es wird nicht ausgerichtet.",
   "merged.off": "{distance}, {points} Punkte:",
-  "merged.rms": "RMS",
   "merged.mean": "Mittel",
   "merged.p95": "95 % innerhalb ±",
   "merged.largest": "Größter",

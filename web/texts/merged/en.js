@@ -24,7 +24,6 @@ export const texts = Object.freeze({
   "merged.added": "Reference with {triangles} triangles stored.",
   "merged.mesh_hint": "STL or PLY in millimetres, in the frame of the cloud. It is not aligned.",
   "merged.off": "{distance}, {points} points:",
-  "merged.rms": "RMS",
   "merged.mean": "Mean",
   "merged.p95": "95 % within ±",
   "merged.largest": "Largest",

@@ -25,7 +25,6 @@ export const texts = Object.freeze({
   "merged.added": "已保存含 {triangles} 个三角形的参考。",
   "merged.mesh_hint": "STL 或 PLY，单位毫米，与点云同一坐标系。不做对齐。",
   "merged.off": "{distance}，{points} 个点：",
-  "merged.rms": "RMS",
   "merged.mean": "平均",
   "merged.p95": "95 % 在 ± 以内",
   "merged.largest": "最大",

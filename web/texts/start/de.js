@@ -29,7 +29,6 @@ export const texts = Object.freeze({
   "start.unsolved": "noch nicht gelöst",
   "start.remove": "Sitzung {name} löschen",
   "start.remove_words": "Löscht die Sitzung mit {captures} und allen Ergebnissen endgültig.",
-  "start.remove_go": "Löschen",
   "start.removed": "Sitzung {name} gelöscht",
   "tour.offer": "Zum ersten Mal hier?",
   "tour.start": "Rundgang beginnen",
@@ -53,7 +52,6 @@ export const texts = Object.freeze({
   "start.archived_many": "{count} Sitzungen archiviert",
   "start.unarchived_one": "{count} Sitzung zurückgeholt",
   "start.unarchived_many": "{count} Sitzungen zurückgeholt",
-  "start.recheck": "Nachprüfen",
   "filter.all": "alle Sitzungen",
   "filter.pass": "akzeptiert",
   "filter.warn": "brauchbar",
@@ -73,7 +71,6 @@ export const texts = Object.freeze({
   "way.rest": "Vom Roboter senden",
   "way.rest_words": "Ihr Programm sendet jede Aufnahme. Die Seite zeigt sie sofort.",
   "way.rest_go": "Programm kopieren",
-  "way.rest_docs": "API",
   "way.rest_snippet": "Befehle, die eine Sitzung anlegen, eine Aufnahme hinzufügen und lösen",
   "filter.archived": "archivierte",
 });

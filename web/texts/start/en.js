@@ -29,7 +29,6 @@ export const texts = Object.freeze({
   "start.unsolved": "not solved yet",
   "start.remove": "Delete session {name}",
   "start.remove_words": "This permanently deletes the session with {captures} and all results.",
-  "start.remove_go": "Delete",
   "start.removed": "Session {name} deleted",
   "tour.offer": "New here?",
   "tour.start": "Take the tour",
@@ -53,7 +52,6 @@ export const texts = Object.freeze({
   "start.archived_many": "{count} sessions archived",
   "start.unarchived_one": "{count} session brought back",
   "start.unarchived_many": "{count} sessions brought back",
-  "start.recheck": "Recheck",
   "filter.all": "all sessions",
   "filter.pass": "accepted",
   "filter.warn": "usable",
@@ -73,7 +71,6 @@ export const texts = Object.freeze({
   "way.rest": "Send from my robot",
   "way.rest_words": "Your program posts each capture. The page follows live.",
   "way.rest_go": "Copy the program",
-  "way.rest_docs": "API",
   "way.rest_snippet": "Shell commands that create a session, add a capture and solve",
   "filter.archived": "archived",
 });

@@ -29,7 +29,6 @@ export const texts = Object.freeze({
   "start.unsolved": "尚未求解",
   "start.remove": "删除会话 {name}",
   "start.remove_words": "将永久删除此会话，包括{captures}和所有结果。",
-  "start.remove_go": "删除",
   "start.removed": "已删除会话 {name}",
   "tour.offer": "第一次使用？",
   "tour.start": "开始导览",
@@ -53,7 +52,6 @@ export const texts = Object.freeze({
   "start.archived_many": "已归档 {count} 个会话",
   "start.unarchived_one": "已取回 {count} 个会话",
   "start.unarchived_many": "已取回 {count} 个会话",
-  "start.recheck": "复检",
   "filter.all": "全部会话",
   "filter.pass": "合格",
   "filter.warn": "可用",
@@ -73,7 +71,6 @@ export const texts = Object.freeze({
   "way.rest": "从机器人发送",
   "way.rest_words": "您的程序发送每个采集，页面实时显示。",
   "way.rest_go": "复制程序",
-  "way.rest_docs": "API",
   "way.rest_snippet": "用于创建会话、添加采集和求解的命令",
   "filter.archived": "已归档",
 });

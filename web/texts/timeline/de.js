@@ -15,7 +15,6 @@ export const texts = Object.freeze({
   "timeline.now": "Stand jetzt",
   "timeline.back": "Einen Schritt zurück",
   "timeline.forward": "Einen Schritt vor",
-  "timeline.play": "Abspielen",
   "timeline.pause": "Anhalten",
   "recompute.title": "Neu rechnen",
   "recompute.what": "Löst jeden Schritt noch einmal aus den gespeicherten Aufnahmen und vergleicht alle Zahlen. Nichts Gespeichertes ändert sich.",

@@ -15,7 +15,6 @@ export const texts = Object.freeze({
   "timeline.now": "As it is now",
   "timeline.back": "One step back",
   "timeline.forward": "One step forward",
-  "timeline.play": "Play",
   "timeline.pause": "Pause",
   "recompute.title": "Recompute",
   "recompute.what": "Solves every stage again from the stored captures and compares all numbers. Nothing stored is changed.",

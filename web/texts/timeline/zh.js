@@ -15,7 +15,6 @@ export const texts = Object.freeze({
   "timeline.now": "当前状态",
   "timeline.back": "后退一步",
   "timeline.forward": "前进一步",
-  "timeline.play": "播放",
   "timeline.pause": "暂停",
   "recompute.title": "重新计算",
   "recompute.what": "用保存的采集重新求解每个步骤并比较所有数字。保存的内容不变。",
