@@ -103,7 +103,7 @@ def check_move_for_another_tool(page: Page) -> None:
     """An export that has settings asks for them."""
     page.get_by_label("Export …").select_option("kuka-check-move")
     dialog = page.get_by_role("dialog", name="KUKA: check move")
-    dialog.get_by_label("Approach begins").fill("200")
+    dialog.get_by_label("Approach distance").fill("200")
     dialog.get_by_label("Tool in the controller").fill("3")
     with page.expect_download() as download:
         dialog.get_by_role("button", name="Save file").click()

@@ -32,7 +32,7 @@ def test_a_cell_is_planned_from_the_start_page(page: Page, watch: Watch, address
     page.goto(f"{address}/")
     page.get_by_role("button", name="Plan a cell").click()
     dialog = page.get_by_role("dialog", name="Plan a cell")
-    dialog.get_by_label("Sphere's diameter, mm").fill("30")
+    dialog.get_by_label("Sphere diameter, mm").fill("30")
     dialog.get_by_label("Wanted ± at the workpiece, mm").fill("0,3")
     dialog.get_by_role("button", name="Plan", exact=True).click()
     expect(dialog.get_by_text("± 0.3 mm at the workpiece takes a sphere of 30 mm")).to_be_visible(timeout=30_000)

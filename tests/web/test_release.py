@@ -133,7 +133,7 @@ def test_limits_are_set_before_the_first_capture(
     assert client.get(f"/sessions/{session}").json()["cell"]["verification"]["form_mm"] == 0.2
     taken = client.post(f"/sessions/{session}/sources/simulated/capture?step=verify")
     assert taken.status_code == 201, taken.text
-    expect(limits).to_contain_text("The figures are held against these:")
+    expect(limits).to_contain_text("Figures are judged by these limits:")
     expect(limits.locator("dl > div", has_text="Probing form, limit in mm")).to_have_text(re.compile("0.2$"))
     expect(limits.get_by_role("textbox")).to_have_count(0)
 

@@ -14,13 +14,13 @@ import { profilePlot } from "./profile-plot.js";
 
 const DEGREE = Math.PI / 180;
 
-/** The figures, each as words of one capture. @type {readonly (readonly ["zone" | "rms" | "noise" | "points" | "extent", (measured: Measured) => string])[]} */
+/** The figures, each as words of one capture. @type {readonly (readonly [import("../texts.js").Text, (measured: Measured) => string])[]} */
 const FIGURES = [
-  ["zone", ({ zone }) => (typeof zone === "number" ? fixed(zone, 2) : "–")],
-  ["rms", ({ rms_mm }) => small(rms_mm)],
-  ["noise", ({ point_sigma_mm }) => small(point_sigma_mm)],
-  ["points", ({ on_sphere, points }) => integer(on_sphere || points || 0)],
-  ["extent", ({ extent_deg }) => (typeof extent_deg === "number" ? `${fixed(extent_deg, 0)}°` : "–")],
+  ["column.zone", ({ zone }) => (typeof zone === "number" ? fixed(zone, 2) : "–")],
+  ["quality.rms", ({ rms_mm }) => small(rms_mm)],
+  ["quality.noise", ({ point_sigma_mm }) => small(point_sigma_mm)],
+  ["both.points", ({ on_sphere, points }) => integer(on_sphere || points || 0)],
+  ["quality.extent", ({ extent_deg }) => (typeof extent_deg === "number" ? `${fixed(extent_deg, 0)}°` : "–")],
 ];
 
 /**
@@ -39,7 +39,7 @@ export function compareCaptures(state, a, b) {
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, t("both.figure")), ...both.map(({ id }) => h("th", { scope: "col", class: "right" }, id)))),
       h("tbody", {},
         row(t("column.state"), both.map(({ measured: { verdict } }) => mark(verdict, maybe(`quality.${verdict}`, verdict)))),
-        ...FIGURES.map(([name, words]) => row(t(`both.${name}`), both.map(({ measured }) => words(measured)))))),
+        ...FIGURES.map(([name, words]) => row(t(name), both.map(({ measured }) => words(measured)))))),
     moved,
   );
 }

@@ -1,4 +1,4 @@
-// English: the catalogue's one index. Keys are the page's own; values may hold {places}. Another language is another folder beside en/.
+// English: the catalogue's one index. Keys are the page's own; values may hold {places}. Another language is a file beside this one, and one in each folder of parts.
 
 import { cell } from "./en/cell.js";
 import { common } from "./en/common.js";

@@ -21,7 +21,7 @@ export const texts = {
   "comparison.tiny": "less than 0.1 %",
   "comparison.at_workpiece": "At the workpiece: {distance} apart, with ±{sigma} (k = 2) expected.",
   "comparison.difference": "Second minus first",
-  "comparison.intervals": "Second minus first with its interval, in units of the combined expanded uncertainty U (k = 2). An interval that leaves out zero is a real difference.",
+  "comparison.intervals": "Second minus first with its interval, in units of the combined expanded uncertainty U (k = 2). An interval that excludes zero is a real difference.",
   "comparison.decide_either": "No real difference: at most {distance} at the workpiece. Keep the answer in use.",
   "comparison.decide_apart": "Really different: {distance} at the workpiece. Find out what changed before using either.",
   "comparison.decide_first": "Use the first: the second failed.",

@@ -68,7 +68,7 @@ export const intake = {
   "intake.metres_go": "Read as metres",
   "intake.millimetres_go": "Read as millimetres",
   "intake.metres_read": "Positions are read as metres.",
-  "intake.columns": "Columns look swapped: read as {other} instead of {now}, the poses look at one place to {spread}, not {spread_now}.",
+  "intake.columns": "Columns look swapped. Read as {other} instead of {now}, the poses look at one place within ±{spread} instead of ±{spread_now}.",
   "intake.columns_go": "Swap them",
   "intake.columns_read": "The columns are swapped.",
   "intake.columns_back": "Read them as they stand",

@@ -56,7 +56,7 @@ export const result = {
 
   "camera.all_views": "All {views} views",
   "camera.view_label": "Residuals of view {capture}: {corners} corners, RMS {rms} px",
-  "camera.arrows_what": "Seen minus predicted, drawn {times} times as long. Arrows in one direction in one region mean that the lens model does not fit there.",
+  "camera.arrows_what": "Seen minus predicted, drawn {times} times as long. Where neighbouring arrows point the same way, the lens model does not fit.",
   "frame_plot.board": "Frame of capture {capture}: {points} board corners marked",
   "frame_plot.stripe": "Frame of capture {capture}: {points} stripe points marked",
   "form.need_number": "Enter a number in the allowed range.",
@@ -82,11 +82,11 @@ export const result = {
   "without.words": "Excluding {capture} would move the answer by {shift} at the workpiece: ±{then} instead of ±{now}.",
   "without.key": "X excludes it.",
   "glossary.term_zone": "r/R",
-  "glossary.words_zone": "How far the plane of light cuts the sphere from its middle: the radius of the arc over the sphere's radius. Between 0.45 and 0.95 the arc tells the centre well.",
+  "glossary.words_zone": "Where the plane of light cuts the sphere: the radius of the arc divided by that of the sphere. Between 0.45 and 0.95 the arc determines the centre well.",
   "glossary.term_k": "k = 2",
   "glossary.words_k": "Expanded uncertainty: twice the standard uncertainty. The true value lies inside in about 95 of 100 cases.",
   "glossary.term_left": "left out",
-  "glossary.words_left": "Each capture is predicted from all the others: the honest measure of how well the result fits captures that it has not seen.",
+  "glossary.words_left": "Each capture is predicted from all the others: an honest measure of how well the result fits captures it has not seen.",
   "glossary.term_rms": "RMS",
   "glossary.words_rms": "Root mean square: the typical size of the deviations.",
 };

@@ -52,7 +52,7 @@ export const texts = {
   "table.stop": "HALT",
   "table.disarm": "Entschärfen",
   "table.warning": "Der Tisch wird sich bewegen. Alle aus seinem Weg; dieser Halt ist kein Not-Halt.",
-  "settings.mover.low_deg": "Kleinster Winkel, Grad",
-  "settings.mover.high_deg": "Größter Winkel, Grad",
-  "settings.mover.minutes": "Scharf für, Minuten",
+  "settings.device.low_deg": "Kleinster Winkel, Grad",
+  "settings.device.high_deg": "Größter Winkel, Grad",
+  "settings.device.minutes": "Scharf für, Minuten",
 };

@@ -51,8 +51,8 @@ export const texts = {
   "table.go": "Turn",
   "table.stop": "STOP",
   "table.disarm": "Disarm",
-  "table.warning": "The table will move. Keep everybody out of its way; this stop is no emergency stop.",
-  "settings.mover.low_deg": "Lowest angle, degrees",
-  "settings.mover.high_deg": "Highest angle, degrees",
-  "settings.mover.minutes": "Armed for, minutes",
+  "table.warning": "The table will move. Keep everyone clear; this stop is no emergency stop.",
+  "settings.device.low_deg": "Lowest angle, degrees",
+  "settings.device.high_deg": "Highest angle, degrees",
+  "settings.device.minutes": "Armed for, minutes",
 };

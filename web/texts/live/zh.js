@@ -52,7 +52,7 @@ export const texts = {
   "table.stop": "停止",
   "table.disarm": "停用",
   "table.warning": "转台即将运动，请所有人远离；此停止不是急停。",
-  "settings.mover.low_deg": "最小角度（度）",
-  "settings.mover.high_deg": "最大角度（度）",
-  "settings.mover.minutes": "启用时长（分钟）",
+  "settings.device.low_deg": "最小角度（度）",
+  "settings.device.high_deg": "最大角度（度）",
+  "settings.device.minutes": "启用时长（分钟）",
 };

@@ -17,7 +17,7 @@ export const texts = Object.freeze({
   "release.other": "Its current answer is another one of this session.",
   "release.other_session": "Its current answer is of another session:",
   "release.no_stale": "It cannot be approved: inputs changed since it was solved. Solve again.",
-  "release.no_fail": "It cannot be approved: it failed. Mend what the result names, then solve again.",
+  "release.no_fail": "It cannot be approved: it failed. Fix what the result names, then solve again.",
   "release.no_right": "Approving needs the role admin.",
   "release.in_force": "Current answer",
   "release.in_force_of": "Current answer of cell {cell}",

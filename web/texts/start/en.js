@@ -25,7 +25,7 @@ export const texts = Object.freeze({
   "start.removed_several": "{count} sessions deleted",
   "start.earlier_one": "{count} earlier session",
   "start.earlier_many": "{count} earlier sessions",
-  "start.drift": "Scanner at the workpiece over {count} sessions: {change} from the mean of those before, limit {limit}",
+  "start.drift": "Scanner at the workpiece over {count} sessions: {change} off the mean of the earlier ones, limit {limit}",
   "start.unsolved": "not solved yet",
   "start.remove": "Delete session {name}",
   "start.remove_words": "This permanently deletes the session with {captures} and all results.",
