@@ -3,6 +3,9 @@
 The command line prints it, REST sends it as problem details and the page shows it, all from the same fields.
 """
 
+from collections.abc import Mapping
+from typing import Self
+
 
 class CalibrationError(Exception):
     """Something a person can mend.
@@ -31,7 +34,12 @@ class CalibrationError(Exception):
 
     def __str__(self) -> str:
         place = f"{self.where}: " if self.where else ""
-        return f"{place}need {self.need}, got {self.got}. {self.to_do}"
+        return f"{place}{self.reason}"
+
+    @property
+    def reason(self) -> str:
+        """All of it but where."""
+        return f"need {self.need}, got {self.got}. {self.to_do}"
 
     def at(self, where: str) -> "CalibrationError":
         """Return the same error, told to be at `where` (kept if a finer place is known already)."""
@@ -39,6 +47,11 @@ class CalibrationError(Exception):
         if self.where == where or self.where.startswith(f"{where}: "):
             place = self.where
         return type(self)(self.need, self.got, self.to_do, place)
+
+    def with_failures(self, failed: Mapping[str, "CalibrationError"]) -> Self:
+        """Return the same error with what was got of captures that failed, by their names."""
+        names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
+        return type(self)(self.need, f"{self.got} ({names})", self.to_do, self.where) if failed else self
 
     def adding(self, sentence: str) -> "CalibrationError":
         """Return the same error with a sentence more on what to do."""

@@ -79,10 +79,8 @@ class PlaneViews:
 
     def _hand_eye(self, doubt: CameraDoubt | None) -> HandEye:
         robot = self._session.cell.robot
-        degrees = robot.orientation_sigma_deg
-        turning = None if degrees is None else float(np.deg2rad(degrees))
         poses = list(self.frames.values())
-        told = robot.position_sigma_mm, turning, doubt, relative_pitch_sigma(self._board)
+        told = robot.position_sigma_mm, robot.orientation_sigma_rad, doubt, relative_pitch_sigma(self._board)
         found = solve_hand_eye([a for a, _ in poses], [b for _, b in poses], *told)
         if not found.frames_agree and any(view.turn_is_ambiguous for _, view in self._lit.values()):
             raise MotionError(

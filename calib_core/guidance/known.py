@@ -140,8 +140,8 @@ def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
     robot, table = cell.robot, cell.turntable
     if robot.position_sigma_mm is not None:
         sigmas = replace(sigmas, position_mm=robot.position_sigma_mm)
-    if robot.orientation_sigma_deg is not None:
-        sigmas = replace(sigmas, orientation_rad=float(np.deg2rad(robot.orientation_sigma_deg)))
+    if robot.orientation_sigma_rad is not None:
+        sigmas = replace(sigmas, orientation_rad=robot.orientation_sigma_rad)
     if table.angle_sigma_deg is not None:
         sigmas = replace(sigmas, angle_rad=float(np.deg2rad(table.angle_sigma_deg)))
     return sigmas
@@ -149,8 +149,7 @@ def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
 
 def _given(cell: Cell) -> GivenSigmas:
     """Return what is told of a pose's own errors; no table turns beside the still sphere."""
-    degrees = cell.robot.orientation_sigma_deg
-    return cell.robot.position_sigma_mm, None if degrees is None else float(np.deg2rad(degrees)), 0.0
+    return cell.robot.position_sigma_mm, cell.robot.orientation_sigma_rad, 0.0
 
 
 def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:

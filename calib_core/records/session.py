@@ -1,5 +1,6 @@
 """A session as its file tells it: the cell, and the captures in it."""
 
+from math import radians
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -81,6 +82,11 @@ class Robot(WrittenRecord):
     orientation_sigma_deg: NotNegative | None = None
     brand: str | None = None
     arm: str | ArmTable | None = None
+
+    @property
+    def orientation_sigma_rad(self) -> float | None:
+        """The orientation's standard deviation in radians."""
+        return None if self.orientation_sigma_deg is None else radians(self.orientation_sigma_deg)
 
 
 class Turntable(WrittenRecord):

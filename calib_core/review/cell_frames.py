@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,13 +13,7 @@ from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGr
 from calib_core.frames import FloatArray, Frame, RigidTransform
 from calib_core.records import Capture, Matrix4, Record, Session
 from calib_core.records.base import Rows
-from calib_core.stages.registry import optics_stages, steps_that_show, table_stages, tool_stages
-
-_OF_OPTICS: Final = (
-    ("hand_eye", "tool0_from_camera", "covariance"),
-    ("hand_eye", "base_from_board", "board_covariance"),
-    ("laser_plane", "camera_from_laser", "covariance"),
-)
+from calib_core.stages.registry import STAGES, optics_stages, stages, steps_that_show, table_stages, tool_stages
 
 
 class ListedFrame(Record):
@@ -109,7 +103,9 @@ def frame_graph(
     edges = [_robot(session, chosen, solved), *_tools(session, solved, _scanner(session, chosen))]
     if _has_table(session):
         edges.append(_table(session, solved))
-    edges += [edge for names in _OF_OPTICS for edge in _optics(session, solved, *names)]
+    sphere = (*tool_stages(), *table_stages())
+    for stage in [one for one in stages() if one.name not in sphere]:
+        edges += [edge for name in stage.frames for edge in _optics(session, solved, stage.name, name)]
     return FrameGraph(edges, _shared(solved))
 
 
@@ -124,13 +120,13 @@ class _Solved:
         """Return the first of some stages that is solved."""
         return next((stage for stage in stages if stage in self.results), None)
 
-    def edge(self, stage: str, name: str, covariance: str, scanner: str | None = None) -> FrameEdge:
+    def edge(self, stage: str, name: str, scanner: str | None = None) -> FrameEdge:
         """Return the transform that a stage's result has under a name."""
         into, _, outof = name.partition("_from_")
         frames = (cast(Frame, into), cast(Frame, outof))
         result = self.results[stage]
         transform = RigidTransform.from_rounded(result[name], *frames)
-        known = np.array(result[covariance], dtype=float)[:6, :6]
+        known = np.array(result[STAGES.get(stage).frames[name]], dtype=float)[:6, :6]
         return FrameEdge(*frames, "solved", stage, transform, known, scanner, stage in self.stale)
 
 
@@ -187,7 +183,7 @@ def _tool(session: Session, solved: _Solved, scanner: str | None, is_it: bool) -
     stage = solved.first(tool_stages()) if is_it else None
     if stage is None:
         return FrameEdge("tool0", "laser", "sought", tool_stages()[-1], scanner=scanner)
-    return solved.edge(stage, "tool0_from_laser", "covariance", scanner)
+    return solved.edge(stage, "tool0_from_laser", scanner)
 
 
 def _has_table(session: Session) -> bool:
@@ -206,20 +202,13 @@ def _table(session: Session, solved: _Solved) -> FrameEdge:
     stage = solved.first(table_stages())
     if stage is None:
         return FrameEdge("base", "turntable", "sought", table_stages()[-1])
-    with_tool = stage in tool_stages()
-    return solved.edge(stage, "base_from_turntable", "turntable_covariance" if with_tool else "covariance")
+    return solved.edge(stage, "base_from_turntable")
 
 
-def _optics(
-    session: Session,
-    solved: _Solved,
-    stage: str,
-    name: str,
-    covariance: str,
-) -> list[FrameEdge]:
+def _optics(session: Session, solved: _Solved, stage: str, name: str) -> list[FrameEdge]:
     """Return the edge that a stage of the camera gives; one that is sought only where boards were captured."""
     if solved.results.get(stage, {}).get(name) is not None:
-        return [solved.edge(stage, name, covariance)]
+        return [solved.edge(stage, name)]
     into, _, outof = name.partition("_from_")
     boards = any(one.step in optics_stages() for one in session.captures)
     return [FrameEdge(cast(Frame, into), cast(Frame, outof), "sought", stage)] if boards else []

@@ -11,7 +11,7 @@ from calib_core.estimation import chance_of
 from calib_core.exports.workpiece import covariance_in, point_jacobian, seen_in_laser_mm
 from calib_core.frames import FloatArray, Frame, RigidTransform
 from calib_core.records import Capture, Record, Session
-from calib_core.stages.registry import optics_stages, table_stages, tool_stages
+from calib_core.stages.registry import STAGES
 
 _ROWS: Final = ("mahalanobis", "center_distance_mm", "surface_rms_mm", "rms_px", "line_rms_mm", "radial_mm")
 _RANK: Final = (
@@ -229,23 +229,27 @@ def _words(value: Any) -> str:
 
 def frames_of(stage: str) -> Iterator[tuple[str, Frame, Frame, str]]:
     """Give the frames in a stage's result, and the field of each one's covariance."""
-    gives_tool = stage in tool_stages()
-    if gives_tool:
-        yield "tool0_from_laser", "tool0", "laser", "covariance"
-    if stage in table_stages():
-        yield "base_from_turntable", "base", "turntable", "turntable_covariance" if gives_tool else "covariance"
-    if stage == optics_stages()[-1]:
-        yield "camera_from_laser", "camera", "laser", "covariance"
+    entry = STAGES.get(stage, "stage")
+    for name, covariance in () if entry.is_second_opinion else entry.frames.items():
+        into, _, outof = name.partition("_from_")
+        yield name, cast(Frame, into), cast(Frame, outof), covariance
 
 
 def _frame_differences(left: Compared, right: Compared) -> Iterator[FrameDifference]:
+    for name, poses, known, point in shared_frames(left, right):
+        yield frame_difference(name, poses, known[0] + known[1], point)
+
+
+def shared_frames(
+    left: Compared, right: Compared
+) -> Iterator[tuple[str, tuple[RigidTransform, RigidTransform], list[FloatArray], FloatArray]]:
+    """Give the frames of two results of a stage: name, poses, covariances, a point of the workpiece."""
     both = (left, right)
     for name, into, outof, covariance in frames_of(left.record["stage"]):
-        poses = [RigidTransform.from_rounded(one.record[name], into, outof) for one in both]
-        total = np.sum([covariance_in(one.record, covariance) for one in both], axis=0)
+        first, second = (RigidTransform.from_rounded(one.record[name], into, outof) for one in both)
         points = [point for one in both if (point := workpiece_point(name, one)) is not None]
-        point = np.mean(points, axis=0) if points else np.zeros(3)
-        yield frame_difference(name, (poses[0], poses[1]), np.asarray(total), np.asarray(point))
+        point = np.asarray(np.mean(points, axis=0)) if points else np.zeros(3)
+        yield name, (first, second), [np.asarray(covariance_in(one.record, covariance)) for one in both], point
 
 
 def differences_from_truth(found: Compared, truth: Mapping[str, Any]) -> list[FrameDifference]:

@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from calib_core.exports.workpiece import covariance_in, point_jacobian
+from calib_core.exports.workpiece import point_jacobian
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.review.compare import Compared, frames_of, workpiece_point
+from calib_core.review.compare import Compared, shared_frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +32,8 @@ class PlacedPoint:
 def placed_points(left: Compared, right: Compared) -> list[PlacedPoint]:
     """Return where two results of a stage put one point of the workpiece: one entry for each frame they give."""
     placed: list[PlacedPoint] = []
-    for name, into, outof, covariance in frames_of(left.record["stage"]):
-        both = (left, right)
-        poses = [RigidTransform.from_rounded(one.record[name], into, outof) for one in both]
-        points = [point for one in both if (point := workpiece_point(name, one)) is not None]
-        point = np.mean(points, axis=0) if points else np.zeros(3)
-        known = [np.asarray(covariance_in(one.record, covariance)) for one in both]
+    for name, poses, known, point in shared_frames(left, right):
         jacobians = [point_jacobian(pose, point) for pose in poses]
         first, second = (j @ k @ j.T for j, k in zip(jacobians, known, strict=True))
-        placed.append(PlacedPoint(name, (poses[0], poses[1]), np.asarray(point), (first, second)))
+        placed.append(PlacedPoint(name, poses, point, (first, second)))
     return placed

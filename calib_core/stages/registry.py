@@ -71,4 +71,4 @@ def tool_stages() -> tuple[str, ...]:
 @cache
 def table_stages() -> tuple[str, ...]:
     """Return the names of the stages whose result has the turntable's frame, the best first."""
-    return tuple(stage.name for stage in reversed(stages()) if stage.gives_table)
+    return tuple(stage.name for stage in reversed(stages()) if "base_from_turntable" in stage.frames)

@@ -105,8 +105,8 @@ class Stage:
         Other stages whose question its result answers too, and better.
     is_answer : bool
         Whether its result can be the session's answer: tool, and table where there is one.
-    gives_table : bool
-        Whether its result has the turntable's frame.
+    frames : mapping
+        The transforms that its result finds, `into_from_outof`, each with the field of its covariance.
     optional : bool
         Whether later stages can do without it.
     is_second_opinion : bool
@@ -133,7 +133,7 @@ class Stage:
     guided: tuple[str, ...] = ()
     answers: tuple[str, ...] = ()
     is_answer: bool = False
-    gives_table: bool = False
+    frames: ClassVar[Mapping[str, str]] = {}
     optional: bool = False
     is_second_opinion: bool = False
     needs_every_step: bool = False

@@ -9,6 +9,7 @@ import pytest
 import calib_core as cc
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
 from calib_core.simulation.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
 from calib_core.stages.evidence import stored_evidence
@@ -44,6 +45,9 @@ def test_camera_and_board_against_the_truth_and_the_tool_beside_the_spheres(made
     assert agreement["shift_mm"] < 1.0
     assert result["verdict"] == "pass"
     assert len(result["residuals"]) == 9
+    found = frame_graph(made.session, {"hand-eye": result}).find("camera", "tool0")
+    assert found.through[0].source == "hand-eye"
+    assert np.allclose((found.transform @ frames[0]).matrix, np.eye(4), atol=1e-9)
     told = [block.model_dump() for block in stored_evidence(made.session, result)]
     assert "units of both uncertainties" in str(told)
 

@@ -10,6 +10,7 @@ from calib_core.captures.solved_optics import remembered
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
 from calib_core.guidance.at_part import budget_at
 from calib_core.records import KnownCamera, Session
+from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
 from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
@@ -69,6 +70,8 @@ def test_a_solved_calibration_in_the_cell_measures_the_sphere_as_the_boards_do(
     with_boards = measure_capture(cell.session, ball, cell.files.__getitem__)
     assert seen.center_mm == pytest.approx(with_boards.center_mm, abs=1e-9)
     assert with_solved_calibration(alone, {}) == alone
+    edge = frame_graph(cell.session, {"laser-plane": plane.to_json()}).find("camera", "laser").through[0]
+    assert (edge.state, edge.source) == ("solved", "laser-plane")
 
 
 def test_bands_of_depth_are_kept_in_the_cell() -> None:

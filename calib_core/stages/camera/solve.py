@@ -106,10 +106,7 @@ def _calibrate(
     try:
         return calibrate_camera(list(views.values()), image_size, options, tell, _robot_of(given, views, board))
     except MotionError as error:
-        if not failed:
-            raise
-        names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
-        raise MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where) from None
+        raise error.with_failures(failed) from None
 
 
 def _robot_of(given: "StageInput", views: dict[str, BoardView], board: Board) -> RobotPoses | None:
@@ -126,10 +123,9 @@ def _robot_of(given: "StageInput", views: dict[str, BoardView], board: Board) ->
             poses.append(None)
     if not any(poses):
         return None
-    degrees = cell.robot.orientation_sigma_deg
     one_way_up = not any(view.turn_is_ambiguous for view in views.values())
-    turning = None if degrees is None else float(np.deg2rad(degrees))
-    return RobotPoses(poses, cell.robot.position_sigma_mm, turning, one_way_up, relative_pitch_sigma(board))
+    sigmas = cell.robot.position_sigma_mm, cell.robot.orientation_sigma_rad
+    return RobotPoses(poses, *sigmas, one_way_up, relative_pitch_sigma(board))
 
 
 def _result(
@@ -275,8 +271,7 @@ def _rows(
         elif capture.id in failed and shows_stripe_alone(given.session.cell, capture, given.read):
             reason = f"{_STRIPE_ALONE}: it serves the plane of light, the board is not seen"
         elif capture.id in failed:
-            error = failed[capture.id]
-            reason = f"need {error.need}, got {error.got}. {error.to_do}"
+            reason = failed[capture.id].reason
         else:
             rows.append(_row_of_view(capture.id, views[capture.id], solution, place[capture.id]))
             continue

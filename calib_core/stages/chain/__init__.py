@@ -21,7 +21,7 @@ class Chain(Stage):
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")
     is_answer = True
-    gives_table = True
+    frames: ClassVar = {"tool0_from_laser": "covariance", "base_from_turntable": "turntable_covariance"}
     optional = True
     needs_every_step = True
 

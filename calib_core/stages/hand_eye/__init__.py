@@ -19,6 +19,7 @@ class BoardHandEye(Stage):
     takes: ClassVar = {"camera": (*FRAME_FIELDS, "pose"), "laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
     reads = ("board", "pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
     after = ("camera", "laser-plane", "tcp", "chain")
+    frames: ClassVar = {"tool0_from_camera": "covariance", "base_from_board": "board_covariance"}
     optional = True
     is_second_opinion = True
     layers = ("scanner",)

@@ -28,6 +28,7 @@ class LaserPlane(Stage):
     known = ("laser_plane",)
     after = ("camera",)
     guided = ("laser-plane",)
+    frames: ClassVar = {"camera_from_laser": "covariance"}
     layers = ("laser_plane",)
 
     def is_wanted(self, session: "Session") -> bool:

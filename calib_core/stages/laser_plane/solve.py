@@ -73,10 +73,7 @@ def solve_laser_plane(
     try:
         solution = solve_plane(camera, views, _uncertainty(given, camera_result, boards.lent), tell)
     except MotionError as error:
-        if not failed:
-            raise
-        names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
-        raise MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where) from None
+        raise error.with_failures(failed) from None
     return _result(given, solution, failed, camera_result)
 
 
@@ -224,8 +221,7 @@ def _rows(
         elif capture.excluded:
             reason = "excluded by the user"
         else:
-            error = failed[capture.id]
-            reason = f"need {error.need}, got {error.got}. {error.to_do}"
+            reason = failed[capture.id].reason
         rows.append(LaserPlaneResidual(capture=capture.id, used=False, reason=reason))
     return rows
 

@@ -28,7 +28,7 @@ def merge_doubts(groups: Sequence[ScanGroup], placement: Placement, solution: Me
     solution : MergeSolution
     """
     apart = solution.overlap
-    doubts = not_used({name: f"need {e.need}, got {e.got}. {e.to_do}" for name, e in solution.failed.items()})
+    doubts = not_used({name: error.reason for name, error in solution.failed.items()})
     tiny = _about_size(solution)
     doubts += tiny
     pairs = apart.per_scan[:, 0]

@@ -169,8 +169,7 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
     tool = result.tool0_from_laser if result else cell.known.tool0_from_laser
     table, direction, scale = cell.known.base_from_turntable, cell.turntable.direction or 1, 1.0
     covariance = np.zeros((12, 12))
-    degrees = cell.robot.orientation_sigma_deg or 0.0
-    scatter = (cell.robot.position_sigma_mm or 0.0, float(np.deg2rad(degrees)))
+    scatter = (cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0)
     angle_deg = cell.turntable.angle_sigma_deg or 0.0
     warnings: list[str] = []
     if result is not None:

@@ -23,6 +23,7 @@ class Tcp(Stage):
     after = ("camera", "laser-plane")
     guided = ("tcp",)
     is_answer = True
+    frames: ClassVar = {"tool0_from_laser": "covariance"}
     layers = ("sphere", "captures", "scanner")
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:

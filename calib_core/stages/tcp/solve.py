@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import TypeVar
 
-import numpy as np
-
 from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.captures.observe import observe_capture
@@ -123,10 +121,9 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     cell = given.session.cell
     sphere = sphere_of(cell, [capture for capture in given.captures if not capture.excluded])
     observed = observe_stage(given)
-    degrees = cell.robot.orientation_sigma_deg
     options = TcpOptions(
         position_sigma_mm=cell.robot.position_sigma_mm,
-        orientation_sigma_rad=None if degrees is None else float(np.deg2rad(degrees)),
+        orientation_sigma_rad=cell.robot.orientation_sigma_rad,
         point_sigma_mm=cell.scanner.point_sigma_mm,
         apply_scanner=cell.scanner.errors == "apply",
         taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
@@ -134,7 +131,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     try:
         solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
     except MotionError as error:
-        raise with_failures(error, observed.failed) from None
+        raise error.with_failures(observed.failed) from None
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
 
@@ -151,7 +148,9 @@ def observe_stage(given: StageInput) -> Observed:
     unused |= unfit(cell, captures)
     unused |= copies_of(captures, given.read)
     observations, failed = observe_all(given, [c for c in captures if c.id not in unused])
-    return Observed(observations, failed, unused | {name: why(error) for name, error in failed.items()})
+    return Observed(
+        observations, failed, unused | {name: error.reason.removesuffix(".") for name, error in failed.items()}
+    )
 
 
 def observe_all(
@@ -202,19 +201,6 @@ def copies_of(captures: Sequence[Capture], read: ReadFile) -> dict[str, str]:
 
 def _later(progress: Progress) -> Progress:
     return lambda fraction, message: progress(_MEASURING_SHARE + (1 - _MEASURING_SHARE) * fraction, message)
-
-
-def with_failures(error: MotionError, failed: dict[str, MeasurementError]) -> MotionError:
-    """Return the error with the captures that would have been there, had the sphere been found in them."""
-    if not failed:
-        return error
-    names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
-    return MotionError(error.need, f"{error.got} ({names})", error.to_do, error.where)
-
-
-def why(error: MeasurementError) -> str:
-    """Return why a capture is of no use, and what to do, without a full stop."""
-    return f"need {error.need}, got {error.got}. {error.to_do.removesuffix('.')}"
 
 
 _R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)

@@ -31,7 +31,7 @@ class Turntable(Stage):
     guided = ("turntable",)
     optional = True
     settings_field = "turntable"
-    gives_table = True
+    frames: ClassVar = {"base_from_turntable": "covariance"}
     layers = ("turntable",)
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:

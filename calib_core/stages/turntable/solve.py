@@ -15,7 +15,7 @@ from calib_core.records import Capture, Cell
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import SolvedTable, SolvedTcp, StageInput
 from calib_core.stages.stage import SOFTWARE, Progress
-from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_failures, with_unused
+from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_unused
 from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
             observations, sphere, tool, table_options(given.session.cell), part_of(progress, 0.3, 1.0)
         )
     except MotionError as error:
-        raise with_failures(error, observed.failed) from None
+        raise error.with_failures(observed.failed) from None
     return SolvedTable(solution, observations, observed.unused)
 
 
@@ -174,7 +174,7 @@ def table_options(cell: Cell) -> "TurntableOptions":
     encoder = "exact" if unknown else cell.turntable.encoder
     return TurntableOptions(
         position_sigma_mm=cell.robot.position_sigma_mm,
-        orientation_sigma_rad=_radians(cell.robot.orientation_sigma_deg),
+        orientation_sigma_rad=cell.robot.orientation_sigma_rad,
         point_sigma_mm=cell.scanner.point_sigma_mm,
         angle_sigma_rad=UNKNOWN_ANGLE_SIGMA_RAD if unknown else _radians(cell.turntable.angle_sigma_deg),
         direction=cell.turntable.direction,

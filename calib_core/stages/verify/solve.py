@@ -224,8 +224,8 @@ def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:
     known = cell.known.tool0_from_laser
     if known is not None:
         tool = RigidTransform.from_rounded(known, "tool0", "laser")
-        turning = float(np.deg2rad(cell.robot.orientation_sigma_deg or 0.0))
-        return Tool(tool, np.zeros((6, 6)), cell.robot.position_sigma_mm or 0.0, turning), "known", []
+        robot = cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0
+        return Tool(tool, np.zeros((6, 6)), *robot), "known", []
     stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
     assert isinstance(answer, ToolResult)
