@@ -34,7 +34,7 @@ class CalibrationError(Exception):
 
     def __str__(self) -> str:
         place = f"{self.where}: " if self.where else ""
-        return f"{place}{self.reason}"
+        return f"{place}need {self.need}, got {self.got}. {self.to_do}"
 
     @property
     def reason(self) -> str:

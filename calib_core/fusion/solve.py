@@ -200,4 +200,4 @@ def _mesh(
             return joined(sheets), []
         return poisson_mesh(grid.cloud(), options.voxel_mm), []
     except CalibrationError as error:
-        return None, [f"No mesh: {error.reason}"]
+        return None, [f"No mesh: need {error.need}, got {error.got}. {error.to_do}"]
