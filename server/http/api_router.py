@@ -3,7 +3,10 @@
 Routers that are included in others would have all their routes built again for every application.
 """
 
-from fastapi import APIRouter
+from typing import Any
+
+from fastapi import APIRouter, Depends
+from fastapi.requests import HTTPConnection
 from fastapi.routing import APIRoute
 
 from server.http.openapi import ERRORS, operation_id
@@ -21,3 +24,12 @@ def api_router(tag: str, prefix: str = API, route_class: type[APIRoute] = Strict
         responses=ERRORS,
         generate_unique_id_function=operation_id,
     )
+
+
+def of_app(name: str) -> Any:
+    """Return what gives a route something that stands in the application's state."""
+
+    async def given(connection: HTTPConnection) -> Any:  # FastAPI hands plain functions to another thread first
+        return getattr(connection.app.state, name)
+
+    return Depends(given)

@@ -8,6 +8,7 @@ from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
 from server.guides import Guides
 from server.health import HealthWatch
+from server.http.api_router import of_app
 from server.http.events import Hub
 from server.http.idempotency import NO_KEY, Idempotency
 from server.http.uploads import UploadMemory
@@ -17,80 +18,22 @@ from server.jobs.page_process import PageProcess
 from server.metrics import Metrics
 from server.settings import Settings
 from server.store.database import Store
+from server.store.sessions import StoredSession, load_session, session_row
 from server.webhooks.sender import WebhookSender
 
-# These are coroutines because FastAPI hands every plain function to another thread first.
-
-
-async def _settings(request: Request) -> Settings:
-    return request.app.state.settings
-
-
-async def _store(request: Request) -> Store:
-    return request.app.state.store
-
-
-async def _hub(request: Request) -> Hub:
-    return request.app.state.hub
-
-
-async def _jobs(request: Request) -> Jobs:
-    return request.app.state.jobs
-
-
-async def _measuring(request: Request) -> Measuring:
-    return request.app.state.measuring
-
-
-async def _metrics(request: Request) -> Metrics:
-    return request.app.state.metrics
-
-
-async def _upload_memory(request: Request) -> UploadMemory:
-    return request.app.state.upload_memory
-
-
-async def _measuring_queue(request: Request) -> MeasuringQueue:
-    return request.app.state.measuring_queue
-
-
-async def _webhooks(request: Request) -> WebhookSender:
-    return request.app.state.webhooks
-
-
-async def _intake(request: Request) -> Intake:
-    return request.app.state.intake
-
-
-SettingsDep = Annotated[Settings, Depends(_settings)]
-
-
-async def _guides(request: Request) -> Guides:
-    return request.app.state.guides
-
-
-async def _page_process(request: Request) -> PageProcess:
-    return request.app.state.page_process
-
-
-StoreDep = Annotated[Store, Depends(_store)]
-GuidesDep = Annotated[Guides, Depends(_guides)]
-PageProcessDep = Annotated[PageProcess, Depends(_page_process)]
-HubDep = Annotated[Hub, Depends(_hub)]
-JobsDep = Annotated[Jobs, Depends(_jobs)]
-MeasuringDep = Annotated[Measuring, Depends(_measuring)]
-MetricsDep = Annotated[Metrics, Depends(_metrics)]
-UploadMemoryDep = Annotated[UploadMemory, Depends(_upload_memory)]
-MeasuringQueueDep = Annotated[MeasuringQueue, Depends(_measuring_queue)]
-
-
-async def _health(request: Request) -> HealthWatch:
-    return request.app.state.health
-
-
-HealthDep = Annotated[HealthWatch, Depends(_health)]
-WebhooksDep = Annotated[WebhookSender, Depends(_webhooks)]
-IntakeDep = Annotated[Intake, Depends(_intake)]
+SettingsDep = Annotated[Settings, of_app("settings")]
+StoreDep = Annotated[Store, of_app("store")]
+GuidesDep = Annotated[Guides, of_app("guides")]
+PageProcessDep = Annotated[PageProcess, of_app("page_process")]
+HubDep = Annotated[Hub, of_app("hub")]
+JobsDep = Annotated[Jobs, of_app("jobs")]
+MeasuringDep = Annotated[Measuring, of_app("measuring")]
+MetricsDep = Annotated[Metrics, of_app("metrics")]
+UploadMemoryDep = Annotated[UploadMemory, of_app("upload_memory")]
+MeasuringQueueDep = Annotated[MeasuringQueue, of_app("measuring_queue")]
+HealthDep = Annotated[HealthWatch, of_app("health")]
+WebhooksDep = Annotated[WebhookSender, of_app("webhooks")]
+IntakeDep = Annotated[Intake, of_app("intake")]
 
 SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64, examples=["4c1f0a92e6b37d58"])]
 CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64, examples=["p01"])]
@@ -98,6 +41,22 @@ JobId = Annotated[str, Path(description="A job's `id`.", max_length=64, examples
 StageName = Annotated[
     str, Path(description="`tcp`, and the other stages as they come.", max_length=64, examples=["tcp"])
 ]
+
+
+def existing_session(session_id: SessionId, store: StoreDep) -> str:
+    """Return the id of a session that is there; raises NotFoundError."""
+    with store.read() as db:
+        return session_row(db, session_id).id
+
+
+def _loaded_session(session_id: SessionId, store: StoreDep) -> StoredSession:
+    with store.read() as db:
+        return load_session(db, store.blobs, session_id)
+
+
+ExistingSession = Annotated[str, Depends(existing_session)]
+"""The id of a session that is there: also before a stream about it begins."""
+LoadedSession = Annotated[StoredSession, Depends(_loaded_session)]
 IfMatch = Annotated[
     str | None, Header(max_length=200, description="The ETag that the change was made against; else 412.")
 ]

@@ -9,7 +9,7 @@ from calib_core.errors import InputError
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.cell_frames import SessionFrames
 from server.http.api_router import API, api_router
-from server.http.dependencies import SessionId, StoreDep
+from server.http.dependencies import LoadedSession, SessionId, StoreDep
 from server.http.strict_json import parse_object, plain_json
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
@@ -58,8 +58,7 @@ FrameName = Annotated[str | None, Query(max_length=20, examples=["base"])]
 
 @router.get("/frames", response_model=SessionFrames)
 def get_frames(
-    session_id: SessionId,
-    store: StoreDep,
+    stored: LoadedSession,
     into: FrameName = None,
     outof: FrameName = None,
     capture: Annotated[str | None, Query(max_length=64, description="Whose robot pose counts.")] = None,
@@ -69,11 +68,8 @@ def get_frames(
 
     if (into is None) != (outof is None):
         raise InputError("into and outof together, or none", "one of them", "Name both frames.", "into")
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
-    stale = [stage for stage, result in stored.results_with_stale().items() if result["stale"]]
     asked = None if into is None or outof is None else (into, outof)
-    return session_frames(stored.session, stored.results, stale, asked, capture)
+    return session_frames(stored.session, stored.results, stored.stale, asked, capture)
 
 
 @router.get(

@@ -201,14 +201,13 @@ def _marks(answer: Answer | None) -> Mapping[str, str]:
 def _report(stored: SessionOfStore, answer: Answer | None, *, with_truth: bool) -> str:
     from server.render.report.report import report_html
 
-    stale = [name for name, result in stored.results_with_stale().items() if result["stale"]]
     truth = None
     if with_truth and stored.simulated is not None and stored.results:
         from server.sources.simulated import simulated_session
 
         truth = simulated_session(str(stored.simulated["scenario"]), int(stored.simulated["seed"])).truth
     solved = "" if answer is None else answer.date
-    return report_html(stored.session, stored.results, stale, truth, solved)
+    return report_html(stored.session, stored.results, stored.stale, truth, solved)
 
 
 def _pages(stored: SessionOfStore, answer: Answer | None, with_scene: bool) -> dict[str, bytes]:

@@ -10,7 +10,7 @@ from calib_core.errors import ConflictError
 from calib_core.records import Changes, RootCause
 from server.captures.applying import apply_changes
 from server.http.api_router import API, api_router
-from server.http.dependencies import IdempotencyDep, MeasuringQueueDep, SessionId, StoreDep
+from server.http.dependencies import IdempotencyDep, LoadedSession, MeasuringQueueDep, SessionId, StoreDep
 from server.http.schemas import StoredSession
 from server.store.models import Data
 from server.store.sessions import StoredSession as Loaded
@@ -48,10 +48,8 @@ class NewChanges(Changes):
 
 
 @router.get("/causes", response_model=RootCauses)
-def get_causes(session_id: SessionId, store: StoreDep) -> RootCauses:
+def get_causes(stored: LoadedSession) -> RootCauses:
     """Return why the session fails or is doubtful: by its fresh results or, where unsolved, by its captures."""
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
     return RootCauses(items=_causes(stored))
 
 

@@ -8,7 +8,7 @@ from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
 from server.http.api_router import api_router
-from server.http.dependencies import SessionId, StoreDep
+from server.http.dependencies import LoadedSession, SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredCloudFile, StoredCloudFiles
 from server.store.session_answer import stage_headers
@@ -31,12 +31,10 @@ CloudFormat = Annotated[
 
 
 @router.get("/sessions/{session_id}/clouds", response_model=StoredCloudFiles)
-def list_clouds(session_id: SessionId, store: StoreDep, response: Response) -> StoredCloudFiles:
+def list_clouds(stored: LoadedSession, response: Response) -> StoredCloudFiles:
     """Return the clouds and meshes that there are, with the formats that each is given in."""
     from calib_core.archive.stored_clouds import MESH_FILE, REFERENCE_FILE, cloud_formats, mesh_formats
 
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
     response.headers.update(stage_headers(stored, "merge"))
     items = [
         StoredCloudFile(

@@ -5,7 +5,7 @@ import time
 from collections.abc import AsyncIterator
 from typing import Annotated, Any, Literal
 
-from fastapi import Depends, Path, Request, Response
+from fastapi import Path, Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
@@ -14,12 +14,11 @@ from calib_core.clock_offset import ClockOffset
 from calib_core.errors import NotFoundError
 from calib_core.records import Finite, Identifier, Record
 from calib_core.records.known_fields import require_known_fields
-from server.http.api_router import API, api_router
-from server.http.dependencies import HubDep, IdempotencyDep, SessionId, StoreDep
+from server.http.api_router import API, api_router, of_app
+from server.http.dependencies import ExistingSession, HubDep, IdempotencyDep, SessionId, StoreDep
 from server.live.manager import LiveCells, require_live
 from server.live.preview import device_data, live_data
 from server.live.shots import CaptureSettings, Shot, Taken
-from server.routes.sessions import existing_session
 from server.sources.device import host_now_s
 from server.store.audit import acting
 
@@ -117,11 +116,7 @@ class MeasuredClocks(BaseModel):
     warning: str = Field(description="Where it has drifted since it was last measured.")
 
 
-async def _cells(request: Request) -> LiveCells:
-    return request.app.state.live
-
-
-LiveCellsDep = Annotated[LiveCells, Depends(_cells)]
+LiveCellsDep = Annotated[LiveCells, of_app("live")]
 
 
 @router.get("/devices", response_model=Devices)
@@ -148,19 +143,16 @@ def delete_device(session_id: SessionId, device: DeviceName, cells: LiveCellsDep
 
 
 @router.put("/live", response_model=CaptureSettings)
-def put_live(
-    session_id: SessionId, body: CaptureSettings, store: StoreDep, cells: LiveCellsDep
-) -> CaptureSettings:
+def put_live(session_id: ExistingSession, body: CaptureSettings, cells: LiveCellsDep) -> CaptureSettings:
     """Say what live captures are taken for, and whether one is taken at each standstill at a new place."""
     require_known_fields(body, "request")
-    existing_session(session_id, store)
     cells.set_capture(session_id, body)
     return body
 
 
 @router.post("/live/capture", status_code=201, response_model=TakenShot)
 async def take_shot(
-    session_id: SessionId,
+    session_id: ExistingSession,
     body: NewShot,
     _: IdempotencyDep,
     store: StoreDep,
@@ -169,7 +161,6 @@ async def take_shot(
 ) -> TakenShot:
     """Take a capture now: it is stored once robot, table and stripe prove that they stand still, else refused."""
     require_known_fields(body, "request")
-    await run_in_threadpool(existing_session, session_id, store)
     shot = await run_in_threadpool(_shot, session_id, body, store)
     require_live(cells, session_id).ask(shot)
     taken = await asyncio.wrap_future(shot.answer)
@@ -178,12 +169,7 @@ async def take_shot(
 
 @router.post("/live/sweep", status_code=201, response_model=TakenShot)
 def take_sweep(
-    session_id: SessionId,
-    body: NewSweep,
-    _: IdempotencyDep,
-    store: StoreDep,
-    cells: LiveCellsDep,
-    response: Response,
+    session_id: ExistingSession, body: NewSweep, _: IdempotencyDep, cells: LiveCellsDep, response: Response
 ) -> TakenShot:
     """Record every exposure and the robot's poses for some seconds, and store them as one capture: a sweep.
 
@@ -191,7 +177,6 @@ def take_sweep(
     files are removed from the recording's folder once they are stored.
     """
     require_known_fields(body, "request")
-    existing_session(session_id, store)
     live = require_live(cells, session_id)
     extra = {} if body.table_deg is None else {"table_deg": body.table_deg}
     shot = Shot(body.id, host_now_s(), extra=extra, act=acting.get())
@@ -206,14 +191,11 @@ def _taken(session_id: str, response: Response, taken: Taken) -> TakenShot:
 
 
 @router.post("/live/clock-offset", response_model=MeasuredClocks)
-def measure_clocks(
-    session_id: SessionId, _: IdempotencyDep, store: StoreDep, cells: LiveCellsDep
-) -> MeasuredClocks:
+def measure_clocks(session_id: ExistingSession, _: IdempotencyDep, cells: LiveCellsDep) -> MeasuredClocks:
     """Measure the offset between the scanner's and the robot's clocks from what has just come.
 
     Before, the robot moves back and forth for five seconds or more, its orientation held, the sphere in view.
     """
-    existing_session(session_id, store)
     live = require_live(cells, session_id)
     before = live.clocks.offset
     found, clocks = live.clock_offset()
@@ -229,9 +211,8 @@ def measure_clocks(
 
 
 @router.get("/live/picture", response_class=Response)
-def picture(session_id: SessionId, store: StoreDep, cells: LiveCellsDep) -> Response:
+def picture(session_id: ExistingSession, cells: LiveCellsDep) -> Response:
     """Return the newest image of the session's camera as it came."""
-    existing_session(session_id, store)
     live = cells.live(session_id)
     exposure = live.newest()[2] if live else None
     ending = exposure.frame.name.rpartition(".")[2].lower() if exposure else ""
@@ -243,7 +224,7 @@ def picture(session_id: SessionId, store: StoreDep, cells: LiveCellsDep) -> Resp
 
 @router.get("/live/events", response_class=EventSourceResponse)
 async def live_events(
-    session_id: Annotated[str, Depends(existing_session)], hub: HubDep, cells: LiveCellsDep
+    session_id: ExistingSession, hub: HubDep, cells: LiveCellsDep
 ) -> AsyncIterator[ServerSentEvent]:
     """Stream the live cell, twenty times a second at most: `live` events of devices, pose, profile, arc and r/R.
 

@@ -2,14 +2,12 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Request
 from pydantic import ConfigDict
 
 from calib_core.records import Record, StepName
-from server.http.api_router import API, api_router
-from server.http.dependencies import SessionId, StoreDep
+from server.http.api_router import API, api_router, of_app
+from server.http.dependencies import ExistingSession
 from server.sources.folder_watcher import Watcher
-from server.store.sessions import session_row
 
 router = api_router("captures", f"{API}/sessions/{{session_id}}/sources/folder")
 
@@ -49,35 +47,27 @@ class FolderState(Record):
     watch: Watch | None
 
 
-def _watcher(request: Request) -> Watcher:
-    return request.app.state.watcher
-
-
-WatcherDep = Annotated[Watcher, Depends(_watcher)]
+WatcherDep = Annotated[Watcher, of_app("watcher")]
 
 
 @router.get("", response_model=FolderState)
-def get_folder(session_id: SessionId, store: StoreDep, watcher: WatcherDep) -> FolderState:
+def get_folder(session_id: ExistingSession, watcher: WatcherDep) -> FolderState:
     """Return which folder is watched for the session, what came of it, and which may be watched."""
-    return _state(session_id, store, watcher)
+    return _state(session_id, watcher)
 
 
 @router.put("", response_model=FolderState)
-def watch_folder(session_id: SessionId, body: WatchedFolder, store: StoreDep, watcher: WatcherDep) -> FolderState:
+def watch_folder(session_id: ExistingSession, body: WatchedFolder, watcher: WatcherDep) -> FolderState:
     """Watch a folder: each measurement in it becomes a capture once it is whole and has its pose beside it."""
-    _state(session_id, store, watcher)  # refuses a session that is not there
     watcher.watch(session_id, body.folder, body.step)
-    return _state(session_id, store, watcher)
+    return _state(session_id, watcher)
 
 
 @router.delete("", status_code=204)
-def end_watching(session_id: SessionId, store: StoreDep, watcher: WatcherDep) -> None:
+def end_watching(session_id: ExistingSession, watcher: WatcherDep) -> None:
     """Watch no folder for this session any more; what was taken stays."""
-    _state(session_id, store, watcher)
     watcher.end(session_id)
 
 
-def _state(session_id: str, store: StoreDep, watcher: Watcher) -> FolderState:
-    with store.read() as db:
-        session_row(db, session_id)
+def _state(session_id: str, watcher: Watcher) -> FolderState:
     return FolderState.model_validate(watcher.state(session_id))

@@ -12,7 +12,7 @@ from calib_core.guidance.pose_list import PoseList
 from calib_core.records.base import PlannedStep
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
-from server.http.dependencies import PageProcessDep, SessionId, StoreDep
+from server.http.dependencies import LoadedSession, PageProcessDep, SessionId, StoreDep
 from server.page_questions import cell_plan, planned
 from server.store.session_texts import load_texts
 from server.store.sessions import load_session
@@ -42,8 +42,7 @@ class PlannedCell(CellToPlan):
 
 @router.get("/sessions/{session_id}/budget", response_model=BudgetAtPart)
 def get_budget(
-    session_id: SessionId,
-    store: StoreDep,
+    stored: LoadedSession,
     x_mm: Millimetres = None,
     y_mm: Millimetres = None,
     z_mm: Millimetres = None,
@@ -58,8 +57,6 @@ def get_budget(
     given = [x_mm, y_mm, z_mm]
     if any(value is None for value in given) and any(value is not None for value in given):
         raise InputError("x_mm, y_mm and z_mm together, or none", "some of them", "Give all three.", "x_mm")
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
     point = None if x_mm is None else [value or 0.0 for value in given]
     return budget_at(stored.session, stored.results_with_stale(), point, field)
 
@@ -106,15 +103,13 @@ def get_planned_program(
 
 
 @router.get("/sessions/{session_id}/recheck", response_model=RecheckPlan)
-def get_recheck(session_id: SessionId, store: StoreDep) -> RecheckPlan:
+def get_recheck(stored: LoadedSession) -> RecheckPlan:
     """Return the three poses to capture again with step `recheck`, the sphere still in its place.
 
     `POST …/solve/recheck` then says whether the calibration still holds.
     """
     from calib_core.stages.recheck.guide import recheck_plan
 
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
     return recheck_plan(stored.session, stored.results)
 
 

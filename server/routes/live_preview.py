@@ -12,12 +12,12 @@ from starlette.websockets import WebSocketDisconnect
 
 from calib_core.errors import NotFoundError
 from server.http.api_router import API
+from server.http.dependencies import existing_session
 from server.http.same_origin import is_same_origin
 from server.live.live_cell import LiveCell
 from server.live.manager import LiveCells
 from server.live.pictures import preview_jpeg
 from server.live.preview import live_data
-from server.routes.sessions import existing_session
 
 router = APIRouter(prefix=API)
 

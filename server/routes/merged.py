@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib_core.errors import InputError, NotFoundError
 from calib_core.stages.merge.record import MergeResult
 from server.http.api_router import API, api_router
-from server.http.dependencies import SessionId, StoreDep
+from server.http.dependencies import LoadedSession, SessionId, StoreDep
 from server.http.schemas import CloudDeviations, CloudSection, ReferenceMesh
 from server.scenes.cloud_view import Against
 from server.scenes.deviation import CloudDeviation, cloud_deviation
@@ -36,8 +36,7 @@ Diameter = Annotated[
 
 @router.get("/merged/section", response_model=CloudSection, response_model_exclude_none=True)
 def section(
-    session_id: SessionId,
-    store: StoreDep,
+    stored: LoadedSession,
     response: Response,
     axis: Annotated[Literal["x", "y", "z"], Query(description="The axis that the plane cuts.")] = "z",
     at_mm: Annotated[float, Query(allow_inf_nan=False, description="Where, in the cloud's frame.")] = 0.0,
@@ -46,8 +45,6 @@ def section(
     diameter_mm: Diameter = None,
 ) -> CloudSection:
     """Return the points of the merged cloud in a thin slice, at most four thousand of them."""
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
     merged = _merged(stored)
     response.headers.update(stage_headers(stored, "merge"))
     assert merged.every_mm is not None
@@ -74,17 +71,11 @@ def section(
 
 @router.get("/merged/deviation", response_model=CloudDeviations, response_model_exclude_none=True)
 def deviation(
-    session_id: SessionId,
-    store: StoreDep,
-    response: Response,
-    against: Kind = "mesh",
-    diameter_mm: Diameter = None,
+    stored: LoadedSession, response: Response, against: Kind = "mesh", diameter_mm: Diameter = None
 ) -> CloudDeviations:
     """Return how far the merged cloud lies off the reference mesh or the sphere in it, as it was placed."""
     from calib_core.fusion.deviation import histogram
 
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
     seen = _deviation(stored, _merged(stored), Against(against, diameter_mm))
     response.headers.update(stage_headers(stored, "merge"))
     found = seen.found

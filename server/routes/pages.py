@@ -2,26 +2,20 @@
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
 
+from server.http.api_router import of_app
 from server.http.page_files import PageFiles
 from server.http.page_sentences import PageSentences
 
 router = APIRouter(include_in_schema=False)
 
 
-def _page_files(request: Request) -> PageFiles:
-    return request.app.state.page_files
-
-
-PageFilesDep = Annotated[PageFiles, Depends(_page_files)]
-
-
-def _page_sentences(request: Request) -> PageSentences:
-    return request.app.state.page_sentences
+PageFilesDep = Annotated[PageFiles, of_app("page_files")]
+PageSentencesDep = Annotated[PageSentences, of_app("page_sentences")]
 
 
 class Texts(BaseModel):
@@ -47,9 +41,7 @@ def login_page(files: PageFilesDep) -> Response:
 
 
 @router.post("/said/{language}")
-def sentences_said(
-    language: Literal["de", "zh"], body: Texts, sentences: Annotated[PageSentences, Depends(_page_sentences)]
-) -> dict[str, str]:
+def sentences_said(language: Literal["de", "zh"], body: Texts, sentences: PageSentencesDep) -> dict[str, str]:
     """Return the sentences that occur in what the server has answered, in a page's language."""
     return sentences.occurring(language, body.texts)
 

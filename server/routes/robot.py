@@ -2,17 +2,15 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Request, Response
+from fastapi import Request, Response
 from pydantic import BaseModel
-from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import TooLargeError
 from calib_core.records.known_fields import require_known_fields
-from server.http.api_router import API, api_router
-from server.http.dependencies import SessionId, StoreDep
+from server.http.api_router import API, api_router, of_app
+from server.http.dependencies import ExistingSession
 from server.live.dialogue import LONGEST_MESSAGE
 from server.live.robot_port import RobotPorts, RobotPortSettings, acting_now
-from server.routes.sessions import existing_session
 
 router = api_router("live", f"{API}/sessions/{{session_id}}")
 _POSE = "p07 -195.8 1363.305 524.812 -179.924 0.889 179.635"
@@ -38,38 +36,29 @@ class RobotPort(BaseModel):
     lines: list[RobotLine]
 
 
-async def _ports(request: Request) -> RobotPorts:
-    return request.app.state.robot_ports
-
-
-RobotPortsDep = Annotated[RobotPorts, Depends(_ports)]
+RobotPortsDep = Annotated[RobotPorts, of_app("robot_ports")]
 
 
 @router.get("/robot-port", response_model=RobotPort)
-def get_port(session_id: SessionId, store: StoreDep, ports: RobotPortsDep) -> dict[str, Any]:
+def get_port(session_id: ExistingSession, ports: RobotPortsDep) -> dict[str, Any]:
     """Return the session's port for robot programs."""
-    existing_session(session_id, store)
     return ports.told(session_id)
 
 
 @router.put("/robot-port", response_model=RobotPort)
-async def open_port(
-    session_id: SessionId, body: RobotPortSettings, store: StoreDep, ports: RobotPortsDep
-) -> dict[str, Any]:
+async def open_port(session_id: ExistingSession, body: RobotPortSettings, ports: RobotPortsDep) -> dict[str, Any]:
     """Open a plain TCP port for robot programs; each sends a token of the role `capture` in its first line.
 
     Only the session's captures can be added over it.  It is closed after a restart of the server.
     """
     require_known_fields(body, "request")
-    await run_in_threadpool(existing_session, session_id, store)
     await ports.open(session_id, body)
     return ports.told(session_id)
 
 
 @router.delete("/robot-port", status_code=204)
-async def close_port(session_id: SessionId, store: StoreDep, ports: RobotPortsDep) -> None:
+async def close_port(session_id: ExistingSession, ports: RobotPortsDep) -> None:
     """Close the session's port for robot programs."""
-    await run_in_threadpool(existing_session, session_id, store)
     await ports.close(session_id)
 
 
@@ -88,9 +77,8 @@ async def close_port(session_id: SessionId, store: StoreDep, ports: RobotPortsDe
         }
     },
 )
-async def say(session_id: SessionId, request: Request, store: StoreDep, ports: RobotPortsDep) -> Response:
+async def say(session_id: ExistingSession, request: Request, ports: RobotPortsDep) -> Response:
     """Take one line or XML element of a robot's program and answer with one, as its TCP port does."""
-    await run_in_threadpool(existing_session, session_id, store)
     body = await request.body()
     if len(body) > LONGEST_MESSAGE:
         raise TooLargeError(f"at most {LONGEST_MESSAGE} bytes", f"{len(body)}", "Send one line.", "request")

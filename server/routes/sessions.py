@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 from dataclasses import asdict
 from typing import Annotated, Any
 
-from fastapi import Depends, Query, Response
+from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
@@ -18,6 +18,7 @@ from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.dependencies import (
     Cursor,
+    ExistingSession,
     GuidesDep,
     HubDep,
     IdempotencyDep,
@@ -26,6 +27,7 @@ from server.http.dependencies import (
     JobsDep,
     LastEventId,
     Limit,
+    LoadedSession,
     MeasuringDep,
     MeasuringQueueDep,
     SessionId,
@@ -52,7 +54,6 @@ from server.store.sessions import (
     delete_session,
     etag,
     list_sessions,
-    load_session,
     locked_session,
     require_revision,
     session_data,
@@ -155,12 +156,10 @@ async def guidance(session_id: SessionId, guides: GuidesDep) -> Response:
 
 
 @router.get("/{session_id}/check", response_model=Findings)
-def check(session_id: SessionId, store: StoreDep) -> Findings:
+def check(stored: LoadedSession) -> Findings:
     """Return what is wrong with the session and what is missing, worst first; an `error` blocks solving."""
     from calib_core.review.check import check_session
 
-    with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
     findings = check_session(stored.session, stored.reader, stored.measured)
     return Findings(items=findings, blocks_solving=any(finding.level == "error" for finding in findings))
 
@@ -194,15 +193,9 @@ def pose_lines(session_id: SessionId, body: PoseText, _: IdempotencyDep, store: 
     return JSONResponse(plain_json({"items": items, **told}))
 
 
-def existing_session(session_id: SessionId, store: StoreDep) -> str:
-    """Return the id of a session that is there, before a stream about it begins; raises NotFoundError."""
-    with store.read() as db:
-        return session_row(db, session_id).id
-
-
 @router.get("/{session_id}/events", response_class=EventSourceResponse)
 async def events(
-    session_id: Annotated[str, Depends(existing_session)],
+    session_id: ExistingSession,
     store: StoreDep,
     hub: HubDep,
     last_event_id: LastEventId = None,

@@ -2,15 +2,13 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from calib_core.records.known_fields import require_known_fields
-from server.http.api_router import API, api_router
-from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
+from server.http.api_router import API, api_router, of_app
+from server.http.dependencies import ExistingSession, IdempotencyDep
 from server.live.armed_table import Angle, ArmedTable, ArmedTables, Arming
 from server.movers.registry import MOVERS
-from server.routes.sessions import existing_session
 from server.sources.device import host_now_s
 
 router = api_router("live", API)
@@ -58,11 +56,7 @@ class Turned(BaseModel):
     table_deg: float
 
 
-async def _tables(request: Request) -> ArmedTables:
-    return request.app.state.armed_tables
-
-
-TablesDep = Annotated[ArmedTables, Depends(_tables)]
+TablesDep = Annotated[ArmedTables, of_app("armed_tables")]
 
 
 @router.get("/movers", response_model=Movers)
@@ -72,47 +66,42 @@ def list_movers() -> dict[str, Any]:
 
 
 @router.get(_SESSION, response_model=TableMover)
-def get_mover(session_id: SessionId, store: StoreDep, tables: TablesDep) -> TableMover:
+def get_mover(session_id: ExistingSession, tables: TablesDep) -> TableMover:
     """Return what is armed for the session."""
-    existing_session(session_id, store)
     return _told(tables.get(session_id))
 
 
 @router.put(_SESSION, response_model=TableMover)
-def arm_table(session_id: SessionId, body: Arming, store: StoreDep, tables: TablesDep) -> TableMover:
+def arm_table(session_id: ExistingSession, body: Arming, tables: TablesDep) -> TableMover:
     """Arm the table's mover for this session, between two angles and for some minutes.
 
     This is no safety function: the cell's own guards the people in it.  It is disarmed after its time, and after a
     restart of the server.
     """
     require_known_fields(body, "request")
-    existing_session(session_id, store)
     return _told(tables.arm(session_id, body))
 
 
 @router.delete(_SESSION, status_code=204)
-def disarm_table(session_id: SessionId, store: StoreDep, tables: TablesDep) -> None:
+def disarm_table(session_id: ExistingSession, tables: TablesDep) -> None:
     """Stop the table and disarm its mover."""
-    existing_session(session_id, store)
     tables.disarm(session_id)
 
 
 @router.post(f"{_SESSION}/go", response_model=Turned)
 def turn_table(
-    session_id: SessionId, body: TableTurn, _: IdempotencyDep, store: StoreDep, tables: TablesDep
+    session_id: ExistingSession, body: TableTurn, _: IdempotencyDep, tables: TablesDep
 ) -> dict[str, float]:
     """Turn the table to an angle within the limits and wait until it rests there.
 
     It is stopped where its angle is no longer told, leaves the limits, or does not come closer.
     """
-    existing_session(session_id, store)
     return {"table_deg": tables.require(session_id).go(body.table_deg)}
 
 
 @router.post(f"{_SESSION}/stop", status_code=204)
-def stop_table(session_id: SessionId, store: StoreDep, tables: TablesDep) -> None:
+def stop_table(session_id: ExistingSession, tables: TablesDep) -> None:
     """Stop the table now; it stays armed."""
-    existing_session(session_id, store)
     tables.require(session_id).stop()
 
 

@@ -1,4 +1,4 @@
-"""Who may: logging in and out, tokens, and the log of who did what."""
+"""Access: logging in and out, tokens, and the log of who did what."""
 
 import json
 from datetime import timedelta
@@ -12,7 +12,7 @@ from server.auth.logins import Identity, Logins
 from server.auth.middleware import cookie_name
 from server.auth.refusals import Refusals
 from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecord, TokenRecords
-from server.http.api_router import api_router
+from server.http.api_router import api_router, of_app
 from server.http.created import created
 from server.http.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep
 from server.http.errors import LoginError
@@ -27,17 +27,9 @@ def _identity(request: Request) -> Identity:
     return request.state.identity
 
 
-def _logins(request: Request) -> Logins:
-    return request.app.state.logins
-
-
-def _refusals(request: Request) -> Refusals:
-    return request.app.state.refusals
-
-
 IdentityDep = Annotated[Identity, Depends(_identity)]
-LoginsDep = Annotated[Logins, Depends(_logins)]
-RefusalsDep = Annotated[Refusals, Depends(_refusals)]
+LoginsDep = Annotated[Logins, of_app("logins")]
+RefusalsDep = Annotated[Refusals, of_app("refusals")]
 TokenId = Annotated[str, Path(description="A token's `id`.", max_length=64, examples=["8c6e1e7b1501"])]
 
 _LOGIN = {"machine": "not-needed", "nothing": "missing"}
@@ -61,7 +53,7 @@ def log_in(
 ) -> Response:
     """Log a browser in with a token: the answer sets a cookie that scripts cannot read."""
     act = acting.get()
-    assert act is not None  # the door has set it
+    assert act is not None  # `AuthMiddleware` has set it
     lifetime = timedelta(hours=settings.login_hours)
     try:
         with store.write() as db:

@@ -3,14 +3,13 @@
 from typing import Annotated
 from zlib import crc32
 
-from fastapi import Depends, Path, Request, Response, WebSocket
-from fastapi.requests import HTTPConnection
+from fastapi import Path, Request, Response, WebSocket
 from fastapi.responses import HTMLResponse, RedirectResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 
 from calib_core.errors import NotFoundError
-from server.http.api_router import api_router
+from server.http.api_router import api_router, of_app
 from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
 from server.scenes.page import client_page, content_security_policy, page_tag
@@ -21,18 +20,8 @@ scenes_router = api_router("scenes", "/scenes", APIRoute)
 SessionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", examples=["4c1f0a92e6b37d58"])]
 
 
-def scene_manager(connection: HTTPConnection) -> SceneManager:
-    """Return the application's scene manager, which stands in `app.state.scenes`."""
-    return connection.app.state.scenes
-
-
-def past_scenes(connection: HTTPConnection) -> PastScenes:
-    """Return the application's scenes of the past, which stand in `app.state.past_scenes`."""
-    return connection.app.state.past_scenes
-
-
-Scenes = Annotated[SceneManager, Depends(scene_manager)]
-Past = Annotated[PastScenes, Depends(past_scenes)]
+Scenes = Annotated[SceneManager, of_app("scenes")]
+Past = Annotated[PastScenes, of_app("past_scenes")]
 
 
 class Highlight(BaseModel):

@@ -24,7 +24,7 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     ConflictError
         If neither chain nor tcp is solved.
     """
-    stale = [stage for stage, result in stored.results_with_stale().items() if result["stale"]]
+    stale = stored.stale
     answer = answer_of(stored.session, stored.results, stale)
     latest = select(func.max(ResultRow.number)).where(
         ResultRow.session_id == stored.id, ResultRow.stage == answer.stage

@@ -64,6 +64,14 @@ class StoredSession:
         """`read`, and what is seen in the files is kept."""
         return keeping(self.read, self.blobs.observations)
 
+    @property
+    def stale(self) -> list[str]:
+        """The stages whose latest result was solved from something else, in the results' order."""
+        from calib_core.stages.graph import Graph
+
+        stale = Graph(self.session, self.digests.__getitem__).stale(self.results)
+        return [stage for stage in self.results if stage in stale]
+
     def results_with_stale(self) -> dict[str, Data]:
         """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""
         return with_stale(self.session, self.results, self.digests)
