@@ -25,14 +25,14 @@ def set_up(form: Form) -> None:
     """Write everything from here on that the server has to say; `auto` is text on a terminal, else JSON."""
     if form == "auto":
         form = "text" if sys.stderr.isatty() else "json"
-    handler = PatientHandler(sys.stderr)
+    handler = BackgroundHandler(sys.stderr)
     handler.setFormatter(JsonLines() if form == "json" else logging.Formatter("%(levelname)s %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
     if form == "json":
         logging.getLogger("scancell").setLevel(logging.INFO)
 
 
-class PatientHandler(logging.Handler):
+class BackgroundHandler(logging.Handler):
     """Writes in a thread of its own: a reader of the log that hangs does not hold up what the server does.
 
     What cannot be kept until then is left out, and how many lines that were is said afterwards.

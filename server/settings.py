@@ -68,7 +68,6 @@ class Settings(BaseSettings):
     dask: str | None = Field(default=None, description="tcp://host:8786: a cluster that solves instead.")
     warm_up: bool = Field(default=True, description="Compile and import what solving needs at start-up.")
     job_timeout_s: Annotated[float, Field(gt=0)] = 3600.0
-    cancel_grace_s: Annotated[float, Field(ge=0)] = 2.0
 
     shutdown_grace_s: Annotated[float, Field(ge=0)] = Field(
         default=10.0, description="What is under way when the server is told to stop may take this long."

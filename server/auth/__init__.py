@@ -1,1 +1,1 @@
-"""Who asks, and what they may: tokens, logins, roles, and the door that every request passes."""
+"""Who asks, and what they may: tokens, logins, roles, and the middleware that every request passes."""

@@ -1,7 +1,7 @@
 """Secrets that are shown once: made from 256 random bits, kept as a keyed hash.
 
 Nobody guesses 256 random bits, so the hash need not be slow. Its key is a file beside the database: without it
-nothing that stands in the database opens the door, and nobody can put a token of their own there.
+nothing that stands in the database lets anybody in, and nobody can put a token of their own there.
 """
 
 import os

@@ -3,7 +3,6 @@
 import argparse
 import signal
 import socket
-import sys
 import threading
 import time
 from contextlib import suppress
@@ -14,9 +13,6 @@ from server.console.output import print_result, remark
 
 if TYPE_CHECKING:
     from server.serve import WorkbenchServer
-
-_SWITCH_S = 0.001
-"""How long a thread may keep the interpreter while others wait; the one that answers is one of many under load."""
 
 
 def serve(options: argparse.Namespace) -> int:
@@ -38,7 +34,6 @@ def serve(options: argparse.Namespace) -> int:
     settings = Settings(host=host, port=port, data=options.data, **given)
     keep_little()
     set_up(settings.log)
-    sys.setswitchinterval(_SWITCH_S)
     server = WorkbenchServer(settings)
     for ending in (signal.SIGINT, signal.SIGTERM):  # uvicorn hears them between its very start and end alone
         signal.signal(ending, server.handle_exit)

@@ -162,15 +162,11 @@ def answer_to(error: CalibrationError) -> JSONResponse:
 
 async def refuse(error: CalibrationError, scope: Scope, receive: Receive, send: Send) -> None:
     """Answer a request, or the handshake of a WebSocket, with an error before any route sees it."""
-    await _deny(answer_to(error), scope, receive, send)
+    await deny(answer_to(error), scope, receive, send)
 
 
-async def refuse_as(body: Mapping[str, Any], scope: Scope, receive: Receive, send: Send) -> None:
-    """The same with problem details that are made already."""
-    await _deny(problem_response(body), scope, receive, send)
-
-
-async def _deny(answer: Response, scope: Scope, receive: Receive, send: Send) -> None:
+async def deny(answer: Response, scope: Scope, receive: Receive, send: Send) -> None:
+    """The same with an answer that is made already."""
     if scope["type"] == "websocket":
         await WebSocket(scope, receive, send).send_denial_response(answer)
     else:

@@ -68,10 +68,6 @@ class DaskPool(Pool):
         """Return whether a worker ended, or the cluster went away."""
         return isinstance(error, (KilledWorker, CancelledError, LostWorkError))
 
-    def is_used_up_by(self, error: BaseException) -> bool:
-        """Return never: whether the cluster is there `is_gone` says."""
-        return False
-
     def trouble(self) -> str | None:
         """Return in words why no job can be done now, None where they can."""
         if not self.takes_jobs:

@@ -24,7 +24,7 @@ from server.settings import Settings
 from server.store.calibrations import measure_frames_anew
 from server.store.database import Store
 from server.store.models import Data
-from server.store.sessions import load_session, locked_session, unused
+from server.store.sessions import load_session, locked_session
 from server.store.solves import (
     REPLAY,
     add_answer,
@@ -36,6 +36,7 @@ from server.store.solves import (
     unfinished_jobs,
     update_job,
 )
+from server.store.unreferenced import remove_unreferenced
 
 log = logging.getLogger("scancell")
 _ATTEMPTS = 5  # of a job whose worker ended because of others
@@ -187,16 +188,14 @@ class Jobs:
                     continue  # its own job says why
                 if ended["status"] != "done":
                     error = ended["error"] or problem_of_status(503, f"{stage}: {ended['message']}")
-                    with self._store.write() as db:
-                        fail_job(db, job_id, error)  # unless it was cancelled itself
+                    self._fail(job_id, error)  # unless it was cancelled itself
                     return
             with self._store.write() as db:
                 update_job(db, job_id, "done", "done", 1.0)
         except NotFoundError:
             log.info("job %s went with its session", job_id)
         except Exception as error:
-            with self._store.write() as db:
-                fail_job(db, job_id, _explain(error))
+            self._fail(job_id, _explain(error))
         finally:
             with self._lock:
                 self._children.pop(job_id, None)
@@ -286,13 +285,11 @@ class Jobs:
             f"the job was still running after {limit}",
             "Give it less data, or raise SCANCELL_JOB_TIMEOUT_S; then run it again.",
         )
-        with self._store.write() as db:
-            fail_job(db, job_id, error)
+        self._fail(job_id, error)
         self.end(job_id)
 
     def _lost(self, job_id: str) -> None:
-        with self._store.write() as db:
-            fail_job(db, job_id, _worker_ended())
+        self._fail(job_id, _worker_ended())
         self.end(job_id)
 
     def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
@@ -303,17 +300,17 @@ class Jobs:
             if running.timer is not None:
                 running.timer.cancel()
         error = CancelledError() if future.cancelled() else future.exception()
-        if error is not None and running.pool.is_used_up_by(error):
+        broken = error is not None and running.pool.is_broken_by(error)
+        if broken and running.pool.ends_with_its_worker:
             self._renew(running.pool)
             innocent = running.place is None or running.pool.broken_on_purpose
             if not running.ended_by_us and innocent and running.attempt < _ATTEMPTS:
                 self._submit_again(job_id, running.attempt + 1)
                 return
         if error is not None:
-            with self._store.write() as db:
-                gone = running.pool.is_broken_by(error) or isinstance(error, CancelledError)
-                ended = _worker_ended() if running.pool.takes_jobs else _cluster_gone()
-                fail_job(db, job_id, ended if gone else _explain(error))  # `cancel` has noted it before
+            ended = _worker_ended() if running.pool.takes_jobs else _cluster_gone()
+            gone = broken or isinstance(error, CancelledError)
+            self._fail(job_id, ended if gone else _explain(error))  # `cancel` has noted it before
             return
         solved = future.result()
         with self._store.write() as db:
@@ -325,9 +322,7 @@ class Jobs:
             wait = row is not None and measure_frames_anew(db, row.session_id, row.stage)
         if wait:
             self._captures_wait()
-        with self._store.read() as db:
-            former = unused(db, former)
-        self._store.blobs.remove(former)
+        remove_unreferenced(self._store, former)
 
     def _submit_again(self, job_id: str, attempt: int) -> None:
         with self._store.write() as db:

@@ -18,10 +18,13 @@ class Pool(ABC):
         What jobs are submitted to; it is not used any more once the pool is `broken`.
     broken_on_purpose : bool
         Whether workers were ended that may have had other jobs in their hands.
+    ends_with_its_worker : bool
+        Whether the pool as a whole is gone with a worker that ends, and must be made anew.
     """
 
     executor: Executor
     broken_on_purpose = False
+    ends_with_its_worker = False
 
     @abstractmethod
     def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
@@ -42,10 +45,6 @@ class Pool(ABC):
     @abstractmethod
     def is_broken_by(self, error: BaseException) -> bool:
         """Return whether a job failed because its worker is gone."""
-
-    @abstractmethod
-    def is_used_up_by(self, error: BaseException) -> bool:
-        """Return whether the pool as a whole is gone with that worker, and must be made anew."""
 
     def trouble(self) -> str | None:
         """Return in words why no job can be done now, None where they can."""

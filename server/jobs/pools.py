@@ -51,6 +51,8 @@ class _Job(Future[worker.Solved]):
 class ProcessPool(Pool):
     """Worker processes of this server; one that ends takes the pool along."""
 
+    ends_with_its_worker = True
+
     def __init__(self, settings: Settings, listen: Listen) -> None:
         self._context = WorkerContext(settings.warm_up)
         self._initialized: set[worker.Place] = set()
@@ -97,10 +99,6 @@ class ProcessPool(Pool):
 
     def is_broken_by(self, error: BaseException) -> bool:
         """Return whether a worker process ended."""
-        return isinstance(error, BrokenProcessPool)
-
-    def is_used_up_by(self, error: BaseException) -> bool:
-        """Return the same: the executor does nothing more then."""
         return isinstance(error, BrokenProcessPool)
 
     def close(self) -> None:

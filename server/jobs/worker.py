@@ -2,7 +2,6 @@
 
 import logging
 import os
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calib_core.captures.kept import keeping
 from calib_core.errors import InputError
+from server.jobs.asked_process import leave_interrupts_to_the_server
 from server.store.blob_places import BlobPlace, open_blobs
 from server.store.blobs import Blobs
 from server.store.sessions import Output
@@ -57,7 +57,7 @@ class Solved:
 def initialize(tell: Callable[[Message], None], settings: "Settings") -> None:
     """Prepare a fresh worker process."""
     begin(settings, os.getpid(), tell)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server decides when its workers end
+    leave_interrupts_to_the_server()
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     if settings.warm_up:
         try:

@@ -22,6 +22,7 @@ from server.http.dependencies import IdempotencyDep, MeasuringDep, SessionId, St
 from server.http.downloads import Download
 from server.http.schemas import StoredSession
 from server.store.archived_files import archived_files
+from server.store.blobs import digest_of
 from server.store.models import Data
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import StoredSession as SessionOfStore
@@ -114,7 +115,7 @@ def import_archive(
 
     What else it holds (scene, report, truth, notes) is kept as it came: GET …/kept.
     """
-    from server.store.archives import add_import, digest_of, read_import
+    from server.store.archives import add_import, read_import
 
     content = digest_of(archive)
     answered = idempotency.answered(store, content)

@@ -44,7 +44,8 @@ from server.store.captures import (
     remove_capture,
 )
 from server.store.database import Store
-from server.store.sessions import empty_session, etag, locked_session, require_revision, session_row, unused
+from server.store.sessions import empty_session, etag, locked_session, require_revision, session_row
+from server.store.unreferenced import remove_unreferenced
 
 router = api_router("captures", f"{API}/sessions/{{session_id}}")
 
@@ -172,9 +173,7 @@ def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_mat
         row = capture_row(db, session_id, capture_id)
         require_revision(row, if_match)
         digests = remove_capture(db, session, row)
-    with store.read() as db:
-        digests = unused(db, digests)
-    store.blobs.remove(digests)
+    remove_unreferenced(store, digests)
 
 
 @router.get(

@@ -21,7 +21,7 @@ from server.store.history import PastResult, compared, latest_numbers, moment, p
 from server.store.models import Data
 from server.store.session_texts import texts_of
 from server.store.sessions import StoredSession, load_session, locked_session
-from server.store.solves import REPLAY, create_job, job_answer, job_data
+from server.store.solves import REPLAY, create_job, job_data, job_row
 
 router = api_router("history")
 
@@ -101,7 +101,7 @@ def recompute(session_id: SessionId, idempotency: IdempotencyDep, store: StoreDe
 def get_answer(job_id: JobId, store: StoreDep) -> Response:
     """Return what a recomputing job found: stored and new side by side."""
     with store.read() as db:
-        answer = job_answer(db, job_id)
+        answer = job_row(db, job_id).answer
     if answer is None:
         got = "one that has not ended well, or a solve"
         raise NotFoundError("a recomputing job that is done", got, "Wait for its end; read its `status`.", "job")

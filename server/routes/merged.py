@@ -18,7 +18,8 @@ from server.scenes.merged import MergedScans, merged_cloud, thinned
 from server.scenes.stored import output_reader, reference_mesh
 from server.store.references import set_reference
 from server.store.session_answer import stage_headers
-from server.store.sessions import Output, StoredSession, load_session, locked_session, unused
+from server.store.sessions import Output, StoredSession, load_session, locked_session
+from server.store.unreferenced import remove_unreferenced
 
 router = api_router("clouds", f"{API}/sessions/{{session_id}}")
 
@@ -133,9 +134,7 @@ def delete_reference(session_id: SessionId, store: StoreDep) -> Response:
 def _replace_reference(store: StoreDep, session_id: str, reference: Output | None) -> None:
     with store.write() as db:
         gone = set_reference(db, locked_session(db, session_id), reference)
-    with store.read() as db:
-        gone = unused(db, gone)
-    store.blobs.remove(gone)
+    remove_unreferenced(store, gone)
 
 
 def _merged(stored: StoredSession) -> MergedScans:

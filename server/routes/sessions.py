@@ -58,9 +58,9 @@ from server.store.sessions import (
     require_revision,
     session_data,
     session_row,
-    unused,
 )
 from server.store.solves import unfinished_jobs
+from server.store.unreferenced import remove_unreferenced
 
 router = api_router("sessions", f"{API}/sessions")
 
@@ -143,9 +143,7 @@ def delete(
     for job_id in unfinished:
         jobs.end(job_id)
     intake.forget(session_id)
-    with store.read() as db:
-        digests = unused(db, digests)
-    store.blobs.remove(digests)
+    remove_unreferenced(store, digests)
 
 
 @router.get("/{session_id}/guide", response_model=Guide)

@@ -1,4 +1,4 @@
-"""Webhooks: programs that are told what happens, by signed POSTs that are repeated until they are taken."""
+"""Webhooks: programs that are notified of what happens by signed POSTs, repeated until they are taken."""
 
 import json
 from typing import Annotated, Any, Literal

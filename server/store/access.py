@@ -1,4 +1,4 @@
-"""The tables of who may: tokens, logins of the page, and the log of who did what."""
+"""The tables of access: tokens, logins of the page, and the log of who did what."""
 
 from sqlalchemy import ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column

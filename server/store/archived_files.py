@@ -14,10 +14,7 @@ _PREFIX: Final = "archive:"  # so that no stage's output ever has the same name
 
 def add_archived_files(db: Transaction, session_id: str, files: Mapping[str, Output]) -> None:
     """Store files of an archive by their names in it."""
-    db.add_all(
-        OutputRow(session_id=session_id, name=_PREFIX + name, stage=OF_ARCHIVE, sha256=file.sha256, size=file.size)
-        for name, file in files.items()
-    )
+    db.add_all(file.to_row(session_id, _PREFIX + name, OF_ARCHIVE) for name, file in files.items())
 
 
 def archived_files(db: Transaction, session_id: str) -> dict[str, Output]:

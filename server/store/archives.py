@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from hashlib import sha256
 from typing import IO
 
 from sqlalchemy.orm import Session as Transaction
@@ -22,7 +21,7 @@ from calib_core.archive.folder import SESSION_FILE, to_json_bytes
 from calib_core.archive.stored_clouds import REFERENCE_FILE
 from calib_core.archive.stored_results import output_names
 from calib_core.errors import CalibrationError, ConflictError, InputError
-from calib_core.records import FORMAT, Capture, Measured, Session
+from calib_core.records import FORMAT, Measured, Session
 from calib_core.review.answer import ANSWER_FILE
 from calib_core.stages.registry import stage_names
 from server.jobs.measuring import Measure, check_poses, measure
@@ -164,15 +163,6 @@ def add_import(db: Transaction, found: Import) -> SessionRow:
     return row
 
 
-def digest_of(file: IO[bytes]) -> str:
-    """Return the SHA-256 of a file as a whole."""
-    digest = sha256()
-    file.seek(0)
-    while chunk := file.read(1 << 20):
-        digest.update(chunk)
-    return digest.hexdigest()
-
-
 def _require_storable(archived: ArchivedSession) -> None:
     """Refuse what a session folder may have and the store has no place for."""
     where = f"{_WHERE}: {SESSION_FILE}"
@@ -187,10 +177,5 @@ def _require_storable(archived: ArchivedSession) -> None:
                 "Import it with a version of scancell that solves this stage.",
                 f"{_WHERE}: results",
             )
-    for capture in archived.session.captures:
-        _require_names_differ(capture, where)
-
-
-def _require_names_differ(capture: Capture, where: str) -> None:
-    if len(set(capture.files)) != len(capture.files):
+    if any(len(set(capture.files)) != len(capture.files) for capture in archived.session.captures):
         raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)

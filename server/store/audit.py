@@ -67,17 +67,8 @@ def newest_audit(db: Transaction, limit: int) -> Iterator[Data]:
 
 def audit_data(row: AuditRow) -> Data:
     """Return a row as REST and the command line show it."""
-    return {
-        "number": row.number,
-        "at": row.created,
-        "who": row.who,
-        "role": row.role,
-        "token": row.token_id,
-        "address": row.address,
-        "method": row.method,
-        "path": row.path,
-        "outcome": row.outcome,
-    }
+    told = row.fields("number", "who", "role", "address", "method", "path", "outcome")
+    return told | {"at": row.created, "token": row.token_id}
 
 
 def _values(act: Act, outcome: str) -> Data:

@@ -40,16 +40,14 @@ class BucketBlobs(Blobs):
         # Between finding a blob old and its removal, or its renewal: one lock for each first byte.
         self._locks = [threading.Lock() for _ in range(256)]
         self._client = _client(endpoint)
-        self._impatient = _client(endpoint, timeout_s=3, attempts=1)
+        self._probing = _client(endpoint, timeout_s=3, attempts=1)
         self._require_bucket()
 
     def put(self, content: bytes) -> str:
         """Store bytes durably and return their SHA-256."""
         digest = sha256(content).hexdigest()
         with self._locks[int(digest[:2], 16)], _named(self._bucket):
-            if not self._is_young(digest, YOUNG_S / 2):
-                self._client.put_object(Bucket=self._bucket, Key=self._key(digest), Body=content)
-        return digest
+            return digest if self._is_young(digest, YOUNG_S / 2) else self.mend(content)
 
     def mend(self, content: bytes) -> str:
         """Store bytes durably whatever lies in their place, and return their SHA-256."""
@@ -121,7 +119,7 @@ class BucketBlobs(Blobs):
     def trouble(self) -> str | None:
         """Return in words why nothing can be stored now, None where it can; raises OSError."""
         with _named(self._bucket):
-            self._impatient.head_bucket(Bucket=self._bucket)
+            self._probing.head_bucket(Bucket=self._bucket)
         return super().trouble()
 
     def scratch(self) -> IO[bytes]:

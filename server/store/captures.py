@@ -59,7 +59,7 @@ def change_capture(
 
 
 def remove_capture(db: Transaction, session: SessionRow, row: CaptureRow) -> set[str]:
-    """Remove a capture; returns the digests of its files (see `sessions.unused`)."""
+    """Remove a capture; returns the digests of its files (see `remove_unreferenced`)."""
     digests = set(_digests(db, session.id, row.id).values())
     db.execute(delete(CaptureRow).where(CaptureRow.session_id == session.id, CaptureRow.id == row.id))
     touch(session)

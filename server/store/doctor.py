@@ -226,8 +226,3 @@ def _data(stored: Any) -> Any:
 
 def _first_line(error: Exception) -> str:
     return str(error).splitlines()[0][:200]
-
-
-def each_damaged(found: Examination) -> Iterator[str]:
-    """Give the SHA-256 of every blob that was found missing or altered, once."""
-    yield from sorted({finding.sha256 for finding in found.findings if finding.sha256})

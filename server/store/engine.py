@@ -11,7 +11,7 @@ from sqlalchemy.exc import ArgumentError
 from calib_core.errors import InputError
 from server.http.json_text import JsonText
 
-_PATIENCE = {
+_TIMEOUTS = {
     "connect_timeout": 5,
     "tcp_user_timeout": 10_000,
     "keepalives_idle": 5,
@@ -61,7 +61,7 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
             address.set(drivername="postgresql+psycopg"),
             json_serializer=_json_text,
             pool_pre_ping=True,
-            connect_args=_PATIENCE,
+            connect_args=_TIMEOUTS,
         )
     except ModuleNotFoundError:
         to_do = "Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out."

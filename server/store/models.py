@@ -19,6 +19,10 @@ class Base(DeclarativeBase):
 
     type_annotation_map = {Data: JSON(none_as_null=True), str: Text}  # noqa: RUF012
 
+    def fields(self, *names: str) -> Data:
+        """Return some of a row's columns by their names."""
+        return {name: getattr(self, name) for name in names}
+
 
 class SessionRow(Base):
     """A session: its record without captures."""

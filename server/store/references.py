@@ -19,14 +19,6 @@ def set_reference(db: Transaction, session: SessionRow, reference: Output | None
         db.delete(former)
         db.flush()
     if reference is not None:
-        db.add(
-            OutputRow(
-                session_id=session.id,
-                name=REFERENCE_FILE,
-                stage=_OF_NO_STAGE,
-                sha256=reference.sha256,
-                size=reference.size,
-            )
-        )
+        db.add(reference.to_row(session.id, REFERENCE_FILE, _OF_NO_STAGE))
     record_event(db, session, "session", {"action": "changed"})
     return gone

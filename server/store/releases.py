@@ -91,7 +91,7 @@ def roll_back(db: Transaction, cell: str, who: str, why: str, number: int | None
 
 def release_data(row: ReleaseRow) -> Data:
     """Return a release as JSON data, without its answer."""
-    data = {name: getattr(row, name) for name in ("number", "cell", "action", "who", "why", "created")}
+    data = row.fields("number", "cell", "action", "who", "why", "created")
     answer = row.answer
     told = {name: answer.get(name) for name in ("verdict", "solved", "inputs_sha256", "workpiece_sigma_mm")}
     return {**data, "session": row.session_id, **told}

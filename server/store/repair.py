@@ -8,7 +8,7 @@ from calib_core.errors import DamagedError, NotFoundError
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
 from server.store.blob_places import open_blobs
-from server.store.doctor import Examination, each_damaged, referring
+from server.store.doctor import Examination, referring
 from server.store.engine import engine_of, reading
 from server.store.store_lock import store_lock
 
@@ -33,7 +33,7 @@ def repair(settings: Settings, found: Examination, backup: Path | None) -> list[
         blobs = open_blobs(settings.blob_place)
         if backup is not None:
             kept = FolderBlobs(backup / "blobs")
-            for digest in each_damaged(found):
+            for digest in sorted({finding.sha256 for finding in found.findings if finding.sha256}):
                 try:
                     blobs.mend(kept.read(digest))
                     done.append(f"the file {digest[:12]}… was put back")

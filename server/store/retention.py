@@ -13,7 +13,8 @@ from calib_core.errors import InputError
 from calib_core.moment import from_now
 from server.store.database import Store
 from server.store.models import FileRow, OutputRow, ReleaseRow, SessionRow
-from server.store.sessions import delete_session, unused
+from server.store.sessions import delete_session
+from server.store.unreferenced import remove_unreferenced
 
 _MOST: Final = 1e9  # days, or megabytes
 
@@ -93,9 +94,7 @@ def remove_sessions(store: Store, sessions: Sequence[Old]) -> int:
             if row is None or row.updated != one.updated:
                 continue
             digests = delete_session(db, one.id)
-        with store.read() as db:
-            digests = unused(db, digests)
-        store.blobs.remove(digests)
+        remove_unreferenced(store, digests)
         removed += 1
     return removed
 

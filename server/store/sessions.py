@@ -32,6 +32,10 @@ class Output:
     sha256: str
     size: int
 
+    def to_row(self, session_id: str, name: str, stage: str) -> OutputRow:
+        """Return the row by which a session has this file."""
+        return OutputRow(session_id=session_id, name=name, stage=stage, sha256=self.sha256, size=self.size)
+
 
 @dataclass(frozen=True)
 class StoredSession:
@@ -111,9 +115,6 @@ def create_session(db: Transaction, record: Data, simulated: Data | None) -> Ses
         name=record.get("name", ""),
         created=moment,
         updated=moment,
-        revision=1,
-        last_event=0,
-        last_position=0,
         record=record,
         simulated=simulated,
     )
@@ -313,7 +314,7 @@ def change_session(db: Transaction, row: SessionRow, record: Data, measured: Map
 
 
 def delete_session(db: Transaction, session_id: str) -> set[str]:
-    """Remove a session with all that belongs to it; returns the digests of its files (see `unused`)."""
+    """Remove a session with all that belongs to it; returns its files' digests (see `remove_unreferenced`)."""
     row = locked_session(db, session_id)
     digests = set(db.scalars(select(FileRow.sha256).where(FileRow.session_id == session_id)))
     digests |= set(db.scalars(select(OutputRow.sha256).where(OutputRow.session_id == session_id)))
@@ -321,9 +322,3 @@ def delete_session(db: Transaction, session_id: str) -> set[str]:
     db.flush()
     db.execute(delete(SessionRow).where(SessionRow.id == session_id).execution_options(synchronize_session=False))
     return digests
-
-
-def unused(db: Transaction, digests: set[str]) -> set[str]:
-    """Return those digests that no capture and no output of any session refers to."""
-    referred = (select(column).where(column.in_(digests)) for column in (FileRow.sha256, OutputRow.sha256))
-    return digests.difference(*(db.scalars(query) for query in referred))

@@ -28,17 +28,8 @@ REPLAY = "replay"
 
 def job_data(row: JobRow) -> Data:
     """Return a job as JSON data."""
-    return {
-        "id": row.id,
-        "session": row.session_id,
-        "stage": row.stage,
-        "status": row.status,
-        "progress": row.progress,
-        "message": row.message,
-        "error": row.error,
-        "created": row.created,
-        "finished": row.finished,
-    }
+    names = ("id", "stage", "status", "progress", "message", "error", "created", "finished")
+    return row.fields(*names) | {"session": row.session_id}
 
 
 def job_row(db: Transaction, job_id: str) -> JobRow:
@@ -52,11 +43,6 @@ def job_row(db: Transaction, job_id: str) -> JobRow:
             "job",
         )
     return row
-
-
-def job_answer(db: Transaction, job_id: str) -> Data | None:
-    """Return what a job answered that made no result, None before its end; raises NotFoundError."""
-    return job_row(db, job_id).answer
 
 
 def list_jobs(db: Transaction, limit: int, cursor: str | None, session_id: str | None, status: str | None) -> Page:
@@ -121,7 +107,7 @@ def add_result(
 ) -> set[str]:
     """Store a job's result and note the job as done, unless it was cancelled or removed meanwhile.
 
-    Returns the digests of files that may be of no use now (see `sessions.unused`).
+    Returns the digests of files that may be of no use now (see `remove_unreferenced`).
     """
     job = db.get(JobRow, job_id)
     if job is None or not update_job(db, job_id, "done", "done", 1.0):
@@ -164,7 +150,7 @@ def store_result(
     )
     former = _remove_outputs(db, session.id, stage)
     for name, made in (outputs or {}).items():
-        db.add(OutputRow(session_id=session.id, name=name, stage=stage, sha256=made.sha256, size=made.size))
+        db.add(made.to_row(session.id, name, stage))
     record_event(db, session, "result", {"stage": stage})
     if record["verdict"] != before:
         data = {

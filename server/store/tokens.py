@@ -28,13 +28,13 @@ def list_tokens(db: Transaction) -> Sequence[TokenRow]:
 
 
 def good_token(db: Transaction, token_id: str) -> TokenRow | None:
-    """Return a token that is neither revoked nor expired, None where there is none."""
+    """Return a token that is still good, None where there is none."""
     row = db.get(TokenRow, token_id)
     return row if row is not None and is_good(row) else None
 
 
 def is_good(row: TokenRow) -> bool:
-    """Return whether a token still opens the door."""
+    """Return whether a token is neither revoked nor expired."""
     return row.revoked is None and (row.expires is None or row.expires > now())
 
 
@@ -86,14 +86,7 @@ def revoke_token(db: Transaction, token_id: str, but_not: str | None = None) -> 
 
 def token_data(row: TokenRow) -> Data:
     """Return a token as REST and the command line show it: all but itself."""
-    return {
-        "id": row.id,
-        "name": row.name,
-        "role": row.role,
-        "created": row.created,
-        "expires": row.expires,
-        "revoked": row.revoked,
-    }
+    return row.fields("id", "name", "role", "created", "expires", "revoked")
 
 
 def add_login(db: Transaction, digest: str, token: TokenRow, lifetime: timedelta) -> None:

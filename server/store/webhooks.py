@@ -105,7 +105,7 @@ def remove_webhook(db: Session, webhook_id: str) -> None:
 
 def webhook_data(row: WebhookRow) -> Data:
     """Return a webhook as JSON data, without its secret."""
-    data = {name: getattr(row, name) for name in ("id", "url", "name", "cell", "created", "disabled")}
+    data = row.fields("id", "url", "name", "cell", "created", "disabled")
     return data | {"events": row.events.split(",")}
 
 
@@ -124,7 +124,7 @@ def delivery_data(row: DeliveryRow) -> Data:
     names = (
         "number", "event", "payload", "status", "attempts", "due", "answered", "error", "created", "finished",
     )  # fmt: skip
-    return {name: getattr(row, name) for name in names} | {"due": row.due if row.status == "waiting" else None}
+    return row.fields(*names) | {"due": row.due if row.status == "waiting" else None}
 
 
 _WANTED = select(WebhookRow.id, WebhookRow.events, WebhookRow.cell).where(WebhookRow.disabled.is_(None))
@@ -151,13 +151,7 @@ def send(db: Session, webhook_id: str, kind: str, session_id: str | None, data: 
     """Leave a delivery to one webhook; returns the message's id."""
     moment = now()
     message = f"msg_{token_hex(12)}"
-    payload: Data = {
-        "id": message,
-        "type": kind,
-        "timestamp": moment,
-        "session": session_id,
-        "data": data,
-    }
+    payload: Data = {"id": message, "type": kind, "timestamp": moment, "session": session_id, "data": data}
     values = {"webhook_id": webhook_id, "event": kind, "payload": payload, "due": moment, "created": moment}
     db.connection().execute(insert(DeliveryRow).values(**values))
     return message

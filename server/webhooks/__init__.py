@@ -1,1 +1,1 @@
-"""Webhooks: what happens here, told to other programs as signed POSTs that are repeated until they are taken."""
+"""Webhooks: other programs are notified of what happens here by signed POSTs, repeated until they are taken."""
