@@ -9,10 +9,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, Any, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
-from calib_core.records import Record, input_error
+from calib_core.records import Record
 from server.live.manager import LiveCells, require_live
 from server.movers.mover import Mover
 from server.movers.registry import MOVERS
@@ -175,10 +175,7 @@ class ArmedTables:
     def arm(self, session_id: str, arming: Arming) -> ArmedTable:
         """Connect a mover in place of the one that is armed; raises InputError, ConflictError."""
         entry = MOVERS.get(arming.mover, "mover")
-        try:
-            settings = entry.settings.model_validate(arming.settings)
-        except ValidationError as error:
-            raise input_error(error, arming.settings, "settings") from None
+        settings = entry.settings.parsed(arming.settings)
         require_live(self._cells, session_id)
         self.disarm(session_id)
         try:

@@ -158,6 +158,11 @@ class LiveCell:
             if "scanner" in link.source.delivers:
                 link.trigger()
 
+    @property
+    def state(self) -> tuple[int, list[str]]:
+        """What differs once something new has come or a device's status has changed."""
+        return self.version, [link.state().status for link in list(self.links.values())]
+
     def newest_table(self) -> Sample | None:
         """Return the newest sample that tells the table's angle."""
         with self._arrived:

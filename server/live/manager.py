@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pydantic import SecretStr, ValidationError
+from pydantic import SecretStr
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
-from calib_core.records import Capture, Measured, input_error
+from calib_core.records import Capture, Measured
 from calib_core.review.answer import cell_id
 from server.captures.intake import Intake
 from server.live.clock_watch import MeasuredClocks
@@ -129,7 +129,7 @@ class LiveCells:
                 known = db.get(DeviceRow, (cell, name))
                 old = self._secrets.get(cell, name) if known and known.source == source_name else {}
                 secrets = {field: value for field, value in old.items() if field not in settings}
-                chosen = _parsed(source, {**settings, **secrets})
+                chosen = source.settings.parsed({**settings, **secrets})
                 plain, secrets = _split(source, chosen)
                 bound = session_id if connect else None
                 row = DeviceRow(cell=cell, name=name, source=source_name, settings=plain, session_id=bound)
@@ -174,7 +174,7 @@ class LiveCells:
     def _connect(self, row: DeviceRow) -> None:
         source = SOURCES.get(row.source, row.name)
         assert row.session_id is not None
-        settings = _parsed(source, {**row.settings, **self._secrets.get(row.cell, row.name)})
+        settings = source.settings.parsed({**row.settings, **self._secrets.get(row.cell, row.name)})
         with self._lock:
             live = self._cells.get(row.session_id)
             if live is None:
@@ -239,13 +239,6 @@ class LiveCells:
             session = locked_session(db, session_id)
             told = {"device": name, "action": state.status, "problem": state.problem, "at": time.time()}
             record_event(db, session, "device", told)
-
-
-def _parsed(source: Source, settings: Data) -> Any:
-    try:
-        return source.settings.model_validate(settings)
-    except ValidationError as error:
-        raise input_error(error, settings, "settings") from None
 
 
 def _split(source: Source, settings: Any) -> tuple[Data, Data]:

@@ -212,8 +212,7 @@ class RobotPorts:
         identity, answer = await self._identified(first, act)
         xml = first is not None and first.lstrip().startswith("<")
         port.note(address, "(token)", answer.line())
-        writer.write(answer.to_bytes(xml))
-        await writer.drain()
+        await _say(writer, answer, xml)
         if identity is None:
             return
         act.who, act.role, act.token_id = identity.name, identity.role.word, identity.token_id
@@ -226,11 +225,9 @@ class RobotPorts:
                 fresh = Act(act.who, act.role, act.token_id, address, act.method, act.path)
                 answer, xml = await self.answer(port.session_id, text, fresh)
                 port.note(peer, plain(text), answer.line())
-                writer.write(answer.to_bytes(xml))
-                await writer.drain()
+                await _say(writer, answer, xml)
         except InputError as error:
-            writer.write(refusal(error).to_bytes(False))
-            await writer.drain()
+            await _say(writer, refusal(error))
         finally:
             port.peers.discard(peer)
 
@@ -271,6 +268,11 @@ class _Received:
             self._rest += more
         text, self._rest = found
         return text
+
+
+async def _say(writer: asyncio.StreamWriter, answer: Answer, xml: bool = False) -> None:
+    writer.write(answer.to_bytes(xml))
+    await writer.drain()
 
 
 def _is_allowed(address: str, allowed: list[str]) -> bool:

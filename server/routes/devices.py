@@ -234,7 +234,7 @@ async def live_events(
     told_s = 0.0
     while not hub.closed:
         live = cells.live(session_id)
-        state = (live.version, [link.state().status for link in live.links.values()]) if live else None
+        state = live.state if live else None
         now_s = host_now_s()
         if state != before or now_s - told_s > 0.5:
             before, told_s = state, now_s

@@ -6,14 +6,14 @@ So a slow page or line misses previews and never falls behind, and captures do n
 import asyncio
 import json
 
-from fastapi import APIRouter, Response, WebSocket
+from fastapi import APIRouter, WebSocket
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocketDisconnect
 
 from calib_core.errors import NotFoundError
 from server.http.api_router import API
 from server.http.dependencies import existing_session
-from server.http.same_origin import is_same_origin
+from server.http.websockets import deny, is_foreign
 from server.live.live_cell import LiveCell
 from server.live.manager import LiveCells
 from server.live.pictures import preview_jpeg
@@ -28,14 +28,13 @@ _QUIET_S = 0.5
 @router.websocket("/sessions/{session_id}/live/preview")
 async def live_preview(websocket: WebSocket, session_id: str) -> None:
     """Answer each text with the newest preview: a JSON text, and its image as JPEG where `image` is true."""
-    if not is_same_origin(websocket.headers.get("origin"), websocket.headers.get("host")):
-        await _deny(websocket, 403, "Previews are shown on pages of this server.")
+    if await is_foreign(websocket, "Previews are shown on pages of this server."):
         return
     cells: LiveCells = websocket.app.state.live
     try:
         await run_in_threadpool(existing_session, session_id, websocket.app.state.store)
     except NotFoundError as error:
-        await _deny(websocket, 404, str(error))
+        await deny(websocket, 404, str(error))
         return
     await websocket.accept()
     seen: object = None
@@ -56,7 +55,7 @@ async def _changed(cells: LiveCells, session_id: str, seen: object) -> object:
     waited_s = 0.0
     while True:
         live = cells.live(session_id)
-        now = (live.version, [link.state().status for link in list(live.links.values())]) if live else None
+        now = live.state if live else None
         if now != seen or waited_s >= _QUIET_S:
             return now
         await asyncio.sleep(_LOOK_EVERY_S)
@@ -69,7 +68,3 @@ def _preview(live: LiveCell | None) -> tuple[str, bytes | None]:
     picture = newest[2].picture if newest and newest[2] else None
     jpeg = None if picture is None else preview_jpeg(picture)
     return json.dumps({**told, "image": jpeg is not None}, allow_nan=False), jpeg
-
-
-async def _deny(websocket: WebSocket, status: int, sentence: str) -> None:
-    await websocket.send_denial_response(Response(sentence, status_code=status, media_type="text/plain"))

@@ -5,14 +5,14 @@ from typing import Any
 
 import anyio
 import msgspec
-from fastapi import Response, WebSocket
+from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect, WebSocketState
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
 from calib_core.errors import NotFoundError
-from server.http.same_origin import is_same_origin
+from server.http.websockets import deny, is_foreign
 from server.scenes.live import SECRET_HEADER, LiveScene
 from server.scenes.manager import SceneManager
 from server.scenes.viewers import VIEWER_HEADER
@@ -66,18 +66,17 @@ async def bridge(websocket: WebSocket, manager: SceneManager, session_id: str, v
 
     `viewer` is the name of the page that the scene stands in, where it has one.
     """
-    if not is_same_origin(websocket.headers.get("origin"), websocket.headers.get("host")):
-        await _deny(websocket, 403, "A scene is only shown on pages of this server.")
+    if await is_foreign(websocket, "A scene is only shown on pages of this server."):
         return
     protocol = next((p for p in websocket.scope["subprotocols"] if p.startswith("viser-v")), None)
     if protocol is None:
-        await _deny(websocket, 400, "Offer the sub-protocol viser-v<version>, as the scene's page does.")
+        await deny(websocket, 400, "Offer the sub-protocol viser-v<version>, as the scene's page does.")
         return
     viewing = manager.viewing(session_id)
     try:
         live = await anyio.to_thread.run_sync(viewing.__enter__)
     except NotFoundError as error:
-        await _deny(websocket, 404, str(error))
+        await deny(websocket, 404, str(error))
         return
     try:
         await _carry(websocket, live, protocol, viewer)
@@ -140,8 +139,3 @@ async def _to_browser(viser: ClientConnection, websocket: WebSocket) -> tuple[in
     received = viser.close_code or 1000
     # 1002 is viser's word for a page of another version: it must reach the page, which then says so.
     return (received, viser.close_reason or "") if received == 1002 else (1001, "The scene is closed.")
-
-
-async def _deny(websocket: WebSocket, status: int, sentence: str) -> None:
-    """Refuse the handshake with an HTTP answer that says why."""
-    await websocket.send_denial_response(Response(sentence, status_code=status, media_type="text/plain"))

@@ -1,8 +1,6 @@
 """KUKA: Ethernet KRL Interface, by which a program of the controller sends XML over TCP."""
 
 import re
-import socket
-import time
 
 from pydantic import Field
 
@@ -10,6 +8,7 @@ from server.sources.device import Description, Sample
 from server.sources.kuka_xml import parse_telegram, sample_of
 from server.sources.pose_settings import Host, Port, ToolAndFrame
 from server.sources.source import Source
+from server.sources.tcp_stream import TcpStream
 
 _LONGEST = 8192
 _WAIT_S = 0.5
@@ -31,9 +30,7 @@ class KukaEki:
 
     def __init__(self, settings: KukaEkiSettings) -> None:
         self._settings = settings
-        self._socket = socket.create_connection((settings.host, settings.port), timeout=2.0)
-        self._socket.settimeout(_WAIT_S)
-        self._rest = b""
+        self._stream = TcpStream(settings.host, settings.port, _WAIT_S)
 
     def describe(self) -> Description:
         """Return what its program may send."""
@@ -42,23 +39,12 @@ class KukaEki:
 
     def read(self) -> Sample | None:
         """Return the next element as a sample; raises InputError where it tells none."""
-        until_s = time.monotonic() + _WAIT_S
-        while (found := _element(self._rest)) is None:
-            if time.monotonic() > until_s:
-                return None
-            try:
-                more = self._socket.recv(_LONGEST)
-            except TimeoutError:
-                return None
-            if not more:
-                raise ConnectionError("the controller closed the connection")
-            self._rest += more
-        text, self._rest = found
-        return sample_of(parse_telegram(text), self._settings, self._settings.table_axis)
+        text = self._stream.first(_element)
+        return None if text is None else sample_of(parse_telegram(text), self._settings, self._settings.table_axis)
 
     def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
+        """Close the connection."""
+        self._stream.close()
 
 
 def _element(received: bytes) -> tuple[str, bytes] | None:

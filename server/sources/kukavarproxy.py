@@ -1,9 +1,7 @@
 """KUKA: variables over KUKAVARPROXY or C3 Bridge on port 7000."""
 
 import re
-import socket
 import struct
-import time
 
 from pydantic import Field
 
@@ -11,10 +9,12 @@ from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
-from server.sources.pose_settings import Host, Interval, Port
+from server.sources.pose_settings import Host, Interval, Pace, Port
 from server.sources.source import Settings, Source
+from server.sources.tcp_stream import TcpStream
 
 _READ = 0
+_WAIT_S = 1.0
 _NAMES = ("$POS_ACT", "$TOOL", "$BASE", "$AXIS_ACT", "$ROB_STOPPED", "$ACT_TOOL", "$ACT_BASE")
 _LETTERS = "XYZABC"
 
@@ -32,11 +32,9 @@ class KukaVarProxy:
     """Asks for the variables one after the other; whether the robot stands is asked after its pose."""
 
     def __init__(self, settings: KukaVarProxySettings) -> None:
-        self._settings = settings
-        self._socket = socket.create_connection((settings.host, settings.port), timeout=2.0)
-        self._socket.settimeout(1.0)
+        self._settings, self._pace = settings, Pace(settings.interval_s)
+        self._stream = TcpStream(settings.host, settings.port, _WAIT_S)
         self._number = 0
-        self._next_s = 0.0
 
     def describe(self) -> Description:
         """Return what is asked for."""
@@ -45,8 +43,7 @@ class KukaVarProxy:
 
     def read(self) -> Sample | None:
         """Return where the flange is: $BASE, then $POS_ACT, then without $TOOL."""
-        time.sleep(max(0.0, self._next_s - time.monotonic()))
-        self._next_s = time.monotonic() + self._settings.interval_s
+        self._pace.wait()
         told = {name: self.variable(name) for name in _NAMES}
         base, tool, at = (_frame(told[name], name) for name in ("$BASE", "$TOOL", "$POS_ACT"))
         pose = base.matrix @ at.matrix @ tool.inverse().matrix
@@ -68,9 +65,9 @@ class KukaVarProxy:
         self._number = self._number % 60_000 + 1
         text = name.encode("ascii")
         body = struct.pack(">BH", _READ, len(text)) + text
-        self._socket.sendall(struct.pack(">HH", self._number, len(body)) + body)
-        number, size = struct.unpack(">HH", self._bytes(4))
-        answer = self._bytes(size)
+        self._stream.send(struct.pack(">HH", self._number, len(body)) + body)
+        number, size = struct.unpack(">HH", self._stream.exactly(4))
+        answer = self._stream.exactly(size)
         if number != self._number or size < 3:
             raise ConnectionError("the answer is to another question")
         (length,) = struct.unpack(">H", answer[1:3])
@@ -78,16 +75,7 @@ class KukaVarProxy:
 
     def close(self) -> None:
         """Close the connection."""
-        self._socket.close()
-
-    def _bytes(self, count: int) -> bytes:
-        found = b""
-        while len(found) < count:
-            more = self._socket.recv(count - len(found))
-            if not more:
-                raise ConnectionError("the controller closed the connection")
-            found += more
-        return found
+        self._stream.close()
 
 
 def _numbers(text: str) -> dict[str, float]:

@@ -1,14 +1,13 @@
 """Modbus TCP: a table's angle from a register."""
 
 import logging
-import time
 from typing import Any, Literal
 
 from pydantic import Field
 
 from calib_core.errors import InputError
 from server.sources.device import Description, Sample, host_now_s
-from server.sources.pose_settings import Host, Interval, Port
+from server.sources.pose_settings import Host, Interval, Pace, Port
 from server.sources.source import Settings, Source
 
 _WIDTH = {"int16": 1, "uint16": 1, "int32": 2, "uint32": 2, "float32": 2, "float64": 4}
@@ -38,11 +37,10 @@ class Modbus:
 
         # It would write a line into the log at every attempt; what is wrong is said once, of the device.
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
-        self._settings = settings
+        self._settings, self._pace = settings, Pace(settings.interval_s)
         self._client: Any = ModbusTcpClient(settings.host, port=settings.port, timeout=1.0, retries=0)
         if not self._client.connect():
             raise ConnectionError(f"nobody answers at {settings.host}:{settings.port}")
-        self._next_s = 0.0
 
     def describe(self) -> Description:
         """Return that it tells an angle."""
@@ -50,8 +48,7 @@ class Modbus:
 
     def read(self) -> Sample | None:
         """Return the angle as of now; raises InputError where the server answers with an exception."""
-        time.sleep(max(0.0, self._next_s - time.monotonic()))
-        self._next_s = time.monotonic() + self._settings.interval_s
+        self._pace.wait()
         chosen = self._settings
         is_holding = chosen.registers == "holding"
         ask = self._client.read_holding_registers if is_holding else self._client.read_input_registers

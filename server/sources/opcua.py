@@ -3,7 +3,6 @@
 OPC UA for Robotics tells axes and no flange: where no pose is offered, joints and a named arm give it.
 """
 
-import time
 from typing import Any, Literal
 
 from pydantic import Field, SecretStr
@@ -12,7 +11,7 @@ from calib_core.errors import InputError
 from calib_core.records.base import PoseConvention
 from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
-from server.sources.pose_settings import Interval, flange_by_joints
+from server.sources.pose_settings import Interval, Pace, flange_by_joints
 from server.sources.source import Settings, Source
 
 _DEG = {"deg": 1.0, "rad": 57.29577951308232}
@@ -46,7 +45,7 @@ class OpcUa:
     def __init__(self, settings: OpcUaSettings) -> None:
         from asyncua.sync import Client
 
-        self._settings = settings
+        self._settings, self._pace = settings, Pace(settings.interval_s)
         named = {"pose": settings.pose, "joints": settings.joints}
         singles = ("table", "moving", "active_tool", "active_frame")
         named |= {name: [node] for name in singles if (node := getattr(settings, name))}
@@ -63,7 +62,6 @@ class OpcUa:
             self._client.tloop.stop()  # else its thread stays
             raise
         self._nodes = [self._client.get_node(node) for _, node in self._places]
-        self._next_s = 0.0
 
     def describe(self) -> Description:
         """Return what the nodes tell."""
@@ -73,8 +71,7 @@ class OpcUa:
 
     def read(self) -> Sample | None:
         """Return the nodes' values as of now; raises InputError where one has none."""
-        time.sleep(max(0.0, self._next_s - time.monotonic()))
-        self._next_s = time.monotonic() + self._settings.interval_s
+        self._pace.wait()
         found = self._client.read_attributes(self._nodes)
         told: dict[str, list[Any]] = {}
         times: list[float] = []

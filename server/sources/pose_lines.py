@@ -1,8 +1,5 @@
 """A robot whose controller sends its pose over TCP, a line or an XML element at a time, as its brand writes it."""
 
-import socket
-import time
-
 from pydantic import Field
 
 from calib_core.errors import InputError
@@ -11,6 +8,7 @@ from calib_core.robots import parse_pose_lines
 from server.hosts import HostName
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.source import Settings, Source
+from server.sources.tcp_stream import TcpStream
 
 _WAIT_S = 0.5
 _LONGEST = 4096
@@ -29,9 +27,7 @@ class PoseLines:
 
     def __init__(self, settings: PoseLinesSettings) -> None:
         self._settings = settings
-        self._socket = socket.create_connection((settings.host, settings.port), timeout=2.0)
-        self._socket.settimeout(_WAIT_S)
-        self._rest = b""
+        self._stream = TcpStream(settings.host, settings.port, _WAIT_S)
 
     def describe(self) -> Description:
         """Return the convention that its poses are read by."""
@@ -42,21 +38,9 @@ class PoseLines:
 
     def read(self) -> Sample | None:
         """Return the next line's pose; raises InputError where a line holds none."""
-        until_s = time.monotonic() + _WAIT_S
-        while b"\n" not in self._rest:
-            if time.monotonic() > until_s:
-                return None
-            try:
-                more = self._socket.recv(_LONGEST)
-            except TimeoutError:
-                return None
-            if not more:
-                raise ConnectionError("the controller closed the connection")
-            self._rest += more
-            if len(self._rest) > _LONGEST and b"\n" not in self._rest:
-                raise InputError("lines of poses", "4 KiB without an end of line", "End each with CR LF.")
-        line, self._rest = self._rest.split(b"\n", 1)
-        text = line.decode("ascii", errors="replace").replace('"', " ").strip()
+        text = self._stream.first(_line)
+        if text is None:
+            return None
         rows = parse_pose_lines(self._settings.convention, text)
         if len(rows) != 1 or rows[0].pose is None:
             got = rows[0].problem if rows and rows[0].problem else repr(text[:60])
@@ -64,8 +48,15 @@ class PoseLines:
         return Sample(host_now_s(), base_from_tool0=rows[0].pose)
 
     def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
+        """Close the connection."""
+        self._stream.close()
+
+
+def _line(received: bytes) -> tuple[str, bytes] | None:
+    line, end, rest = received.partition(b"\n")
+    if not end and len(line) > _LONGEST:
+        raise InputError("lines of poses", "4 KiB without an end of line", "End each with CR LF.")
+    return (line.decode("ascii", errors="replace").replace('"', " ").strip(), rest) if end else None
 
 
 SOURCE = Source(

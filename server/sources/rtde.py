@@ -1,6 +1,5 @@
 """Universal Robots: the Real-Time Data Exchange on port 30004, protocol version 2, outputs alone."""
 
-import socket
 import struct
 
 from pydantic import Field
@@ -10,11 +9,13 @@ from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.pose_settings import Host, Port
 from server.sources.source import Settings, Source
+from server.sources.tcp_stream import TcpStream
 
 VERSION, SETUP_OUTPUTS, START, DATA, TEXT = 86, 79, 83, 85, 77
 _NUMBERS = {"DOUBLE": 1, "VECTOR6D": 6}
 _WANTED = ("timestamp", "actual_q", "actual_TCP_pose", "actual_TCP_speed")
 _OFFSET = "tcp_offset"
+_WAIT_S = 1.0
 _LEAST_SPEED = 1e-4
 _DEG = 57.29577951308232
 
@@ -35,17 +36,15 @@ class Rtde:
     """
 
     def __init__(self, settings: RtdeSettings) -> None:
-        self._socket = socket.create_connection((settings.host, settings.port), timeout=2.0)
+        self._stream = TcpStream(settings.host, settings.port, _WAIT_S)
         try:
-            self._socket.settimeout(1.0)
-            self._received = b""
             if self._ask(VERSION, struct.pack(">H", 2)) != b"\x01":
                 raise ConnectionError("the controller does not speak version 2 of RTDE")
             self._names, self._types = self._outputs(settings.frequency_hz, (*_WANTED, _OFFSET))
             if self._ask(START, b"") != b"\x01":
                 raise ConnectionError("the controller does not start to send")
         except BaseException:
-            self._socket.close()
+            self._stream.close()
             raise
 
     def describe(self) -> Description:
@@ -83,7 +82,7 @@ class Rtde:
 
     def close(self) -> None:
         """Close the connection."""
-        self._socket.close()
+        self._stream.close()
 
     def _outputs(self, frequency_hz: float, names: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
         """Return the outputs that the controller agrees to send, and their types."""
@@ -96,26 +95,17 @@ class Rtde:
         return names, types
 
     def _ask(self, kind: int, payload: bytes) -> bytes:
-        self._socket.sendall(struct.pack(">HB", 3 + len(payload), kind) + payload)
+        self._stream.send(struct.pack(">HB", 3 + len(payload), kind) + payload)
         while True:
             answered, content = self._package()
             if answered == kind:
                 return content
 
     def _package(self) -> tuple[int, bytes]:
-        size, kind = struct.unpack(">HB", self._bytes(3))
+        size, kind = struct.unpack(">HB", self._stream.exactly(3))
         if size < 3:
             raise ConnectionError("the controller sends something else than RTDE")
-        return kind, self._bytes(size - 3)
-
-    def _bytes(self, count: int) -> bytes:
-        while len(self._received) < count:
-            more = self._socket.recv(8192)
-            if not more:
-                raise ConnectionError("the controller closed the connection")
-            self._received += more
-        found, self._received = self._received[:count], self._received[count:]
-        return found
+        return kind, self._stream.exactly(size - 3)
 
 
 SOURCE = Source(

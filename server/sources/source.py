@@ -6,11 +6,11 @@ themselves.
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from calib_core.records import Capture, Session
+from calib_core.records import Capture, Session, input_error
 from server.sources.device import Device, Role
 
 Taken = tuple[Capture, Mapping[str, bytes]]
@@ -21,6 +21,14 @@ class Settings(BaseModel):
     """What may be chosen for a source; each has its own subclass, whose JSON Schema is shown."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    def parsed(cls, settings: dict[str, Any]) -> Self:
+        """Return settings as they came, checked; raises InputError."""
+        try:
+            return cls.model_validate(settings)
+        except ValidationError as error:
+            raise input_error(error, settings, "settings") from None
 
 
 @dataclass(frozen=True)
