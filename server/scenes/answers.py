@@ -7,11 +7,12 @@ import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
-from server.scenes.colors import FIRST, SECOND, WAITING, Rgb
+from server.scenes.colors import FIRST, SECOND, WAITING
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
+from server.scenes.uncertainty import ellipsoid
 
 if TYPE_CHECKING:
     from calib_core.review.placed_points import PlacedPoint
@@ -45,7 +46,7 @@ def answers(facts: SceneFacts, _look: Look) -> Iterator[Node]:
             axes = RigidTransform.of(place[:3, :3], place[:3, 3], "base", "base")
             yield nodes.axes(f"{root}/{name}/frame", axes, 40.0, color)
             turned = outer.rotation @ covariance @ outer.rotation.T
-            yield _ellipsoid(f"{root}/{name}/point", point, turned, times, color)
+            yield ellipsoid(f"{root}/{name}/point", point, turned, times, color, 4 * _LARGEST_MM)
             above = point + np.array([0.0, 0.0, 6.0 if name == "first" else -6.0])
             anchor = "bottom-center" if name == "first" else "top-center"
             yield nodes.label(f"{root}/{name}/name", above, f"{named}{name}", 1.1, anchor)
@@ -82,11 +83,3 @@ def _reach_mm(pair: "PlacedPoint") -> float:
     first, second = (pose.apply(pair.point_mm) for pose in pair.poses)
     widest = max(float(np.linalg.eigvalsh((one + one.T) / 2)[-1]) for one in pair.covariances)
     return float(np.linalg.norm(second - first)) + _K * float(np.sqrt(max(widest, 0.0)))
-
-
-def _ellipsoid(name: str, center_mm: FloatArray, covariance: FloatArray, times: int, color: Rgb) -> Node:
-    values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
-    half_mm = np.clip(_K * times * np.sqrt(np.maximum(values, 0.0)), 0.3, 4 * _LARGEST_MM)
-    if np.linalg.det(axes) < 0:
-        axes = axes * [1.0, 1.0, -1.0]
-    return nodes.ellipsoid(name, RigidTransform.of(axes, center_mm, "base", "base"), half_mm, color, 0.45)

@@ -14,7 +14,7 @@ from server.scenes.bridge import bridge
 from server.scenes.layers import LAYERS
 from server.scenes.live import LiveScene
 from server.scenes.manager import SceneManager
-from server.scenes.router import Past, Scenes, SessionId, client_answer, legend_answer, require_scene
+from server.scenes.router import Past, Scenes, SessionId, client_answer, legend_answer
 from server.scenes.stories import Side
 from server.scenes.views import VIEWS
 
@@ -95,7 +95,7 @@ class MomentChange(BaseModel):
 @controls_router.get("/controls", response_model=SceneControls, summary="What can be set in a scene")
 def controls(session: SessionId, scenes: Scenes) -> SceneControls:
     """Return the views and layers that there is something of now; all of them where nobody looks."""
-    require_scene(scenes, session)
+    scenes.require(session)
     live = scenes.live(session)
     shown = live.layers if live else {}
     drawn = live.drawn_layers if live else LAYERS.keys()
@@ -147,7 +147,7 @@ def offline(session: SessionId, scenes: Scenes) -> Response:
 @controls_router.get("/viewers/{viewer}/", response_class=HTMLResponse, summary="The scene within a named page")
 def viewer_page(session: SessionId, viewer: Viewer, scenes: Scenes, request: Request) -> Response:
     """Return the page that draws the scene for one viewer, whose camera and picture can then be asked for."""
-    require_scene(scenes, session)
+    scenes.require(session)
     return client_answer(request)
 
 
@@ -175,7 +175,7 @@ def take_view(session: SessionId, viewer: Viewer, body: ViewChange, scenes: Scen
 )
 def tell_story(session: SessionId, viewer: Viewer, body: StoryChange, scenes: Scenes) -> StoryShown:
     """Move one viewer's camera to what a step is about, and say which layers tell it; nobody else's changes."""
-    require_scene(scenes, session)
+    scenes.require(session)
     live = scenes.live(session)
     if live is None:
         return StoryShown(open=False, view="", layers={}, subject=[])

@@ -33,8 +33,13 @@ MAX_POINTS = 200_000
 _LARGEST_SPHERE_MM = 200.0  # in radius: what a failed result says beyond it is no sphere
 
 
-def _no_scans(_known: object = None) -> None:
-    """Give no scans."""
+def nothing(_known: object = None) -> None:
+    """Give no cloud, no scans."""
+
+
+def no_points(_: Capture) -> FloatArray:
+    """Give no points of a capture."""
+    return np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +76,9 @@ class SceneInput:
     load_points: LoadPoints
     measured: Sequence[Measured] = ()
     results: Mapping[str, Result] = field(default_factory=dict[str, Result])
-    load_scans: Callable[..., MergedScans | None] = _no_scans
-    load_merged: Callable[[], MergedScans | None] = lambda: None
-    load_reference: Callable[[], ReferenceMesh | None] = lambda: None
+    load_scans: Callable[..., MergedScans | None] = nothing
+    load_merged: Callable[[], MergedScans | None] = nothing
+    load_reference: Callable[[], ReferenceMesh | None] = nothing
     outputs: tuple[str, ...] = ()
     stale: frozenset[str] = frozenset()
     compared: "tuple[PlacedPoint, ...]" = ()
@@ -124,7 +129,7 @@ class SceneFacts:
     table: TableFacts | None = None
     optics: OpticsFacts | None = None
     merged: MergedScans | None = None
-    scans: Callable[[], MergedScans | None] = lambda: None
+    scans: Callable[[], MergedScans | None] = nothing
     next_pose: RigidTransform | None = None
     uncertainty: KnownHowWell | None = None
     compared: "tuple[PlacedPoint, ...]" = ()
@@ -187,7 +192,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
         table_facts(session, results),
         _rows(results),
         {row.capture: row for row in scene.measured},
-        scene.load_points if tool0_from_laser else _no_points,
+        scene.load_points if tool0_from_laser else no_points,
         MAX_POINTS // max(len(posed), 1),
         session.cell.robot.arm,
     )
@@ -248,10 +253,6 @@ def _rows(results: Mapping[str, Result]) -> dict[str, CaptureResidual]:
     for stage in sorted(stages(), key=lambda stage: stage.is_answer):  # the answer has the last word
         rows |= {row.capture: row for row in getattr(results.get(stage.name), "residuals", [])}
     return rows
-
-
-def _no_points(_: Capture) -> FloatArray:
-    return np.zeros((0, 3))
 
 
 def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:

@@ -10,6 +10,7 @@ from server.scenes.colors import GHOST
 from server.scenes.facts import SceneFacts
 from server.scenes.look import Look
 from server.scenes.nodes import Node
+from server.scenes.turntable_layers import ring_mm
 
 AXES_MM = 44.0
 _RING_MM, _FAN_HALF_RAD = 14.0, 0.26
@@ -23,7 +24,7 @@ def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
     if pose is None or look.alone:
         return
     yield nodes.axes("/ghost/flange", pose, AXES_MM, GHOST)
-    yield nodes.lines("/ghost/ring", pose.apply(_ring_mm()), GHOST, 3.0)
+    yield nodes.polyline("/ghost/ring", pose.apply(ring_mm(_RING_MM, 0.0)), GHOST, 3.0)
     yield nodes.label("/ghost/name", pose.translation_mm + np.array([0.0, 0.0, 26.0]), "next pose", 1.2)
     if facts.captures:
         here = facts.captures[-1].base_from_tool0.translation_mm
@@ -36,13 +37,6 @@ def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
     yield nodes.axes("/ghost/laser", laser, 0.6 * AXES_MM, GHOST)
     corners = fan_mm(_ahead_mm(facts, laser))
     yield nodes.surface("/ghost/light", laser, corners, np.array([[0, 1, 2]], dtype=np.uint32), GHOST, 0.16)
-
-
-def _ring_mm() -> FloatArray:
-    """Return the flange's rim as pieces (N, 2, 3) in tool0."""
-    angle = np.linspace(0, 2 * np.pi, 37)
-    rim = np.stack([_RING_MM * np.cos(angle), _RING_MM * np.sin(angle), np.zeros(37)], axis=1)
-    return np.stack([rim[:-1], rim[1:]], axis=1)
 
 
 def _dashes_mm(start: FloatArray, end: FloatArray) -> FloatArray:

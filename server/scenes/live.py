@@ -268,9 +268,7 @@ class LiveScene:
 
     def _show(self, view: View) -> None:
         """Let newcomers start at a view and take those who are there along."""
-        first = self._server.initial_camera
-        first.fov = FIELD_OF_VIEW_RAD
-        first.up, first.position, first.look_at = view.up, view.position_m, view.look_at_m
+        start_at(self._server, view)
         for client in self._server.get_clients().values():
             with client.atomic():
                 take(client.camera, self._first_view_of(client, view))
@@ -313,6 +311,13 @@ def start_viser(secret: str) -> "ViserServer":
     server.scene.configure_environment_map(None)
     server.scene.add_light_ambient("/ambient-light", intensity=1.2)
     return server
+
+
+def start_at(server: "ViserServer", view: View) -> None:
+    """Let newcomers start at a view."""
+    first = server.initial_camera
+    first.fov = FIELD_OF_VIEW_RAD
+    first.up, first.position, first.look_at = view.up, view.position_m, view.look_at_m
 
 
 def stop_viser(server: "ViserServer") -> None:

@@ -86,9 +86,10 @@ class SceneManager:
         finally:
             self._leave(session_id, entry)
 
-    def exists(self, session_id: str) -> bool:
-        """Tell whether there is a session of this id."""
-        return session_id in self._entries or self._load(session_id) is not None
+    def require(self, session_id: str) -> None:
+        """Refuse a session that does not exist; raises NotFoundError."""
+        if session_id not in self._entries:
+            self.load(session_id)
 
     def picture(self, session_id: str) -> str:
         """Return a session's small picture as SVG, whether its scene is open or not.
@@ -106,7 +107,9 @@ class SceneManager:
         """Return what a scene is drawn from, whether it is open or not; raises NotFoundError."""
         scene = self._load(session_id)
         if scene is None:
-            raise _no_session(session_id)
+            raise NotFoundError(
+                "a session", f"the id '{session_id}', which none has", "Choose one of the sessions listed."
+            )
         return scene
 
     def live(self, session_id: str) -> LiveScene | None:
@@ -116,8 +119,8 @@ class SceneManager:
 
     def legend(self, session_id: str) -> str:
         """Return the legend of a live scene, empty where nobody looks at it."""
-        entry = self._entries.get(session_id)
-        return entry.scene.legend if entry and entry.scene else ""
+        live = self.live(session_id)
+        return live.legend if live else ""
 
     def refresh(self, session_id: str) -> None:
         """Bring a scene up to date soon; calls in quick succession become one, and without a scene nothing."""
@@ -128,15 +131,15 @@ class SceneManager:
 
     def highlight(self, session_id: str, capture_id: str | None) -> None:
         """Light up one capture of a scene soon, or none."""
-        entry = self._entries.get(session_id)
-        if entry is not None and entry.scene is not None:
-            self._soon(entry.scene.highlight, capture_id)
+        live = self.live(session_id)
+        if live is not None:
+            self._soon(live.highlight, capture_id)
 
     def show_cloud(self, session_id: str, how: CloudView) -> None:
         """Show a scene's merged cloud in another way soon."""
-        entry = self._entries.get(session_id)
-        if entry is not None and entry.scene is not None:
-            self._soon(entry.scene.show_cloud, how)
+        live = self.live(session_id)
+        if live is not None:
+            self._soon(live.show_cloud, how)
 
     def close(self, session_id: str) -> None:
         """Close a scene now, as when its session is deleted."""
@@ -167,10 +170,7 @@ class SceneManager:
     def _opened(self, session_id: str, entry: _Entry) -> LiveScene:
         with entry.opening:
             if entry.scene is None:
-                scene = self._load(session_id)
-                if scene is None:
-                    raise _no_session(session_id)
-                entry.scene = LiveScene(scene)
+                entry.scene = LiveScene(self.load(session_id))
                 if self._subscribe is not None:
                     entry.unsubscribe = self._subscribe(session_id, lambda: self.refresh(session_id))
                     self.refresh(session_id)  # for what happened since it was loaded
@@ -207,9 +207,3 @@ class SceneManager:
             _log.warning("the scene of session %s was not redrawn: %s", session_id, error)
         except Exception:
             _log.exception("the scene of session %s was not redrawn", session_id)
-
-
-def _no_session(session_id: str) -> NotFoundError:
-    return NotFoundError(
-        "a session", f"the id '{session_id}', which none has", "Choose one of the sessions listed."
-    )

@@ -93,6 +93,11 @@ def lines(name: str, segments_mm: FloatArray, color: Rgb, width_px: float = 2.0)
     )
 
 
+def polyline(name: str, points_mm: FloatArray, color: Rgb, width_px: float = 2.0) -> Node:
+    """Return a line through points (N, 3)."""
+    return lines(name, np.stack([points_mm[:-1], points_mm[1:]], axis=1), color, width_px)
+
+
 def arrow(name: str, ends_mm: FloatArray, color: Rgb, radius_mm: float, head: float = 3.0) -> Node:
     """Return an arrow from the first to the second of two places (2, 3), its head so often as thick."""
     radius = radius_mm * METRES_PER_MM

@@ -5,23 +5,19 @@ import secrets
 from server.scenes.facts import SceneInput, scene_facts
 from server.scenes.layers import LAYERS, draw
 from server.scenes.legend import legend_html
-from server.scenes.live import start_viser, stop_viser
+from server.scenes.live import start_at, start_viser, stop_viser
 from server.scenes.look import look_at
 from server.scenes.page import offline_page
-from server.scenes.views import FIELD_OF_VIEW_RAD, first_view, view
+from server.scenes.views import first_view, view
 
 
 def scene_html(scene: SceneInput) -> str:
     """Return the scene as a self-contained HTML page."""
     facts = scene_facts(scene)
     look = look_at(facts)
-    first = view(first_view(facts), facts)
     server = start_viser(secrets.token_urlsafe())
     try:
-        server.initial_camera.fov = FIELD_OF_VIEW_RAD
-        server.initial_camera.up = first.up
-        server.initial_camera.position = first.position_m
-        server.initial_camera.look_at = first.look_at_m
+        start_at(server, view(first_view(facts), facts))
         for root in LAYERS:
             server.scene.add_frame(f"/{root}", show_axes=False)
         for node in draw(facts, look).values():

@@ -48,6 +48,12 @@ class OpticsFacts:
     camera_from_laser: RigidTransform | None
     missing: tuple[str, ...]
 
+    @property
+    def outline_in_board_mm(self) -> FloatArray:
+        """The corners (4, 3) of the rectangle about the board's inner corners."""
+        low, high = self.corners_in_board_mm.min(axis=0), self.corners_in_board_mm.max(axis=0)
+        return np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+
     def corners_in_camera_mm(self, board: BoardPlace) -> FloatArray:
         """Return the corners (N, 3) of the board at one place, in the camera frame."""
         return board.camera_from_board.apply(self.corners_in_board_mm)

@@ -36,8 +36,8 @@ def boards(facts: SceneFacts, look: Look) -> Iterator[Node]:
     optics = facts.optics
     if optics is None or not len(optics.corners_in_board_mm):
         return
-    low, high = optics.corners_in_board_mm.min(axis=0), optics.corners_in_board_mm.max(axis=0)
-    outline = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+    outline = optics.outline_in_board_mm
+    low, _, high, _ = outline
     for board in optics.boards:
         color = REJECTED if not board.used else LIGHT if board.with_stripe else BOARD
         pose = BASE_FROM_CAMERA @ board.camera_from_board
@@ -83,8 +83,7 @@ def _stripes(optics: OpticsFacts, laser_from_camera: RigidTransform) -> FloatArr
     pieces: list[FloatArray] = []
     if not len(optics.corners_in_board_mm):
         return np.zeros((0, 2, 3))
-    low, high = optics.corners_in_board_mm.min(axis=0), optics.corners_in_board_mm.max(axis=0)
-    outline = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+    outline = optics.outline_in_board_mm
     for board in optics.boards:
         if not board.with_stripe or not board.used:
             continue

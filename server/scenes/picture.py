@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.frames import FloatArray
-from calib_core.records import Capture, Measured
+from calib_core.records import Measured
 from server.scenes.advice import no_advice
-from server.scenes.facts import CaptureFacts, SceneFacts, SceneInput, scene_facts
+from server.scenes.facts import CaptureFacts, SceneFacts, SceneInput, no_points, nothing, scene_facts
 
 WIDTH, HEIGHT = 240, 120
 _MARGIN = 14.0
@@ -25,19 +25,12 @@ _RIGHT, _UP = np.array([0.86, 0.50, 0.0]), np.array([-0.17, 0.30, 0.94])
 
 def session_picture(scene: SceneInput) -> str:
     """Return a session's picture as SVG of 240 × 120: its poses about the sphere, or where a board was seen."""
-    bare = replace(scene, load_points=_no_points, load_scans=_nothing, load_merged=_nothing, advise=no_advice)
+    # Clouds are not drawn, and reading them takes long.
+    bare = replace(scene, load_points=no_points, load_scans=nothing, load_merged=nothing, advise=no_advice)
     facts = scene_facts(bare)
     parts = list(_cell(facts)) if facts.captures else list(_frames(scene.measured))
     size = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{"".join(parts)}</svg>'
-
-
-def _nothing(_known: object = None) -> None:
-    """Give no cloud: it is not drawn, and reading it takes long."""
-
-
-def _no_points(_: Capture) -> FloatArray:
-    return np.zeros((0, 3))
 
 
 def _cell(facts: SceneFacts) -> Iterator[str]:

@@ -8,7 +8,6 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 
-from calib_core.errors import NotFoundError
 from server.http.api_router import api_router, of_app
 from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
@@ -40,7 +39,7 @@ def scene_address(session: SessionId, request: Request) -> RedirectResponse:
 @scenes_router.get("/{session}/", response_class=HTMLResponse, summary="The 3-D scene of a session")
 def scene_page(session: SessionId, scenes: Scenes, request: Request) -> Response:
     """Return the page that draws the session's scene, live. `?theme=dark` or `?theme=light` sets its theme."""
-    require_scene(scenes, session)
+    scenes.require(session)
     return client_answer(request)
 
 
@@ -59,11 +58,7 @@ def scene_legend(session: SessionId, scenes: Scenes, request: Request) -> Respon
 
 def legend_answer(legend: str, request: Request) -> Response:
     """Return a legend, or that the browser has it already."""
-    tag = f'"{crc32(legend.encode()):08x}"'
-    headers = {"ETag": tag, "Cache-Control": "no-cache"}
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers=headers)
-    return HTMLResponse(legend, headers=headers)
+    return _tagged(legend, f'"{crc32(legend.encode()):08x}"', request)
 
 
 @scenes_router.post("/{session}/highlight", status_code=204, summary="Light up one capture in the scene")
@@ -81,16 +76,14 @@ async def scene_socket(websocket: WebSocket, session: str, scenes: Scenes) -> No
 
 def client_answer(request: Request) -> Response:
     """Return the page that draws scenes, or that the browser has it already: it is the same for all of them."""
-    tag = page_tag()
-    headers = {"Content-Security-Policy": content_security_policy(), "Cache-Control": "no-cache", "ETag": tag}
+    return _tagged(client_page(), page_tag(), request, content_security_policy())
+
+
+def _tagged(page: str, tag: str, request: Request, policy: str | None = None) -> Response:
+    """Return a page, or that the browser has it already."""
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    if policy is not None:
+        headers["Content-Security-Policy"] = policy
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers=headers)
-    return HTMLResponse(client_page(), headers=headers)
-
-
-def require_scene(scenes: SceneManager, session: str) -> None:
-    """Refuse a session that does not exist; raises NotFoundError."""
-    if not scenes.exists(session):
-        raise NotFoundError(
-            "a session", f"the id '{session}', which none has", "Choose one of the sessions listed."
-        )
+    return HTMLResponse(page, headers=headers)

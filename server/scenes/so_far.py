@@ -57,8 +57,7 @@ def table_so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
     yield nodes.label("/table-so-far/name", ends[1], "turntable axis")
     for number, (mount, at) in enumerate(known.mounts.items()):
         circle = place.apply(ring_mm(float(np.hypot(at[0], at[1])), float(at[2])))
-        pieces = np.stack([circle[:-1], circle[1:]], axis=1)
-        yield nodes.lines(f"/table-so-far/circle-{number}", pieces, MOUNTS[number % len(MOUNTS)], 2.0)
+        yield nodes.polyline(f"/table-so-far/circle-{number}", circle, MOUNTS[number % len(MOUNTS)], 2.0)
         if mount:
             yield nodes.label(f"/table-so-far/circle-{number}-name", circle[len(circle) // 8], mount, 0.95)
 

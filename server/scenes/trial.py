@@ -21,4 +21,4 @@ def trial(_facts: SceneFacts, look: Look) -> Iterator[Node]:
         yield nodes.label(f"/trial/{number}/name", above, f"line {number}", 0.9)
     if len(look.trial) > 1:
         places = np.array([pose.translation_mm for pose in look.trial])
-        yield nodes.lines("/trial/way", np.stack([places[:-1], places[1:]], axis=1), GHOST, 1.5)
+        yield nodes.polyline("/trial/way", places, GHOST, 1.5)

@@ -47,7 +47,7 @@ def table_circles(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     for number, (mount, place) in enumerate((table.mounts or {}).items()):
         ring = ring_mm(float(np.hypot(place[0], place[1])), float(place[2]))
         circle = table.base_from_turntable.apply(ring)
-        yield nodes.lines(f"/circles/{number}", _joined(circle), mount_color(table, mount), 2.5)
+        yield nodes.polyline(f"/circles/{number}", circle, mount_color(table, mount), 2.5)
         if mount:
             yield nodes.label(f"/circles/{number}-name", circle[len(circle) // 8], mount, 0.95)
     for number, circle in enumerate(table.circles):
@@ -56,7 +56,7 @@ def table_circles(facts: SceneFacts, _look: Look) -> Iterator[Node]:
         first /= np.linalg.norm(first)
         sides = np.array([first, np.cross(normal, first)])
         ring = center + circle.radius_mm * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=1) @ sides
-        yield nodes.lines(f"/circles/paper-{number}", _joined(ring), WAITING, 1.0)
+        yield nodes.polyline(f"/circles/paper-{number}", ring, WAITING, 1.0)
 
 
 def sphere_places(facts: SceneFacts, look: Look) -> Iterator[Node]:
@@ -88,8 +88,7 @@ def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     rim = 1.3 * away
     height = low - (facts.sphere_radius_mm or 0.0)
     yield nodes.disc("/turned/table/plate", rim, height, WAITING, 0.3)
-    ring = ring_mm(rim, height)
-    yield nodes.lines("/turned/table/rim", _joined(ring), AXIS, 2.0)
+    yield nodes.polyline("/turned/table/rim", ring_mm(rim, height), AXIS, 2.0)
     spoke = np.array([[[0.0, 0.0, height], [rim, 0.0, height]]])
     yield nodes.lines("/turned/table/spoke", spoke, AXIS, 4.0)
     mounted = {capture.mount for capture in look.shown(facts) if capture.table_deg is not None}
@@ -107,11 +106,6 @@ def ring_mm(radius_mm: float, height_mm: float) -> FloatArray:
     return np.stack(
         [radius_mm * np.cos(_AROUND), radius_mm * np.sin(_AROUND), np.full(len(_AROUND), height_mm)], axis=1
     )
-
-
-def _joined(line_mm: FloatArray) -> FloatArray:
-    """Return the pieces (N − 1, 2, 3) of a line through N points."""
-    return np.stack([line_mm[:-1], line_mm[1:]], axis=1)
 
 
 def _angle_text(place: SpherePlace) -> str:

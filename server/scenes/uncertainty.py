@@ -109,11 +109,16 @@ def _across(place: RigidTransform, point_mm: FloatArray, covariance: FloatArray)
 
 
 def ellipsoid(
-    name: str, center_mm: FloatArray, covariance: FloatArray, times: int, color: Rgb = UNCERTAIN
+    name: str,
+    center_mm: FloatArray,
+    covariance: FloatArray,
+    times: int,
+    color: Rgb = UNCERTAIN,
+    largest_mm: float = _LARGEST_MM,
 ) -> Node:
     """Return a k = 2 ellipsoid, magnified; what is hardly known is drawn smaller than it is."""
     values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
-    half_mm = np.clip(_K * times * np.sqrt(np.maximum(values, 0.0)), 0.1, _LARGEST_MM)
+    half_mm = np.clip(_K * times * np.sqrt(np.maximum(values, 0.0)), 0.1, largest_mm)
     if np.linalg.det(axes) < 0:
         axes = axes * [1.0, 1.0, -1.0]
     pose = RigidTransform.of(axes, center_mm, "base", "base")
