@@ -38,35 +38,7 @@ from server.live.in_scene import follow_robot
 from server.live.manager import LiveCells
 from server.live.robot_port import RobotPorts
 from server.metrics import Metrics
-from server.routes import (
-    answers,
-    archived_files,
-    archives,
-    batches,
-    captures,
-    causes,
-    cells,
-    clouds,
-    devices,
-    folders,
-    guidance,
-    health,
-    history,
-    live_preview,
-    machines,
-    merged,
-    pages,
-    registries,
-    retention,
-    robot,
-    robot_programs,
-    sessions,
-    solves,
-    table_mover,
-    tokens,
-    truth,
-    webhooks,
-)
+from server.routes import all_routers
 from server.scenes.advice import SceneAdviser
 from server.scenes.cloud_controls import cloud_router
 from server.scenes.controls import controls_router
@@ -175,46 +147,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         separate_input_output_schemas=False,
+        openapi_tags=[{"name": tag} for tag in openapi.TAGS],
     )
     app.state.settings, app.state.hub, app.state.refusals = settings, hub, Refusals()
     app.state.metrics = Metrics()
     app.state.upload_memory = UploadMemory(_UPLOADS_IN_MEMORY * settings.max_upload_bytes)
     errors.install(app)
     openapi.install(app)
-    for router in (
-        sessions.router,
-        captures.router,
-        batches.router,
-        folders.router,
-        devices.router,
-        live_preview.router,
-        robot.router,
-        robot_programs.router,
-        table_mover.router,
-        solves.router,
-        answers.router,
-        cells.router,
-        retention.router,
-        history.router,
-        clouds.router,
-        merged.router,
-        archives.router,
-        archived_files.router,
-        tokens.router,
-        registries.router,
-        machines.router,
-        truth.router,
-        guidance.router,
-        webhooks.router,
-        causes.router,
-        health.router,
-        health.probes,
-        pages.router,
-        scenes_router,
-        controls_router,
-        trials_router,
-        cloud_router,
-    ):
+    for router in (*all_routers(), scenes_router, controls_router, trials_router, cloud_router):
         app.router.routes.extend(router.routes)
     app.state.page_files = PageFiles(settings.web)
     app.state.page_sentences = PageSentences(settings.web)

@@ -90,7 +90,7 @@ def _remedied(
         remark(options, f"nothing to apply: {cause.sentence}")
         return session
     changed, undo = applied(session, cause.changes)
-    remark(options, f"applied: {cause.title}. --undo takes it back.")
+    remark(options, f"applied: {cause.title}. --undo undoes it.")
     if in_place:
         note_applied(folder, changed, cause, undo)
     return changed

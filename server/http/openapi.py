@@ -11,6 +11,12 @@ from fastapi.routing import APIRoute
 
 from server.auth.roles import needed_role
 
+TAGS = (
+    "sessions", "captures", "live", "solves", "answers", "machines", "cells", "history", "clouds", "archives",
+    "access", "registries", "results", "guidance", "webhooks", "server", "scenes",
+)  # fmt: skip
+"""What operations are about, in the order in which `/docs` shows them."""
+
 ERRORS: dict[int | str, dict[str, Any]] = {
     "default": {
         "description": "What was needed, what was there instead, and what to do.",

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from operator import attrgetter, itemgetter, methodcaller
 from typing import Any
 
 from distributed import Client, wait, worker_client
@@ -98,7 +99,7 @@ class DaskCrew(Crew):
     def _begin(self, given: Any, number: int, fuse: bool, worker: str) -> "_UnderWay":
         """Have a scan cleaned by a worker; left to itself Dask would choose the one that has `given`."""
         looked = self._submit(_look, given, number, self._shares, workers=[worker])
-        begun = _UnderWay(self._submit(_report, looked, priority=_SUM_FIRST), worker)
+        begun = _UnderWay(self._submit(itemgetter(0), looked, priority=_SUM_FIRST), worker)
         if fuse:
             for place, owner in enumerate(self._owners):
                 part = self._submit(_part, looked, place, priority=_SUM_FIRST)
@@ -127,21 +128,22 @@ class DaskCrew(Crew):
     @property
     def spills(self) -> int:
         """How often memory was emptied to the disk; 0 while scans are under way: asking would wait for them."""
-        return 0 if self._busy or not self._summed else sum(self._of_each(_spills))
+        return 0 if self._busy or not self._summed else sum(self._of_each(attrgetter("spills")))
 
     def extent(self) -> Extent:
         """Return how far the merged cloud reaches."""
-        first, *others = self._of_each(_extent)
+        first, *others = self._of_each(methodcaller("extent"))
         for other in others:
             first = first.joined(other)
         return first
 
     def clouds(self) -> Iterator[VoxelCloud]:
         """Give the merged cloud piece by piece, in the regions' order."""
-        pieces = self._of_each(_pieces)
+        pieces = self._of_each(methodcaller("pieces"))
         every = sorted((piece, place) for place, own in enumerate(pieces) for piece in own)
         for piece, place in every:
-            yield self._submit(_cloud_of, self._sums[place], piece, workers=[self._owners[place]]).result()
+            cloud_of = methodcaller("cloud_of", *piece)
+            yield self._submit(cloud_of, self._sums[place], workers=[self._owners[place]]).result()
 
     def _of_each(self, ask: Any) -> list[Any]:
         asked = zip(self._sums, self._owners, strict=True)
@@ -175,10 +177,6 @@ def _look(
     return report, [{region: parts[region] for region in share} for share in shares]
 
 
-def _report(looked: tuple[ScanReport, list[dict[int, RegionPoints]]]) -> ScanReport:
-    return looked[0]
-
-
 def _part(
     looked: tuple[ScanReport, list[dict[int, RegionPoints]]], place: int
 ) -> tuple[str, dict[int, RegionPoints]]:
@@ -191,19 +189,3 @@ def _add(sums: RegionGrids, part: tuple[str, dict[int, RegionPoints]], scans_bef
     name, points = part
     sums.add(points, name)
     return sums
-
-
-def _spills(sums: RegionGrids) -> int:
-    return sums.spills
-
-
-def _extent(sums: RegionGrids) -> Extent:
-    return sums.extent()
-
-
-def _pieces(sums: RegionGrids) -> list[tuple[int, int | None]]:
-    return sums.pieces()
-
-
-def _cloud_of(sums: RegionGrids, piece: tuple[int, int | None]) -> VoxelCloud:
-    return sums.cloud_of(*piece)

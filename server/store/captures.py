@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import NotFoundError
 from calib_core.records import Measured
 from server.store.database import record_event
-from server.store.models import CaptureRow, Data, FileRow, SessionRow
+from server.store.models import CaptureRow, Data, FileRow, SessionRow, required
 from server.store.paging import after_cursor, page_of
 from server.store.sessions import touch
 
@@ -20,12 +20,8 @@ def capture_data(row: CaptureRow) -> Data:
 
 def capture_row(db: Transaction, session_id: str, capture_id: str) -> CaptureRow:
     """Return a capture's row; raises NotFoundError."""
-    row = db.get(CaptureRow, (session_id, capture_id))
-    if row is None:
-        raise NotFoundError(
-            "the id of a capture of this session", repr(capture_id), "List the session's captures.", "capture"
-        )
-    return row
+    row, to_do = db.get(CaptureRow, (session_id, capture_id)), "List the session's captures."
+    return required(row, "the id of a capture of this session", repr(capture_id), to_do, "capture")
 
 
 def capture_ids(db: Transaction, session_id: str) -> set[str]:

@@ -7,8 +7,7 @@ from pathlib import Path
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import NotFoundError
-from server.store.models import Data, DeviceRow
+from server.store.models import Data, DeviceRow, required
 
 _SECRETS_FILE = "device-secrets.json"
 
@@ -25,10 +24,8 @@ def connected_devices(db: Transaction) -> list[DeviceRow]:
 
 def device_row(db: Transaction, cell: str, name: str) -> DeviceRow:
     """Return a device; raises NotFoundError."""
-    row = db.get(DeviceRow, (cell, name))
-    if row is None:
-        raise NotFoundError("a device of this cell", repr(name[:64]), "List the session's devices.", "device")
-    return row
+    row, to_do = db.get(DeviceRow, (cell, name)), "List the session's devices."
+    return required(row, "a device of this cell", repr(name[:64]), to_do, "device")
 
 
 class DeviceSecrets:

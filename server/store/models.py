@@ -1,10 +1,12 @@
 """The tables: records as JSON beside the few columns that are searched."""
 
 import unicodedata
-from typing import Any
+from typing import Any, TypeVar
 
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
+
+from calib_core.errors import NotFoundError
 
 Data = dict[str, Any]
 
@@ -12,6 +14,16 @@ Data = dict[str, Any]
 def folded(text: str) -> str:
     """Return text as it is searched: letters of one case and one Unicode form."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
+
+
+Row = TypeVar("Row", bound="Base")
+
+
+def required(row: Row | None, need: str, got: str, to_do: str, where: str) -> Row:
+    """Return a row that was asked for; raises NotFoundError where there is none."""
+    if row is None:
+        raise NotFoundError(need, got, to_do, where)
+    return row
 
 
 class Base(DeclarativeBase):

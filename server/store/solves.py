@@ -5,10 +5,9 @@ from collections.abc import Mapping
 from sqlalchemy import bindparam, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import NotFoundError
 from calib_core.moment import now
 from server.store.database import record_event
-from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow
+from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
 from server.store.sessions import Output, locked_session, new_id
 from server.store.webhooks import tell
@@ -34,15 +33,8 @@ def job_data(row: JobRow) -> Data:
 
 def job_row(db: Transaction, job_id: str) -> JobRow:
     """Return a job's row; raises NotFoundError."""
-    row = db.get(JobRow, job_id)
-    if row is None:
-        raise NotFoundError(
-            "the id of a job",
-            repr(job_id),
-            "Take it from the answer to the solve; it goes with its session.",
-            "job",
-        )
-    return row
+    to_do = "Take it from the answer to the solve; it goes with its session."
+    return required(db.get(JobRow, job_id), "the id of a job", repr(job_id), to_do, "job")
 
 
 def list_jobs(db: Transaction, limit: int, cursor: str | None, session_id: str | None, status: str | None) -> Page:

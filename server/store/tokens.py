@@ -6,10 +6,10 @@ from datetime import timedelta
 from sqlalchemy import delete, or_, select
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import ConflictError, NotFoundError
+from calib_core.errors import ConflictError
 from calib_core.moment import from_now, now
 from server.store.access import LoginRow, TokenRow
-from server.store.models import Data
+from server.store.models import Data, required
 
 
 def add_token(
@@ -50,12 +50,8 @@ def has_admin(db: Transaction) -> bool:
 
 def token_row(db: Transaction, token_id: str) -> TokenRow:
     """Return a token; raises NotFoundError."""
-    row = db.get(TokenRow, token_id)
-    if row is None:
-        raise NotFoundError(
-            "a token's id", f"'{token_id}', which none has", "Take one of those that are listed.", "token"
-        )
-    return row
+    got, to_do = f"'{token_id}', which none has", "Take one of those that are listed."
+    return required(db.get(TokenRow, token_id), "a token's id", got, to_do, "token")
 
 
 def revoke_token(db: Transaction, token_id: str, but_not: str | None = None) -> None:
