@@ -15,15 +15,8 @@ from server.store.solves import ENDED
 
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0)
 
-_METHODS = (
-    "GET",
-    "HEAD",
-    "POST",
-    "PATCH",
-    "PUT",
-    "DELETE",
-    "OPTIONS",
-)  # a label for each: others would have no end
+_METHODS = ("GET", "HEAD", "POST", "PATCH", "PUT", "DELETE", "OPTIONS")
+"""A label for each: others would have no end."""
 
 
 class Metrics:

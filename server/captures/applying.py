@@ -5,11 +5,8 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.causes.apply import applied
 from calib_core.errors import InputError
 from calib_core.records import Capture, Changes
-from calib_core.records.known_fields import require_known_fields, unknown_fields
-from server.captures.changes import FIXED, MEASURED_FROM
-from server.captures.known import require_rigid
+from server.captures.changes import FIXED, require_usable
 from server.captures.measuring_queue import to_wait
-from server.jobs.measuring import check_poses
 from server.store.captures import capture_row, change_capture
 from server.store.models import Data
 from server.store.sessions import StoredSession, change_session, locked_session, session_data
@@ -40,13 +37,8 @@ def apply_changes(db: Transaction, stored: StoredSession, changes: Changes) -> D
         if fixed:
             raise InputError(f"the '{fixed[0]}' that the capture came with", "another", "Upload it again.", name)
     session, undo = applied(stored.session, changes)
-    require_known_fields(session, "request", {path for path, _ in unknown_fields(stored.session)})
-    if session.cell.known != stored.session.cell.known:
-        require_rigid(session.cell)
-    for capture in session.captures:
-        check_poses(session, capture)
+    of_cell = require_usable(stored.session, session)
     row = locked_session(db, stored.id)
-    of_cell = any(getattr(session.cell, name) != getattr(stored.session.cell, name) for name in MEASURED_FROM)
     waiting: list[Capture] = []
     for capture in session.captures:
         patch = changes.captures.get(capture.id, {})

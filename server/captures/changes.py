@@ -33,7 +33,7 @@ from server.store.waiting import measure_anew
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
 _CHANGED = "It is measured again: the cell has changed."
 # What measuring a capture depends on, beside the capture.
-MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
+_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
 FIXED = ("id", "files", "kind")
 
 
@@ -96,12 +96,7 @@ def corrected_session(
     record: Data = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
     session = parse_session({**record, "captures": [capture.to_json() for capture in captures]}, "request")
     session = _with_limit_changes(before.session, session, who)
-    require_known_fields(session, "request", {path for path, _ in unknown_fields(before.session)})
-    if session.cell.known != before.session.cell.known:
-        require_rigid(session.cell)
-    for capture in captures:
-        check_poses(session, capture)
-    anew = any(getattr(session.cell, name) != getattr(before.session.cell, name) for name in MEASURED_FROM)
+    anew = require_usable(before.session, session)
     at_once = anew and len(captures) <= _MEASURED_AT_ONCE
     measurer = Measurer(measure, session, lambda: calibrated(replace(before, session=session)))
     measured = {c.id: measurer.measure(c, before.read).to_json() for c in captures} if at_once else {}
@@ -114,6 +109,16 @@ def corrected_session(
             measure_anew(db, session_id, {c.id: to_wait(c, _CHANGED) for c in captures})
         change_session(db, row, {n: v for n, v in session.to_json().items() if n != "captures"}, measured)
         return session_data(db, row), etag(row)
+
+
+def require_usable(before: Session, after: Session) -> bool:
+    """Refuse a changed session that is of no use; return whether its cell's change bears on what was measured."""
+    require_known_fields(after, "request", {path for path, _ in unknown_fields(before)})
+    if after.cell.known != before.cell.known:
+        require_rigid(after.cell)
+    for capture in after.captures:
+        check_poses(after, capture)
+    return any(getattr(after.cell, name) != getattr(before.cell, name) for name in _MEASURED_FROM)
 
 
 def _with_limit_changes(before: Session, after: Session, who: str) -> Session:

@@ -17,8 +17,7 @@ class HeadRequests:
         if scope["type"] == "http" and scope["method"] == "HEAD" and not scope["path"].endswith("/events"):
             as_get = {**scope, "method": "GET"}
             await self._app(as_get, receive, send)
-            scope.update(
-                {name: as_get[name] for name in ("route", "state") if name in as_get}
-            )  # for the access log
+            # For the access log.
+            scope.update({name: as_get[name] for name in ("route", "state") if name in as_get})
             return
         await self._app(scope, receive, send)

@@ -66,8 +66,7 @@ class AskedProcess:
 
     def end(self) -> None:
         """End the process at once."""
-        self.usable = False
-        self._process.kill()
+        self.kill()
         self._process.join()
         self._connection.close()
 

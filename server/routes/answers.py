@@ -10,6 +10,7 @@ from calib_core.review.answer import SessionAnswer
 from calib_core.review.cell_frames import SessionFrames
 from server.http.api_router import API, api_router
 from server.http.dependencies import LoadedSession, SessionId, StoreDep
+from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
@@ -21,7 +22,7 @@ _HEADERS = {
     "Scancell-Stale": {"description": "`true` where inputs have changed since.", "schema": {"type": "string"}},
     "Scancell-Verdict": {"description": "`pass`, `warn` or `fail`.", "schema": {"type": "string"}},
 }
-_BINARY = {"*/*": {"schema": {"type": "string", "format": "binary"}}}
+_BINARY = {"*/*": {"schema": BYTES}}
 
 Allow = Annotated[
     str,

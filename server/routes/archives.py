@@ -20,6 +20,7 @@ from server.http.api_router import api_router
 from server.http.created import created
 from server.http.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
 from server.http.downloads import Download
+from server.http.openapi import BYTES
 from server.http.schemas import StoredSession
 from server.store.archived_files import archived_files
 from server.store.blobs import digest_of
@@ -30,11 +31,10 @@ from server.store.sessions import load_session, session_data
 
 router = api_router("archives")
 
-_BYTES: dict[str, Any] = {"type": "string", "format": "binary"}
 _PDF = "application/pdf"
 _PRINTER = threading.BoundedSemaphore(1)
 _WAIT_FOR_PRINTER_S, _LONGEST_PRINT_S = 20.0, 60.0
-_ZIP: dict[str, Any] = {"schema": _BYTES}
+_ZIP: dict[str, Any] = {"schema": BYTES}
 _FORM: dict[str, Any] = {"$ref": "#/components/schemas/ArchiveUpload"}
 _FORM_EXAMPLES: dict[str, Any] = {
     "form": {
@@ -141,7 +141,7 @@ def verify_archive(archive: ArchiveDep, _: IdempotencyDep) -> ArchiveFacts:
 @router.get(
     "/sessions/{session_id}/report",
     response_class=HTMLResponse,
-    responses={200: {"content": {_PDF: {"schema": _BYTES}}}},
+    responses={200: {"content": {_PDF: {"schema": BYTES}}}},
 )
 def get_report(
     session_id: SessionId,
@@ -204,9 +204,9 @@ def _report(stored: SessionOfStore, answer: Answer | None, *, with_truth: bool) 
 
     truth = None
     if with_truth and stored.simulated is not None and stored.results:
-        from server.sources.simulated import simulated_session
+        from server.sources.simulated import truth_of
 
-        truth = simulated_session(str(stored.simulated["scenario"]), int(stored.simulated["seed"])).truth
+        truth = truth_of(stored.simulated)
     solved = "" if answer is None else answer.date
     return report_html(stored.session, stored.results, stored.stale, truth, solved)
 

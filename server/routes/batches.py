@@ -12,6 +12,7 @@ from server.captures.batch_body import bunches
 from server.http.api_router import API, api_router
 from server.http.dependencies import IdempotencyDep, IntakeDep, MeasuringQueueDep, SessionId, SettingsDep, StoreDep
 from server.http.errors import problem
+from server.http.openapi import BYTES
 from server.http.schemas import BatchAnswer
 from server.store.database import Store
 from server.store.models import Data
@@ -30,7 +31,7 @@ _BODY: dict[str, Any] = {
         "required": True,
         "content": {
             MEDIA_TYPE: {
-                "schema": {"type": "string", "format": "binary"},
+                "schema": BYTES,
                 "examples": {
                     "one": {
                         "summary": "A line with the record and the sizes of its files, then the files; and so on",

@@ -13,6 +13,7 @@ from calib_core.records.base import PlannedStep
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
 from server.http.dependencies import LoadedSession, PageProcessDep, SessionId, StoreDep
+from server.http.openapi import BYTES
 from server.page_questions import cell_plan, planned
 from server.store.session_texts import load_texts
 from server.store.sessions import load_session
@@ -22,7 +23,7 @@ router = api_router("guidance")
 _FILE: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "The program's file, named as the controller takes it.",
-        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+        "content": {"application/octet-stream": {"schema": BYTES}},
     }
 }
 

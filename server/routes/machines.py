@@ -14,6 +14,7 @@ from calib_core.records import ArmTable
 from calib_core.robots.told import Told
 from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
+from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json
 from server.routes.answers import allowed_faults
 from server.store.session_answer import answer_headers, session_answer
@@ -22,7 +23,7 @@ from server.store.sessions import load_session
 router = api_router("machines")
 
 _MOST_FILES, _MOST_BYTES = 2000, 256_000_000
-_BINARY = {"*/*": {"schema": {"type": "string", "format": "binary"}}}
+_BINARY = {"*/*": {"schema": BYTES}}
 Files = Annotated[
     list[UploadFile], File(description="The controller's files, or a zip of its backup.", examples=[["PK"]])
 ]

@@ -15,7 +15,7 @@ from server.scenes.cloud_view import Against
 from server.scenes.deviation import CloudDeviation, cloud_deviation
 from server.scenes.deviation import ReferenceMesh as Reference
 from server.scenes.merged import MergedScans, merged_cloud, thinned
-from server.scenes.stored import output_reader, reference_mesh
+from server.scenes.stored import reference_mesh
 from server.store.references import set_reference
 from server.store.session_answer import stage_headers
 from server.store.sessions import Output, StoredSession, load_session, locked_session
@@ -139,7 +139,7 @@ def _replace_reference(store: StoreDep, session_id: str, reference: Output | Non
 
 def _merged(stored: StoredSession) -> MergedScans:
     results = {"merge": MergeResult.model_validate(stored.results["merge"])} if "merge" in stored.results else {}
-    merged = merged_cloud(results, output_reader(stored))
+    merged = merged_cloud(results, stored.read_output)
     if merged is None:
         to_do = f"POST …/sessions/{stored.id}/solve/merge makes it."
         raise NotFoundError("a merged cloud", "none in this session", to_do, "merge")
@@ -149,7 +149,7 @@ def _merged(stored: StoredSession) -> MergedScans:
 def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> CloudDeviation:
     reference: Reference | None = None
     if against.kind == "mesh":
-        reference = reference_mesh(output_reader(stored))
+        reference = reference_mesh(stored.read_output)
         if reference is None:
             to_do = "PUT …/merged/reference with an STL or PLY file, or compare with the sphere."
             raise NotFoundError("a reference mesh", "none in this session", to_do, "against")

@@ -9,6 +9,7 @@ from calib_core.errors import TooLargeError
 from calib_core.records.known_fields import require_known_fields
 from server.http.api_router import API, api_router, of_app
 from server.http.dependencies import ExistingSession
+from server.http.openapi import BYTES
 from server.live.dialogue import LONGEST_MESSAGE
 from server.live.robot_port import RobotPorts, RobotPortSettings, acting_now
 
@@ -72,7 +73,7 @@ async def close_port(session_id: ExistingSession, ports: RobotPortsDep) -> None:
         "requestBody": {
             "content": {
                 "text/plain": {"schema": {"type": "string"}, "example": _POSE},
-                "application/octet-stream": {"schema": {"type": "string", "format": "binary"}, "example": _POSE},
+                "application/octet-stream": {"schema": BYTES, "example": _POSE},
             }
         }
     },

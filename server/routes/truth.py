@@ -8,7 +8,7 @@ from calib_core.records import Record
 from calib_core.review.compare import FrameDifference
 from server.http.api_router import API, api_router
 from server.http.dependencies import SessionId, StageName, StoreDep
-from server.store.sessions import load_session, session_row
+from server.store.sessions import load_session
 
 router = api_router("results", f"{API}/sessions/{{session_id}}/truth")
 
@@ -23,11 +23,11 @@ class OffTheTruth(Record):
 def off_the_truth(session_id: SessionId, stage: StageName, store: StoreDep) -> Response:
     """Return how far the result of a simulated cell lies from the truth."""
     from calib_core.review.compare import Compared, differences_from_truth
-    from server.sources.simulated import simulated_session
+    from server.sources.simulated import truth_of
 
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
-        device = session_row(db, session_id).simulated
+    device = stored.simulated
     result = stored.results_with_stale().get(stage)
     if device is None or result is None:
         raise ConflictError(
@@ -36,6 +36,5 @@ def off_the_truth(session_id: SessionId, stage: StageName, store: StoreDep) -> R
             "Ask for the truth of a simulated session that is solved.",
             session_id,
         )
-    truth = simulated_session(str(device["scenario"]), int(device["seed"])).truth
-    frames = differences_from_truth(Compared(session_id, dict(result), stored.session), truth)
+    frames = differences_from_truth(Compared(session_id, dict(result), stored.session), truth_of(device))
     return JSONResponse(OffTheTruth(frames=frames).model_dump(mode="json"))

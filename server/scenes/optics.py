@@ -91,10 +91,8 @@ def optics_facts(session: Session, results: Mapping[str, Result]) -> OpticsFacts
     boards = _boards(session, camera, plane)
     size = camera.image_size if camera else (0, 0)
     if matrix is not None and not size[0]:
-        size = (
-            2 * matrix[0][2],
-            2 * matrix[1][2],
-        )  # brought without a size: the middle is near the principal point
+        # Brought without a size: the middle is near the principal point.
+        size = (2 * matrix[0][2], 2 * matrix[1][2])
     return OpticsFacts(
         None if matrix is None else np.array(matrix),
         size,

@@ -13,7 +13,6 @@ from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Measured, Session
-from calib_core.stages.graph import Graph
 from calib_core.stages.registry import stages
 from calib_core.stages.stage import ReadFile
 from server.scenes.deviation import ReferenceMesh
@@ -84,16 +83,6 @@ def reference_mesh(read_output: ReadOutput) -> ReferenceMesh | None:
     return ReferenceMesh(stored.points_mm, stored.triangles)
 
 
-def output_reader(stored: "StoredSession") -> ReadOutput:
-    """Return what reads the files that a stored session's stages made."""
-
-    def read(name: str) -> bytes | None:
-        output = stored.outputs.get(name)
-        return None if output is None else stored.blobs.read(output.sha256)
-
-    return read
-
-
 def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
     """Return a stored session as its scene needs it, None where there is none."""
     from server.store.sessions import load_session
@@ -108,11 +97,11 @@ def stored_scene(store: "Store", session_id: str) -> SceneInput | None:
 
 def scene_of(stored: "StoredSession") -> SceneInput:
     """Return a session of the store as its scene needs it."""
-    read = output_reader(stored)
-    scene = scene_input(stored.session, stored.reader, stored.measured.values(), stored.results, read)
+    scene = scene_input(
+        stored.session, stored.reader, stored.measured.values(), stored.results, stored.read_output
+    )
     outputs = tuple(f"{name} {output.sha256}" for name, output in stored.outputs.items())
-    stale = Graph(stored.session, stored.digests.__getitem__).stale(stored.results)
-    return replace(scene, outputs=outputs, stale=stale)
+    return replace(scene, outputs=outputs, stale=frozenset(stored.stale))
 
 
 def follow_scene(hub: "Hub", session_id: str, changed: Callable[[], None]) -> Callable[[], None]:

@@ -98,15 +98,6 @@ class SimulatedDevices:
         """Send robot and table to where a capture is taken."""
         self.cell.go(number, time.monotonic())
 
-    def shake(self, mm: float, period_s: float, across: bool = False) -> None:
-        """Move the robot back and forth along or across the stripe from now on."""
-        self.cell.shake(mm, period_s, across)
-
-    @property
-    def is_moving(self) -> bool:
-        """Whether robot or table are on their way."""
-        return self.cell.at(time.monotonic()).moving
-
     def sources(self, host: str = "127.0.0.1") -> Mapping[str, Mapping[str, Any]]:
         """Return the devices as `PUT …/devices/{name}` takes them."""
         found: dict[str, Mapping[str, Any]] = {

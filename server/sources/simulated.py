@@ -2,10 +2,10 @@
 
 import re
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
@@ -61,6 +61,11 @@ def simulated_session(scenario: str, seed: int) -> "SimulatedSession":
     from calib_core.simulation import simulate
 
     return simulate(scenario, seed)
+
+
+def truth_of(device: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a session's simulated cell knows of itself, by what the session keeps of it."""
+    return simulated_session(str(device["scenario"]), int(device["seed"])).truth
 
 
 def next_capture(

@@ -81,11 +81,8 @@ class GroupCommit:
         try:
             digests = self._store.blobs.put_all([content for write in writes for content in write.contents])
             outcomes = self._written(writes, iter(digests))
-        except (
-            OSError,
-            OperationalError,
-            InterfaceError,
-        ) as error:  # no disk, no database: it is so for each of them
+        except (OSError, OperationalError, InterfaceError) as error:
+            # No disk, no database: it is so for each of them.
             for write in writes:
                 write.done.set_exception(error)
         except Exception as error:

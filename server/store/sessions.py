@@ -63,6 +63,11 @@ class StoredSession:
             )
         return self.blobs.read(self.digests[name])
 
+    def read_output(self, name: str) -> bytes | None:
+        """Return the bytes of a file that a stage made, None where there is none of this name."""
+        output = self.outputs.get(name)
+        return None if output is None else self.blobs.read(output.sha256)
+
     @property
     def reader(self) -> Callable[[str], bytes]:
         """`read`, and what is seen in the files is kept."""
@@ -192,10 +197,7 @@ def session_data(db: Transaction, row: SessionRow) -> Data:
     return {
         **row.record,
         "captures": list(captures),
-        "id": row.id,
-        "created": row.created,
-        "updated": row.updated,
-        "revision": row.revision,
+        **row.fields("id", "created", "updated", "revision"),
         "scene": f"/scenes/{row.id}/",
         "simulated": row.simulated is not None,
     }
@@ -273,10 +275,7 @@ def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) 
     verdicts, stale = _verdicts(db, ids), stale_stages(db, ids)
     items = [
         {
-            "id": row.id,
-            "name": row.name,
-            "created": row.created,
-            "updated": row.updated,
+            **row.fields("id", "name", "created", "updated"),
             "cell": row.record["cell"],
             "cell_id": cell_id_of(row.record["cell"].get("id"), row.name),
             "capture_count": counts.get(row.id, 0),

@@ -129,13 +129,11 @@ def _database_lock(settings: Settings) -> Generator[DatabaseLock | None]:
             connection = _own_connection(engine)
         except DBAPIError as error:
             raise _unusable(settings, error) from None
-        try:
+        with connection:
             if not _taken(connection):
                 need, got = "a database that no other server uses", "one in use"
                 raise ConflictError(need, got, _END_THE_OTHER, "database_url")
             yield DatabaseLock(engine, connection)
-        finally:
-            connection.close()
     finally:
         engine.dispose()
 

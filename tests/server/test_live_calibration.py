@@ -57,7 +57,7 @@ def test_the_clocks_offset_is_measured_over_the_protocols(client: httpx.Client) 
         for name, body in made.sources().items():
             client.put(f"/sessions/{session}/devices/{name}", json=dict(body))
         until(lambda: {d["status"] for d in devices(client, session).values()} >= {"live"})
-        made.shake(mm=10.0, period_s=1.2)
+        made.cell.shake(mm=10.0, period_s=1.2)
         time.sleep(5.0)
         refused = recorded(lambda: client.post(f"/sessions/{session}/live/sweep", json={"seconds": 1.0}))
         assert_problem(refused, 409, "offset between the clocks", "Measure")

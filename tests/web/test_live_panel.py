@@ -76,7 +76,7 @@ def scan(page: Page, api: httpx.Client, session: str, cell: SimulatedDevices, nu
     page.locator("#live-step").select_option("scan")
     until(lambda: api.get(f"/sessions/{session}/devices").json()["capture"]["step"] == "scan")
     page.locator("#live-seconds").fill("1.4")
-    cell.shake(12.0, 2.4, across=True)
+    cell.cell.shake(12.0, 2.4, across=True)
     for count, number in enumerate(numbers, start=1):
         cell.go(number)
         until(lambda: not cell.cell.at(time.monotonic()).turning)
@@ -188,7 +188,7 @@ def test_a_device_that_goes_is_told_and_comes_back(
     expect(page.locator(".live-devices li[data-status=live]")).to_have_count(3)
     expect(sign).to_have_attribute("data-state", re.compile("ready|move"))
     cell.go(good(cell)[0])
-    until(lambda: not cell.is_moving)
+    until(lambda: not cell.cell.at(time.monotonic()).moving)
     page.get_by_role("button", name="Capture now").click()
     expect(page.locator(".captures tbody tr")).to_have_count(1)
     page.get_by_role("button", name="Remove table").click()
