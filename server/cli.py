@@ -55,8 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how to go on
         return _complete()
     if any("\0" in word for word in words):
-        print("scancell: error: an argument with a NUL character. Remove it.", file=sys.stderr)
-        return BAD_INPUT
+        return _refused("an argument with a NUL character. Remove it.")
     try:
         options, unknown = parser(words).parse_known_args(words)
         if unknown:
@@ -152,8 +151,7 @@ def _run(options: argparse.Namespace) -> int:
     except CalibrationError as error:
         if options.debug:
             raise
-        print(f"scancell: error: {_one_line(str(error))}", file=sys.stderr)
-        return BAD_INPUT
+        return _refused(str(error))
     except (BrokenPipeError, KeyboardInterrupt):
         raise
     except OSError as error:  # a name that is too long, a folder that is a file, a disk that is full
@@ -161,21 +159,20 @@ def _run(options: argparse.Namespace) -> int:
             raise
         place = f"{error.filename}: " if error.filename else ""
         said = error.strerror or type(error).__name__
-        sentence = (
-            f"{place}need files and folders that can be used, got {said.lower()}. Correct the name, or make room."
-        )
-        print(f"scancell: error: {_one_line(sentence)}", file=sys.stderr)
-        return BAD_INPUT
+        need = "need files and folders that can be used"
+        return _refused(f"{place}{need}, got {said.lower()}. Correct the name, or make room.")
     except Exception as error:
         if options.debug:
             raise
-        what = f"{type(error).__name__}: {_one_line(str(error))}"
-        print(
-            f"scancell: unexpected error, a fault of the program ({what}). Add --debug for details.",
-            file=sys.stderr,
-        )
-        return BAD_INPUT
+        what = f"a fault of the program ({type(error).__name__}: {error})"
+        return _refused(f"{what}. Add --debug for details.", "unexpected error, ")
     return status
+
+
+def _refused(sentence: str, kind: str = "error: ") -> int:
+    """Say why nothing was done, on standard error; return the exit status."""
+    print(f"scancell: {kind}{_one_line(sentence)}", file=sys.stderr)
+    return BAD_INPUT
 
 
 def _one_line(text: str) -> str:

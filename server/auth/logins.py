@@ -38,7 +38,7 @@ _LONGEST_SECRET = 200
 
 @dataclass(frozen=True)
 class Identity:
-    """Somebody who asks: a token's holder, who sits at this machine, or nobody known."""
+    """Who sends a request: a token's holder, somebody on this machine, or nobody known."""
 
     name: str
     role: Role

@@ -1,4 +1,4 @@
-"""What happens to those who are refused: they are slowed down, and it is noted who they were."""
+"""Refused requests: their senders are slowed down and noted in the log of who did what."""
 
 import logging
 from math import ceil

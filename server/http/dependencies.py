@@ -39,7 +39,7 @@ SessionId = Annotated[str, Path(description="A session's `id`.", max_length=64, 
 CaptureId = Annotated[str, Path(description="A capture's `id`.", max_length=64, examples=["p01"])]
 JobId = Annotated[str, Path(description="A job's `id`.", max_length=64, examples=["a07be1d35c29f846"])]
 StageName = Annotated[
-    str, Path(description="`tcp`, and the other stages as they come.", max_length=64, examples=["tcp"])
+    str, Path(description="A stage's `name`, as `GET /stages` lists them.", max_length=64, examples=["tcp"])
 ]
 
 

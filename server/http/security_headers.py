@@ -1,4 +1,4 @@
-"""What every request passes first: names and origins, size limits, security headers.
+"""Names and origins, size limits and security headers of every request.
 
 A server on loopback is still reachable from any page in the user's browser.  Two checks keep those out: the Host
 header must be a name of this server (else a foreign name was pointed at 127.0.0.1), and what changes something, or
@@ -24,7 +24,7 @@ _NO_DEVICES = "camera=(), microphone=(), geolocation=(), usb=(), serial=(), paym
 
 
 class SecurityHeaders:
-    """The outermost layer of the application."""
+    """A layer of the application, outside of all that looks at who asks."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app

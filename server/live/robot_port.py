@@ -232,7 +232,7 @@ class RobotPorts:
             port.peers.discard(peer)
 
     async def _identified(self, first: str | None, act: Act) -> tuple[Identity | None, Answer]:
-        """Return who a first line's token is of, None where he may not take captures; and what is said to him."""
+        """Return who a first line's token is of, None where he may not take captures; and the answer."""
         try:
             message = parse_message(first or "")
         except InputError:

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from calib_core.errors import InputError
 from server.movers.mover import MoverEntry
+from server.sources.modbus import modbus_client
 from server.sources.pose_settings import Host, Port
 from server.sources.source import Settings
 
@@ -30,13 +31,8 @@ class ModbusTable:
     """Writes the target, then the start; a lock keeps a stop from falling between the words of another request."""
 
     def __init__(self, settings: ModbusTableSettings) -> None:
-        from pymodbus.client import ModbusTcpClient
-
-        self._settings = settings
-        self._lock = threading.Lock()
-        self._client: Any = ModbusTcpClient(settings.host, port=settings.port, timeout=1.0, retries=0)
-        if not self._client.connect():
-            raise ConnectionError(f"nobody answers at {settings.host}:{settings.port}")
+        self._settings, self._lock = settings, threading.Lock()
+        self._client = modbus_client(settings.host, settings.port)
 
     def go_to(self, table_deg: float) -> None:
         """Write the target and start; raises InputError where the table refuses, OSError where it is gone."""

@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import AsyncIterator
+from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 from fastapi import Path, Response
@@ -200,10 +201,7 @@ def measure_clocks(session_id: ExistingSession, _: IdempotencyDep, cells: LiveCe
     before = live.clocks.offset
     found, clocks = live.clock_offset()
     return MeasuredClocks(
-        offset_s=found.offset_s,
-        sigma_s=found.sigma_s,
-        rms_mm=found.rms_mm,
-        exposures=found.exposures,
+        **asdict(found),
         clocks=clocks,
         shift_at_100_mm_s_mm=found.shift_mm(100.0),
         warning=_drift(before, found),

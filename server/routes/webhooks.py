@@ -20,6 +20,7 @@ from server.store.models import Data
 from server.store.webhooks import (
     KINDS,
     PING,
+    Kind,
     add_webhook,
     list_deliveries,
     list_webhooks,
@@ -32,7 +33,6 @@ from server.webhooks.signing import secret_of
 
 router = api_router("webhooks", f"{API}/webhooks")
 
-Kind = Literal["capture", "result", "verdict", "job", "session", "release"]
 WebhookId = Annotated[str, Path(description="A webhook's `id`.", max_length=64, examples=["5f1c0a92e6b37d58"])]
 
 
@@ -45,7 +45,7 @@ class NewWebhook(Record):
 
     url: str = Field(max_length=2000, description="http:// or https://; no redirect is followed.")
     name: str = Field(default="", max_length=200)
-    events: list[Kind] = Field(default=list(KINDS), min_length=1, max_length=20)  # pyright: ignore[reportArgumentType]
+    events: list[Kind] = Field(default=list(KINDS), min_length=1, max_length=20)
     cell: str | None = Field(default=None, max_length=64)
 
 

@@ -29,18 +29,24 @@ class ModbusSettings(Settings):
     interval_s: Interval = 0.05
 
 
+def modbus_client(host: str, port: int) -> Any:
+    """Return a client that is connected; raises ConnectionError, and ImportError without the extra."""
+    from pymodbus.client import ModbusTcpClient
+
+    # It would write a line into the log at every attempt; what is wrong is said once, of the device.
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
+    client = ModbusTcpClient(host, port=port, timeout=1.0, retries=0)
+    if not client.connect():
+        raise ConnectionError(f"nobody answers at {host}:{port}")
+    return client
+
+
 class Modbus:
     """Reads the register again and again."""
 
     def __init__(self, settings: ModbusSettings) -> None:
-        from pymodbus.client import ModbusTcpClient
-
-        # It would write a line into the log at every attempt; what is wrong is said once, of the device.
-        logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         self._settings, self._pace = settings, Pace(settings.interval_s)
-        self._client: Any = ModbusTcpClient(settings.host, port=settings.port, timeout=1.0, retries=0)
-        if not self._client.connect():
-            raise ConnectionError(f"nobody answers at {settings.host}:{settings.port}")
+        self._client = modbus_client(settings.host, settings.port)
 
     def describe(self) -> Description:
         """Return that it tells an angle."""

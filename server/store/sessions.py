@@ -22,7 +22,7 @@ from server.store.paging import Page, after_cursor, page_of
 from server.store.staleness import stale_stages
 
 OF_ARCHIVE = "archive"
-"""Where outputs have the stage that made them: those that came with an archive and belong to no stage."""
+"""In place of a stage: of outputs that came with an archive and belong to none."""
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ _LATEST_VERDICT = (
 )
 ENDED = ("done", "failed", "cancelled")
 ALL = "all"
-"""The same: a job that solves the session's stages one after the other, each by a job of its own."""
+"""In place of a stage: a job that solves the session's stages one after the other, each by a job of its own."""
 REPLAY = "replay"
-"""Where others have the stage that they solve: a job that solves all stages afresh and compares."""
+"""In place of a stage: a job that solves all stages afresh and compares."""
 
 
 def job_data(row: JobRow) -> Data:

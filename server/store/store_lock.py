@@ -29,9 +29,9 @@ _TAKEN_OVER: Final = "another server has taken over the database"
 class DatabaseLock:
     """PostgreSQL's lock of one server, and the number by which its writes are known.
 
-    The lock goes with its connection, as when the database is restarted.  Whoever takes it next numbers himself
-    anew, and each write looks whether the number is still its server's: so two never write, however long one of
-    them takes to notice.
+    The lock goes with its connection, as when the database is restarted.  Whichever server takes it next
+    numbers itself anew, and each write checks that the number is still its server's: so two never write, however
+    long one of them takes to notice.
     """
 
     def __init__(self, engine: Engine, connection: Connection) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from secrets import token_hex
-from typing import Final
+from typing import Final, Literal, get_args
 
 from sqlalchemy import ForeignKey, Index, String, delete, insert, select, update
 from sqlalchemy.orm import Mapped, Session, mapped_column
@@ -13,7 +13,8 @@ from calib_core.moment import from_now, now
 from server.store.models import Base, Data, EventRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
 
-KINDS: Final = ("capture", "result", "verdict", "job", "session", "release")
+Kind = Literal["capture", "result", "verdict", "job", "session", "release"]
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 """What a webhook may be told: captures that came or changed, results, verdicts that differ from the one before,
 jobs that ended, sessions, and answers that were released."""
 
