@@ -51,34 +51,31 @@ def _run(options: argparse.Namespace) -> int:
 def _cell(options: argparse.Namespace) -> dict[str, Any]:
     """Return the cell of the file with what the options say."""
     data: dict[str, Any] = {} if options.file is None else _read(options.file)
-    told = {
-        "point_sigma_mm": options.noise_mm,
-        "pitch_mm": options.pitch_mm,
-        "sphere_diameter_mm": options.sphere_mm,
-        "sphere_class": options.sphere_class,
-        "wanted_mm": options.wanted_mm,
-        "arm": options.arm,
-    }
-    data |= {name: value for name, value in told.items() if value is not None}
+    data |= _given(
+        point_sigma_mm=options.noise_mm,
+        pitch_mm=options.pitch_mm,
+        sphere_diameter_mm=options.sphere_mm,
+        sphere_class=options.sphere_class,
+        wanted_mm=options.wanted_mm,
+        arm=options.arm,
+    )
     names = ("near_mm", "far_mm", "near_width_mm", "far_width_mm")
-    field = {name: value for name in names if (value := getattr(options, name)) is not None}
-    _add(data, "scanner", field)
+    _add(data, "scanner", _given(**{name: getattr(options, name) for name in names}))
     if "scanner" not in data:
         from calib_core.errors import InputError
 
         to_do = "Give --near-mm, --far-mm and --near-width-mm, or a cell as a JSON file; see docs/guidance.md."
         raise InputError("where the scanner measures", "nothing", to_do, str(options.file or "plan"))
-    table = {
-        "radius_mm": options.part_radius_mm,
-        "height_mm": options.part_height_mm,
-        "angle_sigma_deg": options.angle_noise_deg,
-    }
-    table = {name: value for name, value in table.items() if value is not None}
     if options.table and data.get("table") is None:
         data["table"] = {}
-    _add(data, "table", table)
-    _add(data, "limits", {} if options.tilt_deg is None else {"tilt_deg": options.tilt_deg})
+    radius_mm, height_mm = options.part_radius_mm, options.part_height_mm
+    _add(data, "table", _given(radius_mm=radius_mm, height_mm=height_mm, angle_sigma_deg=options.angle_noise_deg))
+    _add(data, "limits", _given(tilt_deg=options.tilt_deg))
     return data
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _add(data: dict[str, Any], name: str, told: dict[str, Any]) -> None:

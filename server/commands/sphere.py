@@ -11,6 +11,8 @@ from server.console.output import print_result, remark
 
 if TYPE_CHECKING:
     from calib_core.frames import FloatArray
+    from calib_core.sphere.arc import ArcFit
+    from calib_core.sphere.cloud import SphereFit
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,31 +77,26 @@ def _profile(points: "FloatArray", diameter_mm: float | None) -> dict[str, Any]:
     if diameter_mm is not None:
         y = math.sqrt(max(diameter_mm**2 / 4 - arc.radius_mm**2, 0.0))
         found["sphere_center_mm"] = [[x, y, z], [x, -y, z]]
-    return found | {
-        "rms_mm": arc.rms_mm,
-        "point_sigma_mm": arc.point_sigma_mm,
-        "points": len(arc.inliers),
-        "inliers": int(arc.inliers.sum()),
-        "extent_deg": math.degrees(arc.extent_rad),
-        "covariance": arc.covariance.tolist(),
-        "covariance_order": ["x_mm", "z_mm", "radius_mm"],
-    }
+    extent = {"extent_deg": math.degrees(arc.extent_rad)}
+    return found | _quality(arc) | extent | {"covariance_order": ["x_mm", "z_mm", "radius_mm"]}
 
 
 def _cloud(points: "FloatArray", diameter_mm: float | None) -> dict[str, Any]:
     from calib_core.sphere.cloud import fit_sphere
 
     fit = fit_sphere(points, diameter_mm)
+    order = ["x_mm", "y_mm", "z_mm", "radius_mm"][: len(fit.covariance)]
+    found = {"kind": "cloud", "center_mm": fit.center_mm.tolist(), "radius_mm": fit.radius_mm}
+    return found | _quality(fit) | {"covariance_order": order}
+
+
+def _quality(fit: "ArcFit | SphereFit") -> dict[str, Any]:
     return {
-        "kind": "cloud",
-        "center_mm": fit.center_mm.tolist(),
-        "radius_mm": fit.radius_mm,
         "rms_mm": fit.rms_mm,
         "point_sigma_mm": fit.point_sigma_mm,
         "points": len(fit.inliers),
         "inliers": int(fit.inliers.sum()),
         "covariance": fit.covariance.tolist(),
-        "covariance_order": ["x_mm", "y_mm", "z_mm", "radius_mm"][: len(fit.covariance)],
     }
 
 

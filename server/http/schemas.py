@@ -219,12 +219,17 @@ class Findings(BaseModel):
     blocks_solving: bool
 
 
-class StoredCloudFile(BaseModel):
-    """A cloud or a mesh that a merge made, stored as PLY, and the formats that it can be had in."""
+class KeptFile(BaseModel):
+    """A file that an imported archive held beside session and results."""
 
     name: str
     bytes: int
     sha256: str
+
+
+class StoredCloudFile(KeptFile):
+    """A cloud or a mesh that a merge made, stored as PLY, and the formats that it can be had in."""
+
     formats: list[str]
 
 
@@ -232,14 +237,6 @@ class StoredCloudFiles(BaseModel):
     """What a session's merge made."""
 
     items: list[StoredCloudFile]
-
-
-class KeptFile(BaseModel):
-    """A file that an imported archive held beside session and results."""
-
-    name: str
-    bytes: int
-    sha256: str
 
 
 class KeptFiles(BaseModel):
