@@ -59,7 +59,7 @@ def answer_of(
     left_out: Sequence[ChainState | None],
 ) -> Answer:
     """Return how all captures lie about one state of the unknowns."""
-    tool0_from_laser = RigidTransform.of(state.tool_rotation, state.tool_translation, "tool0", "laser")
+    tool0_from_laser = state.tool0_from_laser
     expected = expected_in_laser(observations, state)
     radius = state.radius_mm
     sphere = SphereSize(2 * radius)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.arms.alike import alike_factor, alike_pivots
+from calib_core.arms.alike import alike_factor
 from calib_core.chain.model import ChainData, Sigmas
 from calib_core.frames import FloatArray
 
@@ -79,18 +79,12 @@ class ArmShares:
     data: ChainData
     pivots: np.ndarray
 
-    @classmethod
-    def about(cls, data: ChainData, sigmas: Sigmas) -> "ArmShares":
-        """Return them for captures and the sigmas that were found."""
-        return cls(data, alike_pivots(data.rotations, data.translations, sigmas.reach))
-
     def by_shared(self, sigmas: Sigmas) -> FloatArray:
         """Return how lengths and errors at the pivots, (1 + 6 m), follow the shared unknowns (L)."""
         data, many = self.data, len(self.pivots)
         lengths, drift = int(data.arm_scale_sigma > 0), 3 * int(data.drift_sigma_mm > 0)
-        alike = sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0
         factor = np.empty((data.count, 0))
-        if alike:
+        if sigmas.is_alike:
             factor = alike_factor(data.rotations, data.translations, sigmas.reach)
         found = np.zeros((1 + 6 * many, lengths + drift + 6 * factor.shape[1]))
         if lengths:

@@ -15,7 +15,7 @@ from calib_core.chain.likelihood import ChainLinearisation, fit
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import NAMES, OF_FILES, incidence_shapes
-from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
+from calib_core.frames import FloatArray, skew
 
 _SIGNIFICANT = 4.0
 # Real arcs are bent by some tenths of a per cent for other reasons; scanners that are wrong are wrong by more.
@@ -179,17 +179,6 @@ def _held(judged: Judged, apply: bool, lengths: ArmLengths | None) -> Held:
     )
 
 
-def tool_difference(first: ChainState, second: ChainState) -> FloatArray:
-    """Return rx ry rz tx ty tz from one state's tool to another's."""
-    turn = vector_from_rotation(first.tool_rotation.T @ second.tool_rotation)
-    return np.concatenate([turn, second.tool_translation - first.tool_translation])
-
-
-def tool_of(state: ChainState) -> RigidTransform:
-    """Return a state's tool0_from_laser."""
-    return RigidTransform.of(state.tool_rotation, state.tool_translation, "tool0", "laser")
-
-
 def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> tuple[float, list[ScannerError]]:
     """Return how surely the files' errors are not nothing, 0 … 1, and those that are significant one by one.
 
@@ -218,7 +207,7 @@ def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> t
 def _off(truth: ChainState, answer: ChainState, active: np.ndarray, size: int) -> FloatArray:
     """Return by how much all unknowns (size,) of an answer are off if another state is true."""
     row = np.zeros(size)
-    row[:9] = np.concatenate([tool_difference(truth, answer), answer.center - truth.center])
+    row[:9] = truth.still_difference(answer)
     if truth.table is not None and answer.table is not None:
         step = truth.table.step_to(answer.table)
         row[9 : 9 + len(step)] = step

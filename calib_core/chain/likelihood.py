@@ -18,9 +18,8 @@ from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction, pr
 from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray, skew
 
-_STEP_LIMIT = np.array(
-    [0.1] * 3 + [20.0] * 6
-)  # rad and mm: far enough to travel, near enough to stay in the valley
+# In rad and mm: far enough to travel, near enough to stay in the valley.
+_STEP_LIMIT = np.array([0.1] * 3 + [20.0] * 6)
 _NUISANCE_STEP = np.array([1.0, 0.02, 0.02, 0.02, 0.02, 1.0, 1.0, 1.0])
 _SHARED_STEP = 10.0  # standard deviations
 _LEAST_SIGMA_MM = 1e-4  # keeps the prior of a capture's own centre invertible
@@ -86,13 +85,11 @@ class Noise:
         return np.asarray(np.linalg.inv(self.spread), dtype=float)
 
 
-def pose_spread(
-    predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas, levers: FloatArray | None = None
-) -> FloatArray:
-    """Return the covariance (K, 3, 3), mm², of the sphere's centre in L by random errors of robot and table.
+def pose_spread(predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas) -> FloatArray:
+    """Return the covariance (K, 3, 3), mm², of the sphere's centre in L by random errors of the robot.
 
     A position error moves it by itself; an orientation error ω about the flange by ω × p, with p the arm from the
-    flange to the centre; an error of the table's angle by its lever: a term of rank one.
+    flange to the centre.
 
     Parameters
     ----------
@@ -101,13 +98,8 @@ def pose_spread(
     tool_in_laser : (3,)
         R_sᵀ T_s: the arm from the flange to the origin of L, in L, mm.
     sigmas : Sigmas
-    levers : (K, 3), optional
-        How the centre moves with the table's angle, mm/rad.
     """
-    spread = _spread(sigmas.position_mm, sigmas.orientation_rad, _turning(predicted + tool_in_laser))
-    if levers is not None and sigmas.angle_rad > 0:
-        spread += sigmas.angle_rad**2 * levers[:, :, None] * levers[:, None, :]
-    return spread
+    return _spread(sigmas.position_mm, sigmas.orientation_rad, _turning(predicted + tool_in_laser))
 
 
 def linearise(
@@ -280,31 +272,11 @@ def linearised_at(data: ChainData, state: ChainState, sigmas: Sigmas) -> ChainLi
 def noise_of(data: ChainData, state: ChainState, sigmas: Sigmas) -> Noise:
     """Return what errors of robot and table do to each capture's centre, as a state sees it."""
     levers = None if data.table is None else prediction(data, state).levers
-    return noise_about(data, state.centers_in_laser, state, sigmas, levers)
-
-
-def noise_about(
-    data: ChainData, centers_in_laser: FloatArray, state: ChainState, sigmas: Sigmas, levers: FloatArray | None
-) -> Noise:
-    """Return the same for given centres (K, 3) and levers of the table's angle (K, 3)."""
     factor = np.empty((data.count, 0))
-    if is_alike(sigmas):
+    if sigmas.is_alike:
         factor = alike_factor(data.rotations, data.translations, sigmas.reach)
     middle = data.translations.mean(axis=0)
-    return noise_by(data, centers_in_laser, state, sigmas, levers, factor, middle)
-
-
-def noise_by(
-    data: ChainData,
-    centers_in_laser: FloatArray,
-    state: ChainState,
-    sigmas: Sigmas,
-    levers: FloatArray | None,
-    factor: FloatArray,
-    middle: FloatArray,
-) -> Noise:
-    """Return the same for a factor (K, m) of the alike part and the middle (3,) of the arm's places."""
-    return NoiseShapes.at(data, centers_in_laser, state, levers, middle).noise(sigmas, factor)
+    return NoiseShapes.at(data, state.centers_in_laser, state, levers, middle).noise(sigmas, factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,7 +310,7 @@ class NoiseShapes:
         levers: FloatArray | None,
         middle: FloatArray,
     ) -> "NoiseShapes":
-        """Return those of captures whose spheres are seen at (K, 3), by a state's tool; see `noise_by`."""
+        """Return those of captures whose spheres are seen at (K, 3), by a state's tool."""
         laser_from_base = state.tool_rotation.T @ np.swapaxes(data.rotations, 1, 2)
         drawn = [np.empty((data.count, 3, 0))]
         if data.arm_scale_sigma > 0:
@@ -362,7 +334,7 @@ class NoiseShapes:
         if self.angle is not None:
             spread += sigmas.angle_rad**2 * self.angle
         spread *= self.scale
-        if not is_alike(sigmas):
+        if not sigmas.is_alike:
             return Noise(spread, self.drawn)
         left = np.maximum(1 - np.sum(factor**2, axis=1), 0.0)
         alike = _spread(sigmas.alike_position_mm, sigmas.alike_orientation_rad, self.turning)
@@ -370,11 +342,6 @@ class NoiseShapes:
         moves = self.moves * np.repeat([sigmas.alike_position_mm, sigmas.alike_orientation_rad], 3)
         shared = (moves[:, :, None, :] * factor[:, None, :, None]).reshape(len(moves), 3, -1)
         return Noise(spread, np.concatenate([self.drawn, shared], axis=2))
-
-
-def is_alike(sigmas: Sigmas) -> bool:
-    """Return whether poses share errors where they are alike."""
-    return sigmas.alike_position_mm > 0 or sigmas.alike_orientation_rad > 0
 
 
 def _turning(arms: FloatArray) -> FloatArray:

@@ -12,7 +12,13 @@ import numpy as np
 
 from calib_core.chain import scanner
 from calib_core.chain.table import TableReadings, TableState
-from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector
+from calib_core.frames import (
+    FloatArray,
+    RigidTransform,
+    nearest_rotation,
+    rotation_from_vector,
+    vector_from_rotation,
+)
 
 ARM_SCALE_SIGMA = 2e-4
 """How far an arm's lengths are off, as a share: beyond what its maker promises the captures must show it."""
@@ -37,6 +43,11 @@ class Sigmas:
     alike_position_mm: float = 0.0
     alike_orientation_rad: float = 0.0
     reach: float = 1.0
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether poses share errors where they are alike."""
+        return self.alike_position_mm > 0 or self.alike_orientation_rad > 0
 
     @property
     def largest_position_mm(self) -> float:
@@ -239,10 +250,21 @@ class ChainState:
             table=self.table and self.table.moved(step[9:width]),
         )
 
+    def still_difference(self, other: "ChainState") -> FloatArray:
+        """Return rx ry rz tx ty tz of the tool and the sphere's centre, (9,), from this state to another one."""
+        turn = vector_from_rotation(self.tool_rotation.T @ other.tool_rotation)
+        shift = other.tool_translation - self.tool_translation
+        return np.concatenate([turn, shift, other.center - self.center])
+
     @property
     def radius_mm(self) -> float:
         """The sphere's radius."""
         return self.nominal_radius_mm + float(self.scanner[0])
+
+    @property
+    def tool0_from_laser(self) -> RigidTransform:
+        """The scanner's pose on the flange."""
+        return RigidTransform.of(self.tool_rotation, self.tool_translation, "tool0", "laser")
 
     @property
     def tool_in_laser(self) -> FloatArray:

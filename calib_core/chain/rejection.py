@@ -85,7 +85,7 @@ class Judged:
 def judge(observations: Sequence[SphereObservation], data: ChainData, start: Start, sigmas: GivenSigmas) -> Judged:
     """Return the captures that belong together, fitted, and the distances of all."""
     state = ChainState.predicted(data, start.rotation, start.translation, start.center)
-    return judge_from(observations, data, state, _core(start), sigmas)
+    return judge_from(observations, data, state, core_of(start.misfit_mm), sigmas)
 
 
 def with_more_spread(judged: Judged, spread: FloatArray) -> Judged:
@@ -197,10 +197,10 @@ def judge_these(
     return Judged(found, heard, used, squared, threshold * excess, sigmas, excess)
 
 
-def _core(start: Start) -> np.ndarray:
-    """Return the captures on which the start agrees: within twice the median misfit, and at least half of them."""
-    limit = max(2.0 * start.scatter_mm, float(np.sort(start.misfit_mm)[min(5, len(start.misfit_mm) - 1)]))
-    return start.misfit_mm <= limit
+def core_of(misfit_mm: FloatArray) -> np.ndarray:
+    """Return the captures on which a start agrees: within twice the median misfit, and at least half of them."""
+    limit = max(2.0 * float(np.median(misfit_mm)), float(np.sort(misfit_mm)[min(5, len(misfit_mm) - 1)]))
+    return misfit_mm <= limit
 
 
 def _threshold(count: int, freedom: int, estimated: bool) -> float:

@@ -15,7 +15,7 @@ from calib_core.chain.likelihood import ChainLinearisation, fit, ray_of, without
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.start import Start
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, log_probability
-from calib_core.frames import FloatArray, vector_from_rotation
+from calib_core.frames import FloatArray
 
 if TYPE_CHECKING:
     from calib_core.chain.rejection import WithoutOne
@@ -80,20 +80,13 @@ def likeliest_sides(data: ChainData, starts: Sequence[Start], sigmas: GivenSigma
     ranked = sorted(found.values(), key=lambda one: -one[0])
     likely, start, state = ranked[0]
     chances = np.exp([other - likely for other, _, _ in ranked])
-    offsets = np.array([_difference(state, other) for _, _, other in ranked])
+    offsets = np.array([state.still_difference(other) for _, _, other in ranked])
     spread = np.einsum("n,ni,nj->ij", chances / chances.sum(), offsets, offsets)
     return ChosenSides(start, likely - ranked[1][0] if len(ranked) > 1 else None, spread)
 
 
 def _log_binomial(count: int, some: int) -> float:
     return lgamma(count + 1) - lgamma(some + 1) - lgamma(count - some + 1)
-
-
-def _difference(first: ChainState, second: ChainState) -> FloatArray:
-    """Return rx ry rz tx ty tz of the tool and the sphere's centre, (9,), from one state to another."""
-    turn = vector_from_rotation(first.tool_rotation.T @ second.tool_rotation)
-    shift = second.tool_translation - first.tool_translation
-    return np.concatenate([turn, shift, second.center - first.center])
 
 
 def with_better_sides(data: ChainData, found: ChainFit, without: "WithoutOne") -> ChainState | None:

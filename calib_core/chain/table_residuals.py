@@ -11,7 +11,7 @@ from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.table import TableReadings
 from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.table_start import both_centers_in_base
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def table_residuals(
     """
     assert state.table is not None
     expected = state.table.places(readings).centers
-    tool0_from_laser = RigidTransform.of(state.tool_rotation, state.tool_translation, "tool0", "laser")
+    tool0_from_laser = state.tool0_from_laser
     both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), tool0_from_laser)
     first = np.linalg.norm(both[:, 0] - expected, axis=1) <= np.linalg.norm(both[:, 1] - expected, axis=1)
     centers = np.where(first[:, None], both[:, 0], both[:, 1])

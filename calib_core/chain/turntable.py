@@ -22,7 +22,7 @@ from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import SphereSize, TableObservation
-from calib_core.chain.rejection import Judged
+from calib_core.chain.rejection import Judged, core_of
 from calib_core.chain.scanner import COUNT, OF_FILES, ScannerPriors, corrected
 from calib_core.chain.table import SCALE_COLUMN
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
@@ -91,7 +91,7 @@ class TurntableSolution:
     point_sigma_mm : float or None
     mounts : tuple of str
         The mountings' names.
-    used, squared_distance, threshold, excess
+    captures, used, squared_distance, excess
         As `Judged` has them.
     residuals : TableResiduals
     circles : PaperAxis
@@ -246,9 +246,8 @@ def _data(
     known = tool.held
     some = known.tool_and_scanner
     found = known.found
-    values = np.zeros(COUNT) if known.applied else found.scanner
-    if known.applied:  # the points are corrected by what was found: its uncertainty is left
-        values = np.where(OF_FILES, 0.0, found.scanner)
+    # Where points are corrected by what was found, its uncertainty is left.
+    values = np.where(OF_FILES, 0.0, found.scanner) if known.applied else found.scanner
     prior = ToolPrior(
         found.tool_rotation, found.tool_translation, values, covariance_of(known.covariance[np.ix_(some, some)])
     )
@@ -293,12 +292,6 @@ def _judge(
     )
 
 
-def core_of(misfit_mm: FloatArray) -> np.ndarray:
-    """Return the captures on which a start agrees: within twice the median misfit, and at least half of them."""
-    limit = max(2.0 * float(np.median(misfit_mm)), float(np.sort(misfit_mm)[min(5, len(misfit_mm) - 1)]))
-    return misfit_mm <= limit
-
-
 def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[ChainState, FloatArray]:
     """Return the unknowns with tool and scanner held, and their covariance with those' carried over.
 
@@ -323,8 +316,9 @@ def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[
     found = fit(exact, begin, fitted.sigmas)
     width = data.unknowns
     inverse = covariance_of(found.at.hessian)
+    as_if_known = covariance_of(fitted.minimum.at.hessian)
     # By how much estimated sigmas enlarged the covariance of the fit with the tool free, so they do here.
-    grown = np.sqrt(np.maximum(np.diag(fitted.covariance)[6:width] / np.diag(_plain(judged))[6:width], 1.0))
+    grown = np.sqrt(np.maximum(np.diag(fitted.covariance)[6:width] / np.diag(as_if_known)[6:width], 1.0))
     own = inverse[:width, :width].copy()
     own[6:, 6:] *= np.outer(grown, grown) * judged.inflation
     sigmas = np.zeros(COUNT)
@@ -345,8 +339,3 @@ def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[
     if move is not None:
         carried = carried + move.share * np.outer(move.off, move.off)
     return found.state, own + follows @ carried @ follows.T
-
-
-def _plain(judged: Judged) -> FloatArray:
-    """Return the covariance of a fit at its sigmas, as if these were known."""
-    return covariance_of(judged.fit.minimum.at.hessian)

@@ -10,7 +10,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from calib_core.arms.alike import alike_factor, visits
+from calib_core.arms.alike import alike_factor, alike_pivots, visits
 from calib_core.chain.arm_errors import ArmErrors, ArmShares
 from calib_core.chain.centers import centers_suffice, fit_centers
 from calib_core.chain.likelihood import (
@@ -120,7 +120,7 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
     every, weights = _likely_sigmas(data, found, given)
     whole = _Restricted(data, found.minimum)
     size = data.width
-    shares = ArmShares.about(data, found.sigmas)
+    shares = ArmShares(data, alike_pivots(data.rotations, data.translations, found.sigmas.reach))
     inverses, steps = [], []
     for sigmas in every:
         hessian, gradient, _ = whole.equations(sigmas)
@@ -160,10 +160,7 @@ def _sigmas(log_sigmas: FloatArray, given: GivenSigmas) -> Sigmas:
 
 
 def _logarithms(sigmas: Sigmas) -> FloatArray:
-    values = (
-        sigmas.position_mm, sigmas.orientation_rad, sigmas.angle_rad, sigmas.alike_position_mm,
-        sigmas.alike_orientation_rad, sigmas.reach,
-    )  # fmt: skip
+    values = [getattr(sigmas, name) for name in (*_AMPLITUDES, "reach")]
     return np.clip(np.log(np.maximum(values, 1e-12)), _LOW, _HIGH)
 
 

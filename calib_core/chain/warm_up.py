@@ -44,8 +44,6 @@ class WarmUp:
     ----------
     moved : str
         What explains it; both where the captures do not tell them apart.
-    vector_mm : (3,)
-        Of the scanner's shift along the axes of L, or the sphere's in base.
     drift_mm, uncertainty_mm : float
         Its length, and ± along it (k = 2).
     found : bool
@@ -67,7 +65,6 @@ class WarmUp:
     """
 
     moved: Moved
-    vector_mm: FloatArray
     drift_mm: float
     uncertainty_mm: float
     found: bool
@@ -154,7 +151,6 @@ def warm_up_of(
     found = found and best.gain > max(_largest_step(scores) for scores in sought)
     return WarmUp(
         moved="scanner-or-sphere" if alike else best.scores.moved,
-        vector_mm=-best.start_mm,
         drift_mm=drift_mm,
         uncertainty_mm=2 * sigma,
         found=found,

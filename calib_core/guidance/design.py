@@ -13,7 +13,7 @@ import numpy as np
 from calib_core.arms.alike import alike_factors, visits
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.held import point_rows
-from calib_core.chain.likelihood import linearise, linearised_at, noise_by, without_pose_errors
+from calib_core.chain.likelihood import NoiseShapes, linearise, linearised_at, without_pose_errors
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prior
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
@@ -123,7 +123,7 @@ class Design:
         sigmas = self.assumed.sigmas
         _, factor = alike_factors(poses, (data.rotations, data.translations), sigmas.reach)
         middle = (poses[1] if len(chosen) else data.translations).mean(axis=0)
-        noise = noise_by(data, here.centers_in_laser, here, sigmas, None, factor, middle)
+        noise = NoiseShapes.at(data, here.centers_in_laser, here, None, middle).noise(sigmas, factor)
         here = replace(here, shared=np.zeros(noise.shared.shape[2]))
         at = linearise(data, here, noise.spread, noise.precision, noise.shared)
         told, _ = without_pose_errors(at.information, at.vector, at.gain, at.share)

@@ -1,7 +1,7 @@
 """Which pose next, and which set: chosen by what each takes off the uncertainty at the workpiece."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -144,8 +144,7 @@ class _Compared:
         chosen = [self.fixed + first]
         for _ in range(more):
             others = [k for k in range(self.fixed, len(self.design)) if k not in chosen]
-            added = self.design.adding([*beside, *chosen], others)
-            chosen.append(others[int(np.argmin(_score(added.workpiece, self.before + len(chosen))))])
+            chosen.append(_helping_most(self.design, [*beside, *chosen], others))
         index = np.array(chosen) - self.fixed
         one = min(index[self.sure[index]], key=lambda k: score[k])
         rest = [k for k in index if k != one]
@@ -253,9 +252,13 @@ def greedy(design: Design, first: Sequence[int], count: int) -> list[int]:
     chosen: list[int] = []
     for _ in range(count):
         others = [k for k in range(len(first), len(design)) if k not in chosen]
-        added = design.adding([*first, *chosen], others)
-        chosen.append(others[int(np.argmin(_score(added.workpiece, len(first) + len(chosen))))])
+        chosen.append(_helping_most(design, [*first, *chosen], others))
     return chosen
+
+
+def _helping_most(design: Design, beside: Sequence[int], others: Sequence[int]) -> int:
+    """Return which of others helps most beside some captures."""
+    return others[int(np.argmin(_score(design.adding(beside, others).workpiece, len(beside))))]
 
 
 def _score(workpiece: FloatArray, taken: int) -> FloatArray:
@@ -291,30 +294,22 @@ def _in_order(design: Design, first: Sequence[int], chosen: Sequence[int]) -> li
     """Return a set in the order in which each next one helps most."""
     left, ordered = list(chosen), list[int]()
     while left:
-        added = design.adding([*first, *ordered], sorted(left))
-        score = _score(added.workpiece, len(first) + len(ordered))
-        ordered.append(sorted(left)[int(np.argmin(score))])
+        ordered.append(_helping_most(design, [*first, *ordered], sorted(left)))
         left.remove(ordered[-1])
     return ordered
 
 
-def still_needed(situation: Situation, wanted_sigma_mm: float, most: int = 12, grid: int = 150) -> int | None:
-    """Return how many best next captures reach a standard deviation; None: more than `most`."""
-    poses = situation.proposed(grid, _SEED + 1)
+def still_needed(situation: Situation, wanted_sigma_mm: float) -> int | None:
+    """Return how many best next captures reach a standard deviation; None: more than a dozen."""
+    poses = situation.proposed(150, _SEED + 1)
     taken = len(situation.taken)
     design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
     first, chosen = list(range(taken)), list[int]()
-    for count in range(min(most, len(poses)) + 1):
+    for count in range(min(12, len(poses)) + 1):
         if float(worst_sigma_mm(design.workpiece([*first, *chosen]))) <= wanted_sigma_mm:
             return count
         others = [k for k in range(taken, len(design)) if k not in chosen]
         if not others:
             return None
-        added = design.adding([*first, *chosen], others)
-        chosen.append(others[int(np.argmin(_score(added.workpiece, taken + len(chosen))))])
+        chosen.append(_helping_most(design, [*first, *chosen], others))
     return None
-
-
-def with_taken(situation: Situation, observation: SphereObservation) -> Situation:
-    """Return a situation after one more capture."""
-    return replace(situation, taken=[*situation.taken, observation])

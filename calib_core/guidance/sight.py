@@ -104,7 +104,6 @@ class Sight:
                 point_sigma_mm=self.point_sigma_mm, points_per_independent=each,
             )  # fmt: skip
         circle = float(np.sqrt(max(radius_mm**2 - center[1] ** 2, (0.1 * radius_mm) ** 2)))
-        angle = np.linspace(-self.arc_rad, self.arc_rad, _POINTS)
         # Evenly in x, as the sensor's columns are.
         sine = np.sin(self.arc_rad) * np.linspace(-1.0, 1.0, _POINTS)
         angle = np.arcsin(sine)

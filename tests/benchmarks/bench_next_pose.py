@@ -6,7 +6,7 @@ followed capture by capture; all sets are judged by the covariance at the workpi
 
 import statistics
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from harness import Row
@@ -16,7 +16,7 @@ from calib_core.chain.observations import SphereSize
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Room, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
-from calib_core.guidance.planner import Situation, exchanged, greedy, next_pose, with_taken
+from calib_core.guidance.planner import Situation, exchanged, greedy, next_pose
 from calib_core.guidance.sight import Sight
 from calib_core.records.planning import Limits
 
@@ -69,14 +69,14 @@ def compare(seed: int, with_exchange: bool) -> Compared:
     start = cell(seed)
     given, room = start.assumed, start.room
     radius = given.sphere.radius_mm
-    now, slowest = with_taken(start, start.seen_from(start.proposed(1))[0]), 0.0
+    now, slowest = replace(start, taken=[*start.taken, start.seen_from(start.proposed(1))[0]]), 0.0
     while len(now.taken) < CAPTURES:
         begin = time.perf_counter()
         best = next_pose(now)
         slowest = max(slowest, time.perf_counter() - begin)
         assert best is not None
         seen = room.sight.observation(f"p{len(now.taken)}", best.base_from_tool0, best.center_in_laser_mm, radius)
-        now = with_taken(now, seen)
+        now = replace(now, taken=[*now.taken, seen])
     advised = float(worst_sigma_mm(Design(now.taken, given).workpiece(range(CAPTURES))))
     rng = np.random.default_rng([seed, 78])
     poses = candidates(room, given.tool0_from_laser, given.center_in_base_mm, radius, 400, rng, at_edge=0.0)

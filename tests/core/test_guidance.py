@@ -14,7 +14,7 @@ from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.advice import advice_in, inputs_of, inputs_read
 from calib_core.guidance.candidates import Room, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
-from calib_core.guidance.planner import Situation, next_pose, planned_set, with_taken
+from calib_core.guidance.planner import Situation, next_pose, planned_set
 from calib_core.guidance.sight import Sight
 from calib_core.records.planning import Box, Limits
 from calib_core.simulation import simulate
@@ -43,7 +43,7 @@ def followed(start: Situation, count: int, until: int = 12) -> Situation:
         best = next_pose(now, 150, until)
         assert best is not None
         seen = now.room.sight.observation(f"p{k}", best.base_from_tool0, best.center_in_laser_mm, RADIUS_MM)
-        now = with_taken(now, seen)
+        now = replace(now, taken=[*now.taken, seen])
     return now
 
 
@@ -175,7 +175,7 @@ def test_a_pose_that_is_not_sure_is_said_to_be_so() -> None:
     start = situation()
     blind = replace(start, assumed=replace(start.assumed, tool_sigma_mm=2000.0, tool_sigma_rad=2.0))
     seen = blind.seen_from(blind.proposed(1))
-    chosen = next_pose(with_taken(blind, seen[0]), count=60)
+    chosen = next_pose(replace(blind, taken=[*blind.taken, seen[0]]), count=60)
     assert chosen is not None
     assert not chosen.sure
     assert chosen.doubt_mm > 10.0

@@ -34,9 +34,6 @@ def turntable_result(
 ) -> TurntableResult:
     """Return a solution of captures as a record, with its verdict."""
     verdict, warnings = turntable_verdict(solution, observations)
-    state = solution.state
-    tool = np.eye(4)
-    tool[:3, :3], tool[:3, 3] = state.tool_rotation, state.tool_translation
     return TurntableResult(
         stage="turntable",
         method=METHOD,
@@ -47,7 +44,7 @@ def turntable_result(
         notes=[]
         if scatters_by_table(solution)
         else beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm),
-        tool0_from_laser=tool.tolist(),
+        tool0_from_laser=solution.state.tool0_from_laser.to_rows(),
         covariance=solution.covariance.pose.tolist(),
         undetermined=undetermined_of_table(solution.covariance),
         variance_components=variance_components(solution),
