@@ -138,3 +138,14 @@ def test_the_tool_goes_into_a_backup_and_is_read_back(tmp_path: Path) -> None:
     with pytest.raises(cc.CalibrationError, match="fresh"):
         session.export("kuka")
     assert b"NOT TO BE USED" in session.export("kuka", allow=("stale",))
+
+
+def test_a_file_of_the_sources_that_a_document_names_is_there() -> None:
+    sources = [f"/{path.relative_to(ROOT).as_posix()}" for path in ROOT.glob("[a-z]*/**/*.py")]
+    missing = [
+        f"{page.name}: {name}"
+        for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+        for name in re.findall(r"`([\w./-]+\.py)`", page.read_text("utf-8"))
+        if not any(source.endswith(f"/{name}") for source in sources)
+    ]
+    assert missing == []
