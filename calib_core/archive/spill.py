@@ -1,7 +1,6 @@
 """Where a merge puts the voxels that memory does not hold: a nameless file, which goes away whatever happens."""
 
 import tempfile
-from pathlib import Path
 from types import TracebackType
 
 from calib_core.errors import InputError
@@ -12,22 +11,17 @@ class FileSpill:
 
     However the process ends, the system takes the file away with it.
 
-    Parameters
-    ----------
-    parent : Path, optional
-        A folder on the disk to use; the system's temporary folder otherwise.
-
     Raises
     ------
     InputError
         If the disk is full or cannot be written.
     """
 
-    def __init__(self, parent: Path | None = None) -> None:
-        self._folder = str(parent or tempfile.gettempdir())
+    def __init__(self) -> None:
+        self._folder = tempfile.gettempdir()
         try:
             # Every write goes to the disk, so that a full one is met here.
-            self._file = tempfile.TemporaryFile(dir=parent, buffering=0)  # noqa: SIM115 (`__exit__` closes it)
+            self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 (`__exit__` closes it)
         except OSError as error:
             raise self._no_room(error) from None
         self._places: dict[int, list[tuple[int, int]]] = {}

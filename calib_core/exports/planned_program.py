@@ -1,8 +1,6 @@
 """A planned set as a brand's program: each pose approached from well outside, slowly, started by the operator."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.check_move import CheckSettings
@@ -29,9 +27,7 @@ def program_brands() -> tuple[str, ...]:
     return tuple(entry.brand for entry in all_exports() if isinstance(entry, MoveExport))
 
 
-def planned_program(
-    session: Session, plan: PoseList, brand: str, settings: Mapping[str, Any] | None = None
-) -> PlannedProgram:
+def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProgram:
     """Return a planned set as a brand's program, by the poses of the flange.
 
     Parameters
@@ -41,13 +37,11 @@ def planned_program(
     plan : PoseList
     brand : str
         One of `program_brands`.
-    settings : mapping, optional
-        Of the brand's moves: `speed_mm_s`, at most the plan's own.
 
     Raises
     ------
     InputError
-        If the brand has no such program, or a setting is of no use.
+        If the brand has no such program.
     ConflictError
         If the tool is not known well enough for approaches: nobody should move by it.
     """
@@ -74,7 +68,8 @@ def planned_program(
         target = RigidTransform.from_rounded(pose.base_from_tool0, "base", "tool0")
         outside = parse_pose(plan.pose_convention, approach)
         stops.append(Stop(title, to_pose(entry.convention, outside), to_pose(entry.convention, target)))
-    chosen: CheckSettings = _settings(entry, plan, settings or {})
+    chosen = entry.settings.model_validate({"speed_mm_s": plan.speed_mm_s})
+    assert isinstance(chosen, CheckSettings)
     comments = [
         f"scancell: planned poses of the flange in base, of session {ascii_of(session.name) or 'without a name'}",
         f"step {plan.step}: {len(stops)} captures of the sphere, the most helpful one first",
@@ -86,22 +81,3 @@ def planned_program(
     content = entry.written(moves, chosen)
     data = content if isinstance(content, bytes) else content.encode("ascii")
     return PlannedProgram(f"planned-{plan.step}{entry.suffix}", entry.media_type, data)
-
-
-def _settings(entry: MoveExport, plan: PoseList, given: Mapping[str, Any]) -> CheckSettings:
-    from pydantic import ValidationError
-
-    data = {"speed_mm_s": plan.speed_mm_s, **given}
-    try:
-        chosen = entry.settings.model_validate(data)
-    except ValidationError as error:
-        wrong = error.errors()[0]
-        where = ".".join(str(part) for part in wrong["loc"])
-        raise InputError(
-            f"settings of '{entry.brand}'", f"{where}: {wrong['msg']}", "Mend it.", "settings"
-        ) from None
-    assert isinstance(chosen, CheckSettings)
-    if chosen.speed_mm_s > plan.speed_mm_s:
-        got = f"{chosen.speed_mm_s:g} mm/s"
-        raise InputError(f"at most {plan.speed_mm_s:g} mm/s", got, "Take less.", "settings.speed_mm_s")
-    return chosen

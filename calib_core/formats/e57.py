@@ -15,7 +15,7 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
-from calib_core.formats.shared.columns import Column, for_kind, points_of
+from calib_core.formats.shared.columns import Column, points_of
 from calib_core.frames import FloatArray
 
 _TO_DO = "Copy or export the cloud again."
@@ -201,8 +201,7 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
             got = " ".join(str(error).split())[:120] or type(error).__name__
             raise InputError("a whole E57 file", got, _TO_DO, name) from None
     columns = [Column(axis, place, f"cartesian{axis.upper()}", "m") for place, axis in enumerate("xyz")]
-    columns, found = for_kind(columns, points, kind, name)
-    reading = points_of(points, columns, found, name, settings)
+    reading = points_of(points, columns, kind, name, settings)
     notes = ["The scan's pose in the file is not applied: points are in its scanner's frame."] if posed else []
     return replace(reading, unit_from="settings" if settings.unit else "format").adding(notes)
 

@@ -14,7 +14,7 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.formats.format import NO_MATCH, Format, Match, PointKind, Reading, Settings, ending_of
 from calib_core.formats.grid import GridSettings, axes_grid, grid_head
-from calib_core.formats.shared.columns import Column, for_kind, points_of
+from calib_core.formats.shared.columns import Column, points_of
 from calib_core.formats.shared.text_style import decode_text, number_of
 from calib_core.formats.shared.text_table import parse_table
 from calib_core.frames import FloatArray
@@ -122,8 +122,7 @@ def _profile(section: _Section, where: str, settings: GocatorSettings, kind: Poi
     blocks = [_frame_points([r for r in rows if r["Frame"] == f], header, section, where) for f in frames]
     axes = [Column("x", 0, "X", None), Column("y", 1, "Y", None), Column("z", 2, "Z", None)]
     points = np.concatenate(blocks)
-    columns, found = for_kind(axes, points, kind, where)
-    reading = points_of(points, columns, found, where, settings)
+    reading = points_of(points, axes, kind, where, settings)
     return replace(reading, grid=(len(frames), len(blocks[0]))) if len(frames) > 1 else reading
 
 

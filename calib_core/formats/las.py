@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
-from calib_core.formats.shared.columns import Column, for_kind, points_of
+from calib_core.formats.shared.columns import Column, points_of
 
 _HEADER = 227
 _LEAST_RECORD = 20
@@ -52,8 +52,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         raise InputError("a whole LAS or LAZ file", got, "Copy or export it again.", name) from None
     require_count(count, len(xyz), name)
     columns = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
-    columns, found = for_kind(columns, xyz, kind, name)
-    return points_of(xyz.astype(np.float64), columns, found, name, settings)
+    return points_of(xyz.astype(np.float64), columns, kind, name, settings)
 
 
 def _require_plausible(data: bytes, name: str) -> bool:

@@ -128,11 +128,6 @@ class VoxelGrid:
         """Whether no point was added."""
         return not self._tiles and self._table.used == 0
 
-    @property
-    def occupied(self) -> int:
-        """The voxels that are held in memory."""
-        return len(self._table.voxels().keys)
-
     def add(
         self,
         points_mm: SingleArray,

@@ -77,7 +77,7 @@ def _points_and_triangles(scan: CleanScan) -> tuple[NDArray[np.float32], NDArray
     return points, triangles[(edges < np.sqrt(2) * scan.reach_mm) & (outward > 0)]
 
 
-def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, depth: int | None = None) -> Mesh:
+def poisson_mesh(cloud: VoxelCloud, voxel_mm: float) -> Mesh:
     """Return one surface over a merged cloud (screened Poisson, Open3D), without what it invents far from points.
 
     Parameters
@@ -86,8 +86,6 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, depth: int | None = None) -
         With normals.
     voxel_mm : float
         The cloud's spacing: surface farther than 2.5 of it from every point is cut away.
-    depth : int, optional
-        Of the octree; by default its cells are the voxels' size, or larger where that would take more than 10.
 
     Raises
     ------
@@ -103,8 +101,7 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, depth: int | None = None) -
         raise MeasurementError(f"at least {_FEWEST_POINTS} points with normals", got, "Merge more scans.")
     points: FloatArray = cloud.points_mm[good].astype(float)
     extent = float(np.ptp(points, axis=0).max())
-    if depth is None:
-        depth = int(np.clip(np.ceil(np.log2(_MARGIN * extent / voxel_mm)), 4, 10))
+    depth = int(np.clip(np.ceil(np.log2(_MARGIN * extent / voxel_mm)), 4, 10))
     theirs = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     theirs.normals = o3d.utility.Vector3dVector(cloud.normals[good].astype(float))
     # A cube whose finest cells are the voxels: smaller ones take up to twice as long and tell nothing more.

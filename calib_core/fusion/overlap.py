@@ -117,7 +117,7 @@ class Overlap:
         The same from noise and calibration.
     pairs : int
     beyond : int
-        Pairs that were farther apart than `cut_mm` and count as other surfaces.
+        Pairs that were farther apart than half a voxel and count as other surfaces.
     per_scan : (S, 4)
         Pairs, mean distance in front of the others, RMS, and the RMS expected, in mm.
     """
@@ -187,7 +187,7 @@ def joined_patches(seen: Sequence[tuple[str, SeenBy]], size_mm: float) -> Patche
     )
 
 
-def overlap(seen: Patches, errors: PoseErrors | None = None, cut_mm: float | None = None) -> Overlap:
+def overlap(seen: Patches, errors: PoseErrors | None = None) -> Overlap:
     """Return how far the scans lie apart where they overlap.
 
     Parameters
@@ -195,8 +195,6 @@ def overlap(seen: Patches, errors: PoseErrors | None = None, cut_mm: float | Non
     seen : Patches
     errors : PoseErrors, optional
         For the RMS that is expected; noise alone if left out.
-    cut_mm : float, optional
-        Pairs farther apart are other surfaces; half a voxel if left out.
     """
     from calib_core.kernels.overlap import pair_sums
 
@@ -205,7 +203,7 @@ def overlap(seen: Patches, errors: PoseErrors | None = None, cut_mm: float | Non
     if len(e.common) != count or len(e.own) != count:
         raise InputError(f"the errors of {count} scans", f"those of {len(e.own)}", "Give one for each.", "errors")
     totals = np.zeros((count, _TOTALS))
-    cut = 0.5 * seen.size_mm if cut_mm is None else cut_mm
+    cut = 0.5 * seen.size_mm
     rows = (seen.bounds, seen.scans, seen.points_mm, seen.normals, seen.variances_mm2)
     common, together = e.common, np.empty((0, 0))
     if common.shape[2] > _MANY_ERRORS:

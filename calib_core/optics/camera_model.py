@@ -113,9 +113,9 @@ class CameraModel:
         return cls(np.asarray(camera_matrix, dtype=float), d, _simplest_model(d), image_size)
 
     @classmethod
-    def from_known(cls, known: KnownCamera, image_size: tuple[int, int] = (0, 0)) -> "CameraModel":
-        """Return the camera that a user brought as `cell.known.camera`; its own image size counts."""
-        plain = cls.from_names(known.camera_matrix, known.distortion, known.image_size or image_size)
+    def from_known(cls, known: KnownCamera) -> "CameraModel":
+        """Return the camera that a user brought as `cell.known.camera`."""
+        plain = cls.from_names(known.camera_matrix, known.distortion, known.image_size or (0, 0))
         if not known.segments:
             return plain
         segments = tuple(

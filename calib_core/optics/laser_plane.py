@@ -139,7 +139,7 @@ def points_on_board(camera: CameraModel, pixels: ArrayLike, camera_from_board: R
     return rays * (height / (rays @ normal))[:, None]
 
 
-def straight_part(points: FloatArray, seed: int = 0) -> Mask:
+def straight_part(points: FloatArray) -> Mask:
     """Return which points (N, 2) of a plane lie on the one straight line that most of them form.
 
     The light's trace on a flat board is straight; what is not on it is a reflection, another surface, or a stray.
@@ -147,7 +147,7 @@ def straight_part(points: FloatArray, seed: int = 0) -> Mask:
     n = len(points)
     if n < _LEAST_POINTS_PER_LINE:
         return np.zeros(n, dtype=bool)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     pairs = rng.integers(0, n, (_TRIALS, 2))
     a, b = points[pairs[:, 0]], points[pairs[:, 1]]
     along = b - a
@@ -168,15 +168,13 @@ def straight_part(points: FloatArray, seed: int = 0) -> Mask:
     return keep
 
 
-def fit_plane(lines: Sequence[BoardLine], seed: int = 0) -> PlaneFit:
+def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
     """Fit the plane of light through the lines on several boards, robustly.
 
     Parameters
     ----------
     lines : sequence of BoardLine
         At least two.
-    seed : int
-        Of the random starts.
 
     Raises
     ------
@@ -193,7 +191,7 @@ def fit_plane(lines: Sequence[BoardLine], seed: int = 0) -> PlaneFit:
     points = np.concatenate([line.points_in_camera_mm for line in lines])
     counts = np.array([len(line.points_in_camera_mm) for line in lines])
     sigma = np.concatenate([line.sigma_mm for line in lines])
-    normal, distance = _start(usable, np.random.default_rng(seed))
+    normal, distance = _start(usable, np.random.default_rng(0))
     sigma = np.maximum(sigma, max(float(np.median(sigma)), 1e-6))
     weight = np.ones(len(points))
     for _ in range(30):

@@ -111,9 +111,6 @@ def find_stripe(
     image: ImageArray,
     options: StripeOptions | None = None,
     *,
-    axis: Axis | None = None,
-    width_px: float | None = None,
-    color: Color | None = None,
     dark: ImageArray | None = None,
 ) -> StripeCenters:
     """Find the laser stripe's centres in a frame.
@@ -123,8 +120,6 @@ def find_stripe(
     image : (H, W) or (H, W, 3) in the order red green blue, 8 or 16 bit
         With the stripe alone, or on a lit surface.
     options : StripeOptions, optional
-    axis, width_px, color : optional
-        Instead of those in `options`.
     dark : like image, optional
         The same view without the laser: taken off first.
 
@@ -136,8 +131,8 @@ def find_stripe(
         If no stripe can be measured in it, with the reason.
     """
     chosen = options or _USUAL
-    given_px = width_px or chosen.width_px or 0.0
-    view = view_of(image, dark, axis or chosen.axis, color or chosen.color, chosen.saturation)
+    given_px = chosen.width_px or 0.0
+    view = view_of(image, dark, chosen.axis, chosen.color, chosen.saturation)
     box = given_px or _USUAL_WIDTH_PX
     codes, found = _measure(view.image, view.saturation, chosen, given_px, box)
     for _ in range(3):

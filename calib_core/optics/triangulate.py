@@ -160,15 +160,6 @@ def triangulate_stripe(calibration: ProfileCalibration, stripe: StripeCenters) -
     return Triangulated(points[order], found.covariance[order], int(np.isnan(points[:, 0]).sum()))
 
 
-def profile_from_frame(
-    image: NDArray[np.uint8 | np.uint16],
-    calibration: ProfileCalibration,
-    options: StripeOptions | None = None,
-) -> FloatArray:
-    """Return the profile (N, 2), x and z in L, mm, that a frame shows; raises as `stripe_in_frame`."""
-    return stripe_in_frame(image, calibration, options).profile_mm
-
-
 def stripe_in_frame(
     image: NDArray[np.uint8 | np.uint16],
     calibration: ProfileCalibration,

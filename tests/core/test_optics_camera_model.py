@@ -110,7 +110,7 @@ def test_a_segmental_camera_takes_depths_instead() -> None:
 
 def test_known_camera_by_names() -> None:
     known = KnownCamera(camera_matrix=MATRIX.tolist(), distortion={"k1": -0.35, "p2": 0.001, "tauX": 0.1})
-    camera = CameraModel.from_known(known, SIZE)
+    camera = CameraModel.from_known(known)
     assert camera.model == "tilted"
     assert camera.distortion_by_name == {"k1": -0.35, "k2": 0, "p1": 0, "p2": 0.001, "k3": 0, "tauX": 0.1}
     with pytest.raises(InputError, match="k9"):

@@ -217,7 +217,7 @@ def test_a_coloured_line_is_found_in_its_channel() -> None:
     found = find_stripe(frame(grey, 4, 2.0))
     assert len(found.row_px) > 0.95 * WIDTH
     assert np.sqrt(np.mean(errors(found, center) ** 2)) < 0.08
-    given = find_stripe(frame(grey, 4, 2.0), color="green", axis="columns")
+    given = find_stripe(frame(grey, 4, 2.0), StripeOptions(color="green", axis="columns"))
     np.testing.assert_array_equal(given.row_px, found.row_px)
 
 
@@ -267,6 +267,6 @@ def test_least_centers_is_an_option() -> None:
     mean = np.full((200, 300), 10.0)
     mean[:, 100:130] = light(np.full(30, 90.2), height=200)
     image = frame(mean, 1)
-    assert 28 <= len(find_stripe(image, axis="columns").row_px) <= 30
+    assert 28 <= len(find_stripe(image, StripeOptions(axis="columns")).row_px) <= 30
     with pytest.raises(MeasurementError, match="at least 100 clean peaks"):
         find_stripe(image, StripeOptions(axis="columns", least_centers=100))

@@ -71,5 +71,3 @@ def test_refused_where_nobody_should_move_by_it(planned: tuple[Session, PoseList
         planned_program(session, plan.model_copy(update={"poses": unsure}), "kuka")
     with pytest.raises(InputError, match="brand among"):
         planned_program(session, plan, "acme")
-    with pytest.raises(InputError, match="at most 50"):
-        planned_program(session, plan, "kuka", {"speed_mm_s": 200})

@@ -56,44 +56,44 @@ def reading_of(
     values, names = _without_empty_end(table)
     width = values.shape[1]
     if settings.columns:
-        columns = _told(settings.columns, width, where, table)
+        columns = _told(settings.columns, width, where)
     elif names:
         columns = _by_name(names, table.units, where, table.first_line)
     else:
         columns = _by_place(width, kind, plain, where, table.first_line)
-    columns, found = for_kind(columns, values, kind, where)
-    return points_of(values, columns, found, where, settings, unit_in(table.preamble))
+    return points_of(values, columns, kind, where, settings, unit_in(table.preamble))
 
 
 def reading_of_values(
     values: NDArray[Any], names: Sequence[str], where: str, settings: TableSettings, kind: PointKind | None
 ) -> Reading:
     """Return the points of an array (N, C), columns named or by their place; raises as `reading_of`."""
-    table = TextTable(values.astype(np.float64), tuple(names), (), (), 0, False)
+    table = TextTable(values.astype(np.float64), tuple(names), (), (), 0)
     return reading_of(table, where, settings, kind, "cloud")
 
 
 def points_of(
     values: FloatArray,
     columns: Sequence[Column],
-    kind: PointKind,
+    kind: PointKind | None,
     where: str,
     settings: Settings,
     stated: Unit | None = None,
 ) -> Reading:
-    """Return a reading of chosen columns, in mm, blanks and missing values as NaN."""
+    """Return a reading of chosen columns as what is needed, in mm, blanks and missing values as NaN."""
+    columns, found = _for_kind(columns, values, kind, where)
     units: list[Unit | None] = [settings.unit or column.unit or stated for column in columns]
     unit_from = "settings" if settings.unit else "header" if all(units) else "assumed"
     factors = [1.0 if unit is None else MM_PER_UNIT[unit] for unit in units]
     places = [column.place for column in columns]
     points = values if places == list(range(values.shape[1])) else values[:, places]
-    points, notes, doubts = without_missing(points, settings.missing, kind)
+    points, notes, doubts = without_missing(points, settings.missing, found)
     if any(factor != 1.0 for factor in factors):
         points = points * factors
     different = sorted({unit or "mm" for unit in units})
     unit = ", ".join(f"{c.axis} in {u or 'mm'}" for c, u in zip(columns, units, strict=True))
     return Reading(
-        kind,
+        found,
         points,
         {column.axis: column.name for column in columns},
         different[0] if len(different) == 1 else unit,
@@ -123,7 +123,7 @@ def _without_empty_end(table: TextTable) -> tuple[FloatArray, tuple[str, ...]]:
     return values, names
 
 
-def _told(told: list[str], width: int, where: str, table: TextTable) -> list[Column]:
+def _told(told: list[str], width: int, where: str) -> list[Column]:
     if len(told) != width:
         raise InputError(
             f"a name for each of {width} columns in the setting 'columns'",
@@ -185,9 +185,9 @@ def _by_place(
     return [Column(axis, place, f"column {place + 1}", None) for place, axis in enumerate(axes)]
 
 
-def for_kind(
-    columns: list[Column], values: FloatArray, kind: PointKind | None, where: str
-) -> tuple[list[Column], PointKind]:
+def _for_kind(
+    columns: Sequence[Column], values: FloatArray, kind: PointKind | None, where: str
+) -> tuple[Sequence[Column], PointKind]:
     """Return the columns of what is needed; a cloud whose y is one number can be a profile.  Raises InputError."""
     has: PointKind = "cloud" if len(columns) == 3 else "profile"
     if kind in (None, has):

@@ -7,7 +7,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.format import PointKind, Reading, Settings, Unit
 from calib_core.formats.shared.binary_table import columns_from_records, require_count
-from calib_core.formats.shared.columns import Column, for_kind, points_of
+from calib_core.formats.shared.columns import Column, points_of
 from calib_core.formats.shared.text_table import parse_numbers
 from calib_core.frames import FloatArray
 
@@ -75,5 +75,4 @@ def reading_of_fields(
 ) -> Reading:
     """Return the reading of fields named x, y and z (N, 3)."""
     columns = [Column(axis, place, axis, unit) for place, axis in enumerate(_AXES)]
-    columns, found = for_kind(columns, points, kind, where)
-    return points_of(points, columns, found, where, settings)
+    return points_of(points, columns, kind, where, settings)

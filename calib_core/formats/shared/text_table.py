@@ -42,7 +42,6 @@ class TextTable:
         The lines before the header.
     first_line : int
         The number of the first row's line, from 1.
-    decimal_comma : bool
     """
 
     values: FloatArray
@@ -50,7 +49,6 @@ class TextTable:
     units: tuple[str, ...]
     preamble: tuple[str, ...]
     first_line: int
-    decimal_comma: bool
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     offset = sum(len(line) + 1 for line in lines[: head.start])
     body = text[offset:]
     if head.style.comma:
-        _require_one_decimal_mark(body, head.style, where, first_line + head.start)
+        _require_one_decimal_mark(body, where, first_line + head.start)
     before = head.start + first_line - 1
     blocks: list[FloatArray] = []
     for block in _blocks(body):
@@ -130,9 +128,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
         raise InputError(
             f"lines of numbers ({example})", "no line with a number", "Save the capture again.", where
         )
-    return TextTable(
-        values, header.names, header.units, header.preamble, first_line + head.start, head.style.comma
-    )
+    return TextTable(values, header.names, header.units, header.preamble, first_line + head.start)
 
 
 def _fields_of_row(line: str, style: Style) -> int:
@@ -302,7 +298,7 @@ def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
         )
 
 
-def _require_one_decimal_mark(body: str, style: Style, where: str, first_line: int) -> None:
+def _require_one_decimal_mark(body: str, where: str, first_line: int) -> None:
     """Refuse decimal points and decimal commas in one table: one of them would be misread."""
     if "," not in body or "." not in body:
         return
