@@ -58,18 +58,15 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
         If no scenario has this name or the seed is negative.
     """
     require_scenario(scenario)
+    _require_seed(seed)
     if scenario in FRAME_SCENARIOS:
-        _require_seed(seed)
         return SimulatedSession(*simulate_frames(FRAME_SCENARIOS[scenario], scenario, seed), None)
     if scenario in FIXED_BOARD_SCENARIOS:
-        _require_seed(seed)
         fixed = FIXED_BOARD_SCENARIOS[scenario]
         return SimulatedSession(*simulate_fixed_board(fixed, scenario, seed), None)
     if scenario in PART_SCENARIOS:
-        _require_seed(seed)
         return SimulatedSession(*simulate_part(PART_SCENARIOS[scenario], scenario, seed), None)
     if scenario in SWEEP_SCENARIOS:
-        _require_seed(seed)
         return SimulatedSession(*simulate_sweeps(SWEEP_SCENARIOS[scenario], scenario, seed), None)
     if scenario in TABLE_SCENARIOS:
         return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)

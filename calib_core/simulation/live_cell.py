@@ -97,14 +97,15 @@ class LiveCell:
 
     def profile(self, now_s: float, rng: np.random.Generator) -> bytes:
         """Return what the scanner sees at a moment, as its CSV."""
-        moment = self.at(now_s)
-        _, _, measured = measure(0, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)
-        return profile_csv(measured, 1.0)
+        return profile_csv(self._measure(self.at(now_s), rng)[2], 1.0)
 
     def points(self, now_s: float, rng: np.random.Generator) -> FloatArray:
         """Return where the stripe lies on the sphere at a moment, (N, 3) in L: what a raw camera looks at."""
-        moment = self.at(now_s)
-        return measure(0, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)[1]
+        return self._measure(self.at(now_s), rng)[1]
+
+    def _measure(self, moment: Moment, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+        kind = self.world.options.kinds[0]
+        return measure(kind, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)
 
     def _moved_along(self, now_s: float, mm: float, period_s: float, axis: int) -> Moment:
         along = (self._to.actual @ self.world.tool0_from_laser)[:3, axis]

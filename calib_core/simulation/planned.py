@@ -5,7 +5,7 @@ import numpy as np
 from calib_core.errors import ConflictError
 from calib_core.records import Capture
 from calib_core.simulation.motion import FloatArray
-from calib_core.simulation.profile_cell import Shot, measure, rounded_pose, true_pose
+from calib_core.simulation.profile_cell import rounded_pose, shot_from, true_pose
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.writing import shot_files, shot_record
 
@@ -37,8 +37,6 @@ def take(
     rng = np.random.default_rng([seed, 20_266])
     commanded = rounded_pose(np.asarray(base_from_tool0, dtype=float))
     actual = true_pose(commanded, world.options, rng)
-    center = world.sphere_center_in_base_mm
-    seen, true_points, measured = measure(0, world, actual, center, rng)
-    kind = world.options.kinds[0]
-    shot = Shot(name, kind, commanded, actual, center, seen, true_points, measured, None, commanded)
+    kind, center = world.options.kinds[0], world.sphere_center_in_base_mm
+    shot = shot_from(world, name, kind, commanded, actual, center, rng)
     return Capture.model_validate(shot_record(shot, world)), shot_files(shot, world)

@@ -205,10 +205,23 @@ def _shot(
     if fault == "wrong-pose":
         others = [j for j in range(len(commanded)) if j != k]
         reported = commanded[int(rng.choice(others))]
-    center, true_points, measured = measure(k, world, actual, center_in_base, rng)
     kind = options.kinds[k % len(options.kinds)]
-    name = f"p{k + 1:02d}"
-    return Shot(name, kind, commanded[k], actual, center_in_base, center, true_points, measured, fault, reported)
+    shot = shot_from(world, f"p{k + 1:02d}", kind, commanded[k], actual, center_in_base, rng)
+    return replace(shot, fault=fault, reported=reported)
+
+
+def shot_from(
+    world: World,
+    name: str,
+    kind: CaptureKind,
+    commanded: FloatArray,
+    actual: FloatArray,
+    center_in_base: FloatArray,
+    rng: np.random.Generator,
+) -> Shot:
+    """Return a capture without a fault of the sphere at a place of the base, from where the arm really is."""
+    center, true_points, measured = measure(kind, world, actual, center_in_base, rng)
+    return Shot(name, kind, commanded, actual, center_in_base, center, true_points, measured, None, commanded)
 
 
 def true_pose(commanded: FloatArray, options: TcpScenario, rng: np.random.Generator) -> FloatArray:
@@ -219,13 +232,11 @@ def true_pose(commanded: FloatArray, options: TcpScenario, rng: np.random.Genera
 
 
 def measure(
-    k: int, world: World, actual: FloatArray, center_in_base: FloatArray, rng: np.random.Generator
+    kind: CaptureKind, world: World, actual: FloatArray, center_in_base: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what capture `k` sees in L: the sphere's centre, the true points (N, 3), the measured ones (M, 3)."""
-    options = world.options
+    """Return what a capture sees in L: the sphere's centre, the true points (N, 3), the measured ones (M, 3)."""
     laser_from_base = back(actual @ world.tool0_from_laser)
     center = laser_from_base[:3, :3] @ center_in_base + laser_from_base[:3, 3]
-    kind = options.kinds[k % len(options.kinds)]
     return center, *_measure(kind, world, center, center_in_base, laser_from_base, rng)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib_core.errors import ConflictError
 from calib_core.records import Capture
-from calib_core.simulation.profile_cell import Shot, World, measure, true_pose
+from calib_core.simulation.profile_cell import Shot, World, shot_from, true_pose
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.writing import shot_files, shot_record
 
@@ -36,31 +36,20 @@ def retake(simulated: SimulatedSession, capture: str, name: str, seed: int) -> t
         If the capture is none of the sphere by a scanner of profiles, clouds or centres.
     """
     world = simulated.world
-    shots = {} if world is None else {shot.name: (k, shot) for k, shot in enumerate(world.shots)}
-    if world is None or capture not in shots:
+    shot = None if world is None else next((shot for shot in world.shots if shot.name == capture), None)
+    if world is None or shot is None:
         raise ConflictError(
             "a simulated capture of the sphere by a scanner of profiles, clouds or centres",
             f"{capture!r}, which is none",
             "Delete it and capture: the simulated cell then takes it as it did.",
         )
-    place, shot = shots[capture]
-    again = _again(world, place, shot, name, np.random.default_rng([seed, 20_265]))
+    again = _again(world, shot, name, np.random.default_rng([seed, 20_265]))
     return Capture.model_validate(shot_record(again, world)), shot_files(again, world)
 
 
-def _again(world: World, place: int, shot: Shot, name: str, rng: np.random.Generator) -> Shot:
+def _again(world: World, shot: Shot, name: str, rng: np.random.Generator) -> Shot:
     actual = true_pose(shot.commanded, world.options, rng)
     # Only the sphere on the table has places of its own; on the floor it stands where it always stood.
     center_in_base = shot.sphere_center_in_base_mm if shot.table else world.sphere_center_in_base_mm
-    center, true_points, measured = measure(place, world, actual, center_in_base, rng)
-    return replace(
-        shot,
-        name=name,
-        actual=actual,
-        sphere_center_in_base_mm=center_in_base,
-        sphere_center_in_laser_mm=center,
-        true_points_mm=true_points,
-        measured_points_mm=measured,
-        fault=None,
-        reported=shot.commanded,
-    )
+    again = shot_from(world, name, shot.kind, shot.commanded, actual, center_in_base, rng)
+    return replace(again, table=shot.table)

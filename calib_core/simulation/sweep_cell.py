@@ -68,7 +68,7 @@ def simulate_sweeps(
         true = _true_poses(poses, options, rng)
         names = [f"captures/{name_of_sweep}/{k + 1:03d}.csv" for k in range(len(poses))]
         for file, pose in zip(names, true, strict=True):
-            measured = measure(0, world, pose, world.sphere_center_in_base_mm, rng)[2]
+            measured = measure(options.cell.kinds[0], world, pose, world.sphere_center_in_base_mm, rng)[2]
             files[file] = profile_csv(measured, 1.0)
         actual[name_of_sweep] = [pose.tolist() for pose in true]
         record = {"id": name_of_sweep, "step": "tcp", "kind": "sweep", "files": names}

@@ -15,7 +15,7 @@ from calib_core.simulation.profile_cell import (
     build_world,
     commanded_pose,
     draw_centers,
-    measure,
+    shot_from,
     true_pose,
 )
 from calib_core.simulation.scenarios import TcpScenario
@@ -177,19 +177,8 @@ def _shot(world: World, table: TableTruth, mount: int, number: int, rng: np.rand
     actual = true_pose(commanded, options.tcp, rng)
     center_in_base = table.center_in_base(mount, angle_rad)
     index = mount * len(options.angles_deg) + number
-    center, true_points, measured = measure(index, world, actual, center_in_base, rng)
+    kind = options.tcp.kinds[index % len(options.tcp.kinds)]
+    shot = shot_from(world, f"t{index + 1:02d}", kind, commanded, actual, center_in_base, rng)
     recorded = options.angles_deg[number] if options.angle_unit == "deg" else round(sent_rad, 5)
     label = table.labels[mount if mount != 1 or number >= options.mixed_mounts else 0]
-    return Shot(
-        name=f"t{index + 1:02d}",
-        kind=options.tcp.kinds[index % len(options.tcp.kinds)],
-        commanded=commanded,
-        actual=actual,
-        sphere_center_in_base_mm=center_in_base,
-        sphere_center_in_laser_mm=center,
-        true_points_mm=true_points,
-        measured_points_mm=measured,
-        fault=None,
-        reported=commanded,
-        table=TableReading(angle_rad, mount, recorded, label),
-    )
+    return replace(shot, table=TableReading(angle_rad, mount, recorded, label))

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.records import Session
 from calib_core.simulation.motion import FloatArray, back, pose, turn
-from calib_core.simulation.profile_cell import World, measure, pose_numbers, rounded_pose, true_pose
+from calib_core.simulation.profile_cell import World, pose_numbers, rounded_pose, shot_from, true_pose
 from calib_core.simulation.scenarios import TcpScenario
 from calib_core.simulation.sensor import columns
 from calib_core.simulation.session import SimulatedSession
@@ -109,14 +109,7 @@ def _of_bar(
         shot = world.shots[len(world.shots) - options.of_sphere + number]
         commanded = rounded_pose(pose(np.eye(3), _BAR_MM) @ shot.commanded)
         actual = true_pose(commanded, world.options, rng)
-        _, true_points, measured = measure(number, world, actual, center_in_base, rng)
-        taken = replace(
-            shot,
-            name=f"b{number + 1:02d}",
-            true_points_mm=true_points,
-            measured_points_mm=measured,
-            reported=commanded,
-        )
+        taken = shot_from(world, f"b{number + 1:02d}", shot.kind, commanded, actual, center_in_base, rng)
         captures.append({**shot_record(taken, world), "step": "verify", "mount": "B"})
         files |= shot_files(taken, world)
     return captures, files

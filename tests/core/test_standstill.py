@@ -28,7 +28,7 @@ def profiles(seed: int, movement_mm: float, axis: int = 0, exposures: int = EXPO
     centers = [
         world.sphere_center_in_base_mm + along * movement_mm * rng.standard_normal() for _ in range(exposures)
     ]
-    return [measure(0, world, pose, center, rng)[2] for center in centers]
+    return [measure("profile", world, pose, center, rng)[2] for center in centers]
 
 
 def arcs(*case: float) -> list[ArcFit]:
