@@ -2,16 +2,14 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from calib_core.captures.advice import advise
 from calib_core.captures.content import (
     pose_of,
     shows_board,
     shows_sphere,
     thinned,
-    thinning,
 )
+from calib_core.captures.figures import figures_of, not_seen
 from calib_core.captures.lost_rays import telling_lost_rays
 from calib_core.captures.observe import doubts_of, points_of, see_sphere
 from calib_core.captures.seen import Seen
@@ -88,15 +86,19 @@ def _doubted(measured: Measured, doubts: Sequence[str]) -> Measured:
 
 def _nothing_seen(session: Session, capture: Capture, read: ReadFile, error: MeasurementError) -> Measured:
     """Return why the sphere is not seen in a capture's points, or why there are none: a frame without a stripe."""
-    reason = f"Need {error.need}, got {error.got}."
-    nothing = Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do)
     try:
         found = points_of(session, capture, read)
     except MeasurementError:
-        return nothing
+        return not_seen(capture, error)
     preview = thinned(found.points)
-    update = {"points": len(found.points), "preview": preview, "preview_on_sphere": [False] * len(preview)}
-    return nothing.model_copy(update={**update, "without_ray": found.without_ray})
+    return not_seen(
+        capture,
+        error,
+        points=len(found.points),
+        without_ray=found.without_ray,
+        preview=preview,
+        preview_on_sphere=[False] * len(preview),
+    )
 
 
 def _waits_for_calibration(session: Session, capture: Capture) -> bool:
@@ -108,16 +110,11 @@ def _waits_for_calibration(session: Session, capture: Capture) -> bool:
 
 
 def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
-    fit = seen.fit
-    zone = extent_deg = None
+    fit, advice, per_independent = seen.fit, None, None
     if isinstance(fit, ArcFit):
         assert cell.sphere_diameter_mm is not None
-        zone = 2 * fit.radius_mm / cell.sphere_diameter_mm
-        extent_deg = float(np.rad2deg(fit.extent_rad))
         advice = advise(fit, seen.points, cell.sphere_diameter_mm)
-    else:
-        advice = None
-    chosen = thinning(len(seen.points))
+        per_independent = fit.points_per_independent
     return Measured(
         capture=capture.id,
         kind=capture.kind,
@@ -127,14 +124,6 @@ def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
         points=len(seen.points),
         on_sphere=int(seen.on_sphere.sum()),
         without_ray=seen.without_ray,
-        center_mm=fit.center_mm.tolist(),
-        radius_mm=fit.radius_mm,
-        rms_mm=fit.rms_mm,
-        point_sigma_mm=fit.point_sigma_mm,
-        points_per_independent=fit.points_per_independent if isinstance(fit, ArcFit) else None,
-        covariance=fit.covariance.tolist(),
-        zone=zone,
-        extent_deg=extent_deg,
-        preview=thinned(seen.points),
-        preview_on_sphere=seen.on_sphere[chosen].tolist(),
+        points_per_independent=per_independent,
+        **figures_of(fit, seen.points, seen.on_sphere, cell),
     )

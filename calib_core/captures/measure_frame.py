@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.captures.boards import Image, board_in, board_of, read_frame, shows_stripe_alone, stripe_of
 from calib_core.captures.content import pose_of, shows_sphere
+from calib_core.captures.figures import not_seen
 from calib_core.captures.sweep import sweep_poses
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
@@ -38,15 +39,7 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
     except MeasurementError as error:
         if view is None and shows_stripe_alone(session.cell, capture, read):
             return _measured_alone(session, capture, read)
-        return Measured(
-            capture=capture.id,
-            kind=capture.kind,
-            verdict="fail",
-            reason=f"Need {error.need}, got {error.got}.",
-            to_do=error.to_do,
-            image_size=_size(capture, read),
-            **_board_figures(view),
-        )
+        return not_seen(capture, error, image_size=_size(capture, read), **_board_figures(view))
     doubt = _doubt(view)
     return Measured(
         capture=capture.id,
@@ -104,14 +97,20 @@ def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measur
 def _seen_stripe(capture: Capture, frame: Image, verdict: Verdict, reason: str, to_do: str | None) -> Measured:
     """Return the stripe in pixels with what is to be said of it; where there is none, why."""
     height, width = frame.shape[:2]
-    about: dict[str, Any] = {"capture": capture.id, "kind": capture.kind, "image_size": (width, height)}
     try:
         pixels = find_stripe(frame).pixels
     except MeasurementError as error:
-        reason = f"Need {error.need}, got {error.got}."
-        return Measured(verdict="fail", reason=reason, to_do=error.to_do, **about)
-    preview = _thinned(pixels)
-    return Measured(verdict=verdict, reason=reason, to_do=to_do, points=len(pixels), preview=preview, **about)
+        return not_seen(capture, error, image_size=(width, height))
+    return Measured(
+        capture=capture.id,
+        kind=capture.kind,
+        verdict=verdict,
+        reason=reason,
+        to_do=to_do,
+        points=len(pixels),
+        preview=_thinned(pixels),
+        image_size=(width, height),
+    )
 
 
 def _thinned(pixels: FloatArray) -> list[list[float]]:

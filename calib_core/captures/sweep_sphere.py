@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.captures.content import shows_sphere, sphere_of, thinned, thinning
+from calib_core.captures.content import shows_sphere, sphere_of, thinned
+from calib_core.captures.figures import figures_of, not_seen
 from calib_core.captures.kept import seen_once
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observe import arc_observation, point_settings
@@ -24,16 +24,6 @@ MOST_PROFILES = 60
 """More profiles with arcs than this are thinned: their neighbours say the same, and each costs the solver time."""
 
 _FEW_PROFILES = 5
-
-
-@dataclass(frozen=True, eq=False)
-class _Arc:
-    """One profile of a sweep with the sphere's arc in it."""
-
-    pose: RigidTransform
-    points: FloatArray
-    fit: ArcFit
-    without_ray: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +53,8 @@ def observe_sweep(session: Session, capture: Capture, read: ReadFile) -> list[Sp
     if not arcs:
         raise _no_arc(profiles).at(capture.id)
     return [
-        arc_observation(session.cell, capture, arc.pose, arc.points[arc.fit.inliers], arc.fit, arc.without_ray)
-        for arc in (arcs[k] for k in _spread(len(arcs)))
+        arc_observation(session.cell, capture, seen.pose, seen.points[arc.inliers], arc, seen.without_ray)
+        for seen, arc in (arcs[k] for k in _spread(len(arcs)))
     ]
 
 
@@ -83,19 +73,10 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
     points = sum(len(profile.points) for profile in profiles)
     without_ray = sum(profile.without_ray for profile in profiles)
     if not arcs:
-        error = _no_arc(profiles)
-        return Measured(
-            capture=capture.id,
-            kind="sweep",
-            verdict="fail",
-            reason=f"Need {error.need}, got {error.got}.",
-            to_do=error.to_do,
-            points=points,
-            without_ray=without_ray,
-            profiles=0,
-        )
-    still = still_of((arc.pose, arc.fit) for arc in arcs)
+        return not_seen(capture, _no_arc(profiles), points=points, without_ray=without_ray, profiles=0)
+    still = still_of((seen.pose, arc) for seen, arc in arcs)
     doubt = doubt_of(still) or _doubt_of_count(len(arcs), len(profiles), still)
+    fullest, largest = max(arcs, key=lambda pair: pair[1].radius_mm)
     return Measured(
         capture=capture.id,
         kind="sweep",
@@ -105,27 +86,10 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
         still=still,
         points=points,
         without_ray=without_ray,
-        on_sphere=sum(int(arc.fit.inliers.sum()) for arc in arcs),
+        on_sphere=sum(int(arc.inliers.sum()) for _, arc in arcs),
         profiles=len(arcs),
-        **_figures(session, max(arcs, key=lambda arc: arc.fit.radius_mm)),
+        **figures_of(largest, fullest.points, largest.inliers, session.cell),
     )
-
-
-def _figures(session: Session, arc: _Arc) -> dict[str, Any]:
-    """Return the figures and the drawing of one arc by the fields of `Measured`."""
-    fit = arc.fit
-    sphere = sphere_of(session.cell, [])
-    return {
-        "center_mm": fit.center_mm.tolist(),
-        "radius_mm": fit.radius_mm,
-        "rms_mm": fit.rms_mm,
-        "point_sigma_mm": fit.point_sigma_mm,
-        "covariance": fit.covariance.tolist(),
-        "zone": fit.radius_mm / sphere.radius_mm,
-        "extent_deg": float(np.rad2deg(fit.extent_rad)),
-        "preview": thinned(arc.points),
-        "preview_on_sphere": fit.inliers[thinning(len(arc.points))].tolist(),
-    }
 
 
 def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Measured:
@@ -134,6 +98,7 @@ def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Meas
     profiles = [one.points for one in seen]
     fullest = max(profiles, key=len)
     points = sum(map(len, profiles))
+    preview = thinned(fullest) if points else []
     return Measured(
         capture=capture.id,
         kind="sweep",
@@ -142,8 +107,8 @@ def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Meas
         to_do=None if points else "Check distance and exposure, and take the sweep again.",
         points=points,
         without_ray=sum(one.without_ray for one in seen),
-        preview=thinned(fullest) if len(fullest) else [],
-        preview_on_sphere=[False] * len(thinned(fullest)) if len(fullest) else [],
+        preview=preview,
+        preview_on_sphere=[False] * len(preview),
     )
 
 
@@ -168,8 +133,8 @@ def _arc_in(session: Session, capture: Capture, name: str, points: FloatArray, r
     return seen_once(ArcFit, [name], read, told, lambda: fit_arc(points, diameter_mm, z_axis))
 
 
-def _arcs(profiles: list[_Profile]) -> list[_Arc]:
-    return [_Arc(p.pose, p.points, p.found, p.without_ray) for p in profiles if isinstance(p.found, ArcFit)]
+def _arcs(profiles: list[_Profile]) -> list[tuple[_Profile, ArcFit]]:
+    return [(profile, profile.found) for profile in profiles if isinstance(profile.found, ArcFit)]
 
 
 def _no_arc(profiles: list[_Profile]) -> MeasurementError:
