@@ -17,7 +17,7 @@ from calib_core.optics.laser_plane import (
 from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.triangulate import (
     ProfileCalibration,
-    profile_from_frame,
+    stripe_in_frame,
     triangulate,
     triangulate_stripe,
 )
@@ -143,4 +143,4 @@ def test_planes_that_are_none_are_refused() -> None:
 
 def test_a_frame_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="640×480"):
-        profile_from_frame(np.zeros((100, 100), np.uint8), calibration())
+        stripe_in_frame(np.zeros((100, 100), np.uint8), calibration())

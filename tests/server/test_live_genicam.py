@@ -14,7 +14,7 @@ import pytest
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.shared.images import decode_image
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.triangulate import ProfileCalibration, profile_from_frame
+from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame
 from calib_core.simulation import simulate
 from calib_core.simulation.live_camera import HEIGHT_PX, WIDTH_PX, LiveCamera
 from calib_core.simulation.live_cell import LiveCell
@@ -81,7 +81,7 @@ def test_the_simulated_camera_shows_the_sphere_where_it_is() -> None:
     known = lens.known()
     model = CameraModel.from_names(known["camera"]["camera_matrix"], known["camera"]["distortion"], SIZE)
     optics = ProfileCalibration.of(model, known["laser_plane"]["normal"], known["laser_plane"]["distance_mm"])
-    arc = fit_arc(profile_from_frame(decode_image(frame.content, frame.name), optics), 40.0)
+    arc = fit_arc(stripe_in_frame(decode_image(frame.content, frame.name), optics).profile_mm, 40.0)
     true = cell.shots[0].sphere_center_in_laser_mm
     assert np.abs(arc.center_mm - true[[0, 2]]).max() < 0.01
     assert cell.world.sphere_radius_mm**2 - arc.radius_mm**2 == pytest.approx(true[1] ** 2, abs=0.5)
