@@ -48,6 +48,13 @@ export function h(tag, props = {}, ...children) {
   return element;
 }
 
+/** A control with its label, and what is said of it below. @param {string} id @param {string} label @param {HTMLElement} control @param {string} [hint] */
+export function field(id, label, control, hint) {
+  control.id = id;
+  if (hint) control.setAttribute("aria-describedby", `${id}-hint`);
+  return h("div", { class: "field" }, h("label", { for: id }, label), control, hint && h("span", { class: "hint", id: `${id}-hint` }, hint));
+}
+
 /**
  * @template {keyof SVGElementTagNameMap} K
  * @param {K} tag

@@ -1,12 +1,12 @@
 // The calibrated tool put into a copy of the controller's backup: one entry changes, every other byte stays.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { backupOf, remember } from "../state/backups.js";
 import { chosen } from "../state/files.js";
 import { offered } from "../state/registries.js";
 import { learnTexts, t } from "../texts.js";
-import { alarm, field, formButtons, openDialog, saveFile } from "./dialog.js";
+import { alarm, formButtons, openDialog, saveFile } from "./dialog.js";
 import { attempt, notify } from "./toasts.js";
 
 await learnTexts("dialogs");

@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { inField, typedNumber, when } from "../format.js";
 import { go } from "../router.js";
 import { conventions } from "../state/registries.js";
@@ -10,7 +10,7 @@ import { learnTexts, maybe, t } from "../texts.js";
 import { did, patchBack } from "../state/undo.js";
 import { bring } from "../state/upload.js";
 import { conventionWords } from "./pose-columns.js";
-import { alarm, closeButton, field, showDialog } from "./dialog.js";
+import { alarm, closeButton, showDialog } from "./dialog.js";
 import { attempt } from "./toasts.js";
 
 await learnTexts("cell");

@@ -62,13 +62,6 @@ export function alarm() {
   return { element, show, during };
 }
 
-/** A control with its label, and what is said of it below. @param {string} id @param {string} label @param {HTMLElement} control @param {string} [hint] */
-export function field(id, label, control, hint) {
-  control.id = id;
-  if (hint) control.setAttribute("aria-describedby", `${id}-hint`);
-  return h("div", { class: "field" }, h("label", { for: id }, label), control, hint && h("span", { class: "hint", id: `${id}-hint` }, hint));
-}
-
 /** Have the browser save what was fetched. @param {Blob} content @param {string} name */
 export function saveFile(content, name) {
   const link = h("a", { href: URL.createObjectURL(content), download: name });

@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { mark } from "../icons.js";
 import { kindOf } from "../state/files.js";
 import { profilePlot } from "./profile-plot.js";
@@ -24,14 +24,14 @@ export class FileReadingElement extends HTMLElement {
   #kind = "profile";
   #looked = "";
   #diameter_mm = 0;
-  #format = h("select", { id: "reading-format" });
-  #unit = h("select", { id: "reading-unit" }, h("option", { value: "" }, t("reading.as_it_says")), ...UNITS.map((unit) => h("option", { value: unit }, unit)));
+  #format = h("select", {});
+  #unit = h("select", {}, h("option", { value: "" }, t("reading.as_it_says")), ...UNITS.map((unit) => h("option", { value: unit }, unit)));
   #columns = h("input", { id: "reading-columns", autocomplete: "off", "aria-describedby": "reading-columns-hint" });
   #said = h("div", {});
   #form = h("details", {},
     h("summary", {}, t("reading.otherwise")),
-    h("div", { class: "field" }, h("label", { for: "reading-format" }, t("reading.format")), this.#format),
-    h("div", { class: "field" }, h("label", { for: "reading-unit" }, t("reading.unit")), this.#unit),
+    field("reading-format", t("reading.format"), this.#format),
+    field("reading-unit", t("reading.unit"), this.#unit),
     h("div", { class: "field" }, h("label", { for: "reading-columns" }, t("columns.label")), h("span", { class: "hint", id: "reading-columns-hint" }, t("reading.columns_hint")), this.#columns),
     h("button", { type: "button", onclick: () => void this.#look() }, t("reading.again")));
 

@@ -1,7 +1,7 @@
 // A folder on the server whose files become captures: chosen here, and followed while it is watched.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { mark } from "../icons.js";
 import { plural, said, t } from "../texts.js";
 import { StateElement } from "./base.js";
@@ -17,14 +17,14 @@ export class FolderWatchElement extends StateElement {
   #timer = 0;
   #told = "";
   #open = false;
-  #folder = h("select", { id: "watch-folder" });
-  #step = h("select", { id: "watch-step" });
+  #folder = h("select", {});
+  #step = h("select", {});
   #panel = h(
     "section", { class: "panel", "aria-labelledby": "watch-title", hidden: true },
     h("div", { class: "row spread" }, h("h2", { id: "watch-title" }, t("watch.title")), h("button", { type: "button", class: "plain", onclick: () => this.#close() }, t("close"))),
     h("p", { class: "soft" }, t("watch.how")),
-    h("div", { class: "field" }, h("label", { for: "watch-folder" }, t("watch.folder")), this.#folder),
-    h("div", { class: "field" }, h("label", { for: "watch-step" }, t("intake.step")), this.#step),
+    field("watch-folder", t("watch.folder"), this.#folder),
+    field("watch-step", t("intake.step"), this.#step),
     h("div", { class: "row end" }, h("button", { type: "button", class: "primary", needs: "capture", onclick: () => void this.#begin() }, t("watch.go"))),
   );
   #none = h("p", { class: "panel", hidden: true }, t("watch.unavailable"));

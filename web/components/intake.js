@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { h, make } from "../dom.js";
+import { field, h, make } from "../dom.js";
 import { typedNumbers } from "../format.js";
 import { chosen, controllerFiles, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
 import { mark } from "../icons.js";
@@ -38,7 +38,7 @@ export class IntakeElement extends StateElement {
   #picker = h("input", { type: "file", multiple: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
   #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
   #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
-  #step = h("select", { id: "intake-step", onchange: () => this.#draw() });
+  #step = h("select", { onchange: () => this.#draw() });
   #angles = h("textarea", { id: "intake-angles", rows: 2, spellcheck: "false", autocomplete: "off", oninput: () => this.#draw() });
   #mount = h("input", { id: "intake-mount", autocomplete: "off", "aria-describedby": "intake-mount-hint" });
   #pairs = h("input", { id: "intake-pairs", type: "checkbox", onchange: () => this.#draw() });
@@ -60,7 +60,7 @@ export class IntakeElement extends StateElement {
     "section", { class: "panel intake-panel", "aria-labelledby": "intake-title", hidden: true },
     h("div", { class: "row spread" }, h("h2", { id: "intake-title" }, t("intake.title")), h("button", { type: "button", class: "plain", onclick: () => this.close() }, t("close"))),
     h("p", { class: "soft" }, t("intake.how")),
-    h("div", { class: "field" }, h("label", { for: "intake-step" }, t("intake.step")), this.#step),
+    field("intake-step", t("intake.step"), this.#step),
     this.#poseField, this.#turning, this.#paired, this.#scannerFilePlace, this.#table,
     h("div", { class: "row end" }, this.#addAndSolve, this.#add),
   );

@@ -1,7 +1,7 @@
 // What lies behind ⋯: who one is, logging out, and the way to the API's documentation.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { icon } from "../icons.js";
 import { may, me } from "../state/me.js";
 import { atShop, letBeHeard, mayBeHeard, setShop } from "../shop.js";
@@ -23,9 +23,9 @@ function who() {
 
 /** Names of languages stand in their own language. */
 function languages() {
-  const select = h("select", { id: "language", onchange: () => chooseLanguage(select.value) }, ...LANGUAGES.map((one) =>
+  const select = h("select", { onchange: () => chooseLanguage(select.value) }, ...LANGUAGES.map((one) =>
     h("option", { value: one, lang: one, selected: one === language }, new Intl.DisplayNames([one], { type: "language" }).of(one) ?? one)));
-  return h("div", { class: "field" }, h("label", { for: "language" }, t("menu.language")), select);
+  return field("language", t("menu.language"), select);
 }
 
 /** The mode for a tablet at arm's length. */

@@ -1,6 +1,6 @@
 // How pasted poses are read: the convention, and what each column of the table is.
 
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { angleIn, guessRoles, knowConventions, NUMBERS, OTHERS, poseLines, tableOf } from "../state/pose-table.js";
 import { maybe, t } from "../texts.js";
 import { attempt } from "./toasts.js";
@@ -16,13 +16,13 @@ export class PoseColumnsElement extends HTMLElement {
   /** @type {Table | null} */ #table = null;
   /** @type {Role[]} */ #roles = [];
   #chosen = "";
-  #convention = h("select", { id: "pose-convention", onchange: () => this.#convene() });
+  #convention = h("select", { onchange: () => this.#convene() });
   #wanted = "";
   #columns = h("div", { class: "columns", role: "region", tabindex: 0, "aria-label": t("columns.label"), hidden: true });
 
   connectedCallback() {
     if (this.firstChild) return;
-    this.append(h("div", { class: "field" }, h("label", { for: "pose-convention" }, t("columns.convention")), this.#convention), this.#columns);
+    this.append(field("pose-convention", t("columns.convention"), this.#convention), this.#columns);
     void attempt(async () => {
       const known = await knowConventions();
       this.#convention.replaceChildren(...known.map((one) => h("option", { value: one.name }, conventionWords(one))));

@@ -1,7 +1,7 @@
 // A controller's file among the files that came: the poses read from it, what was left out, what is open about them.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { mark } from "../icons.js";
 import { remember } from "../state/backups.js";
 import { plural, said, t } from "../texts.js";
@@ -13,7 +13,7 @@ export class PoseFileElement extends HTMLElement {
   /** Called when another axis is the table's. @type {() => void} */ changed = () => undefined;
   /** @type {ControllerFile | null} */ #read = null;
   /** By the name that its line begins with. @type {Map<string, FilePose>} */ #poses = new Map();
-  #axis = h("select", { id: "pose-file-axis", onchange: () => this.changed() });
+  #axis = h("select", { onchange: () => this.changed() });
 
   /**
    * Read files and show what they hold.
@@ -76,7 +76,7 @@ export class PoseFileElement extends HTMLElement {
     const doubts = [...new Set([...poses.flatMap(({ doubt }) => (doubt ? [doubt] : [])), ...notes])];
     this.replaceChildren(h("section", { class: "pose-file", "aria-label": t("pose_file.label") },
       h("p", {}, mark(doubts.length ? "warn" : "pass", t("pose_file.read", { brand, poses: plural(this.#poses.size, "pose_file.pose_one", "pose_file.pose_many"), tools: tools.length }))),
-      axes.length > 0 && h("div", { class: "field" }, h("label", { for: "pose-file-axis" }, t("pose_file.axis")), this.#axis),
+      axes.length > 0 && field("pose-file-axis", t("pose_file.axis"), this.#axis),
       doubts.length > 0 && h("ul", { class: "messages" }, ...doubts.map((doubt) => h("li", {}, said(doubt)))),
       skipped.length > 0 && h("details", {}, h("summary", {}, plural(skipped.length, "pose_file.skipped_one", "pose_file.skipped_many")),
         h("ul", {}, ...skipped.map(({ file, line, reason }) => h("li", {}, `${file ?? ""}:${line}: ${said(reason)}`))))));

@@ -2,14 +2,14 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { chosen } from "../state/files.js";
 import { conventions } from "../state/registries.js";
 import { learnTexts, said, t } from "../texts.js";
 import { conventionWords } from "./pose-columns.js";
-import { field, formButtons, openDialog } from "./dialog.js";
+import { formButtons, openDialog } from "./dialog.js";
 import { attempt } from "./toasts.js";
 
 await learnTexts("dialogs");

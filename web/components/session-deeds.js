@@ -1,11 +1,11 @@
 // What can be done with sessions from the list: rename one; save, archive or delete one or several. Loaded when it is asked for.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { did } from "../state/undo.js";
 import { learnTexts, plural, t } from "../texts.js";
 import "./undo.js";
-import { closeButton, field, openDialog } from "./dialog.js";
+import { closeButton, openDialog } from "./dialog.js";
 import { attempt, notify } from "./toasts.js";
 
 await Promise.all([learnTexts("start"), learnTexts("cell")]);

@@ -1,11 +1,11 @@
 // Where the table stood in one capture: its angle, and the name of the sphere's mounting.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { inField, typedNumber } from "../format.js";
 import { t } from "../texts.js";
 import { did } from "../state/undo.js";
-import { field, formButtons, openDialog } from "./dialog.js";
+import { formButtons, openDialog } from "./dialog.js";
 import { attempt } from "./toasts.js";
 
 /** @import {CaptureOut} from "../state/model.js" */

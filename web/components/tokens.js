@@ -1,7 +1,7 @@
 // Tokens: made here, shown once, listed and revoked.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { when } from "../format.js";
 import { mark } from "../icons.js";
 import { t } from "../texts.js";
@@ -16,9 +16,9 @@ const HEADS = /** @type {const} */ (["name", "tokens.role", "tokens.created", "t
 
 export class TokensElement extends HTMLElement {
   /** Called after each change, so that the log follows. */ changed = () => {};
-  #name = h("input", { id: "token-name", required: true, maxlength: 200, autocomplete: "off", "aria-describedby": "token-name-hint", oninput: () => this.#name.setCustomValidity("") });
-  #role = h("select", { id: "token-role" }, ...ROLES.map((role) => h("option", { value: role }, t(`role.${role}`))));
-  #days = h("input", { id: "token-days", inputmode: "decimal", autocomplete: "off", "aria-describedby": "token-days-hint", oninput: () => this.#days.setCustomValidity("") });
+  #name = h("input", { required: true, maxlength: 200, autocomplete: "off", oninput: () => this.#name.setCustomValidity("") });
+  #role = h("select", {}, ...ROLES.map((role) => h("option", { value: role }, t(`role.${role}`))));
+  #days = h("input", { inputmode: "decimal", autocomplete: "off", oninput: () => this.#days.setCustomValidity("") });
   #made = h("div", { role: "status" });
   #list = h("div", {});
 
@@ -32,9 +32,9 @@ export class TokensElement extends HTMLElement {
     return h("section", { class: "panel", "aria-labelledby": "make-title" },
       h("h2", { id: "make-title" }, t("tokens.make")),
       h("form", { class: "token-form", novalidate: true, onsubmit: (/** @type {Event} */ event) => void this.#make(event) },
-        h("div", { class: "field" }, h("label", { for: "token-name" }, t("name")), this.#name, h("span", { class: "hint", id: "token-name-hint" }, t("tokens.name_hint"))),
-        h("div", { class: "field" }, h("label", { for: "token-role" }, t("tokens.role")), this.#role),
-        h("div", { class: "field" }, h("label", { for: "token-days" }, t("tokens.days")), this.#days, h("span", { class: "hint", id: "token-days-hint" }, t("tokens.days_hint"))),
+        field("token-name", t("name"), this.#name, t("tokens.name_hint")),
+        field("token-role", t("tokens.role"), this.#role),
+        field("token-days", t("tokens.days"), this.#days, t("tokens.days_hint")),
         h("button", { type: "submit", class: "primary" }, t("tokens.go"))),
       this.#made);
   }

@@ -1,8 +1,8 @@
 // Asking why, where a deed is kept with its reason: what it does in words, a field, and what the server refuses said in it.
 
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { learnTexts, t } from "../texts.js";
-import { alarm, closeButton, field, openDialog } from "./dialog.js";
+import { alarm, closeButton, openDialog } from "./dialog.js";
 
 await learnTexts("release");
 

@@ -1,7 +1,7 @@
 // What the dialogs of the guidance share: how they look, fields of numbers, choices and tables.
 
-import { closeButton, field, openDialog } from "../components/dialog.js";
-import { h, style } from "../dom.js";
+import { closeButton, openDialog } from "../components/dialog.js";
+import { field, h, style } from "../dom.js";
 import { inField, typedNumber } from "../format.js";
 import { learnTexts, t } from "../texts.js";
 

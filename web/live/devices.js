@@ -4,7 +4,7 @@ import { live } from "../state/live.js";
 import { offered } from "../state/registries.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
-import { h, keyed } from "../dom.js";
+import { field, h, keyed } from "../dom.js";
 import { icon, mark } from "../icons.js";
 import { learnTexts, maybe, said, t } from "../texts.js";
 
@@ -79,7 +79,7 @@ export class DevicesElement extends HTMLElement {
   async add() {
     await learnTexts("devices");
     const sources = (await offered("sources")).filter(({ delivers }) => delivers?.length);
-    const name = h("input", { id: "device-name", value: "", autocomplete: "off" });
+    const name = h("input", { value: "", autocomplete: "off" });
     const place = h("div", {});
     const pick = () => {
       const source = sources.find((one) => one.name === select.value);
@@ -91,10 +91,10 @@ export class DevicesElement extends HTMLElement {
         this.show([]);
       } }));
     };
-    const select = h("select", { id: "device-source", onchange: pick }, ...sources.map((one) => h("option", { value: one.name }, one.title)));
+    const select = h("select", { onchange: pick }, ...sources.map((one) => h("option", { value: one.name }, one.title)));
     this.#form.replaceChildren(
-      h("div", { class: "field" }, h("label", { for: "device-source" }, t("devices.source")), select),
-      h("div", { class: "field" }, h("label", { for: "device-name" }, t("name")), name), place);
+      field("device-source", t("devices.source"), select),
+      field("device-name", t("name"), name), place);
     pick();
     this.#form.hidden = false;
     select.focus();

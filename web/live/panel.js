@@ -5,7 +5,7 @@ import { StateElement } from "../components/base.js";
 import { zoneBar } from "../components/profile-plot.js";
 import { stepName } from "../components/rail.js";
 import { attempt } from "../components/toasts.js";
-import { h, make, style } from "../dom.js";
+import { field, h, make, style } from "../dom.js";
 import { fixed, integer, small, typedNumber } from "../format.js";
 import { learnTexts, said, t } from "../texts.js";
 
@@ -32,14 +32,14 @@ class LivePanelElement extends StateElement {
   #figures = h("dl", { class: "figures" });
   #automatic = h("input", { type: "checkbox", id: "live-automatic", needs: "capture", onchange: () => void this.#set() });
   #sounds = h("input", { type: "checkbox", id: "live-sound", onchange: () => { this.#sign.sounds = this.#sounds.checked; } });
-  #step = h("select", { id: "live-step", onchange: () => void this.#set() });
-  #mount = h("input", { id: "live-mount", autocomplete: "off", onchange: () => void this.#set() });
-  #angle = h("input", { id: "live-angle", inputmode: "decimal", autocomplete: "off" });
+  #step = h("select", { onchange: () => void this.#set() });
+  #mount = h("input", { autocomplete: "off", onchange: () => void this.#set() });
+  #angle = h("input", { inputmode: "decimal", autocomplete: "off" });
   #now = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => void this.#capture() }, t("capture.now"));
-  #seconds = h("input", { id: "live-seconds", inputmode: "decimal", autocomplete: "off", value: "5" });
+  #seconds = h("input", { inputmode: "decimal", autocomplete: "off", value: "5" });
   #sweep = h("button", { type: "button", needs: "capture", onclick: () => void this.#record() }, t("capture.sweep"));
-  #mountField = h("div", { class: "field" }, h("label", { for: "live-mount" }, t("capture.mount")), this.#mount);
-  #angleField = h("div", { class: "field" }, h("label", { for: "live-angle" }, t("place.angle")), this.#angle);
+  #mountField = field("live-mount", t("capture.mount"), this.#mount);
+  #angleField = field("live-angle", t("place.angle"), this.#angle);
   /** @type {number[]} */ #drawnMs = [];
   #told = "";
   /** @type {(() => void) | null} */ #stopPreviews = null;
@@ -63,8 +63,8 @@ class LivePanelElement extends StateElement {
         h("div", { class: "row" }, this.#sounds, h("label", { for: "live-sound" }, t("menu.sound"))),
         h("button", { type: "button", needs: "capture", title: t("clocks.how"), onclick: () => void attempt(() => live.measureClocks(this.state.id)) }, t("clocks.measure"))),
       h("div", { class: "row live-capture" },
-        h("div", { class: "field" }, h("label", { for: "live-step" }, t("intake.step")), this.#step), this.#mountField, this.#angleField, this.#now,
-        h("div", { class: "field" }, h("label", { for: "live-seconds" }, t("capture.seconds")), this.#seconds), this.#sweep),
+        field("live-step", t("intake.step"), this.#step), this.#mountField, this.#angleField, this.#now,
+        field("live-seconds", t("capture.seconds"), this.#seconds), this.#sweep),
       this.#table));
   }
 

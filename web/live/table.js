@@ -3,7 +3,7 @@
 import { live } from "../state/live.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
-import { h } from "../dom.js";
+import { field, h } from "../dom.js";
 import { fixed, typedNumber } from "../format.js";
 import { learnTexts, t } from "../texts.js";
 
@@ -16,14 +16,14 @@ export class TableElement extends HTMLElement {
   #timer = 0;
   #told = "";
   #form = h("div", { hidden: true });
-  #angle = h("input", { id: "table-target", inputmode: "decimal", autocomplete: "off" });
+  #angle = h("input", { inputmode: "decimal", autocomplete: "off" });
   #state = h("p", { class: "soft small", role: "status" });
   #arm = h("button", { type: "button", needs: "admin", onclick: () => void this.#offer() }, t("table.arm"));
   #go = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => void this.#turn() }, t("table.go"));
   #stop = h("button", { type: "button", class: "danger", needs: "capture", onclick: () => void this.#do(() => live.stopTable(this.sessionId)) }, t("table.stop"));
   #disarm = h("button", { type: "button", needs: "capture", onclick: () => void this.#do(() => live.disarmTable(this.sessionId)) }, t("table.disarm"));
   #armed = h("div", { class: "row live-capture", hidden: true },
-    h("div", { class: "field" }, h("label", { for: "table-target" }, t("table.target")), this.#angle), this.#go, this.#stop, this.#disarm);
+    field("table-target", t("table.target"), this.#angle), this.#go, this.#stop, this.#disarm);
 
   /** Whether the table may turn: its stop stays in reach even where its angle is lost. */
   get isArmed() {

@@ -2,11 +2,10 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { field } from "../components/dialog.js";
 import { comparisonSections } from "../components/comparison.js";
 import { attempt } from "../components/toasts.js";
 import { stages } from "../state/registries.js";
-import { h, style } from "../dom.js";
+import { field, h, style } from "../dom.js";
 import { when } from "../format.js";
 import { learnTexts, maybe, t } from "../texts.js";
 

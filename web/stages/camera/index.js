@@ -3,7 +3,7 @@
 
 import { arrowsOn, timesLonger } from "../../components/arrows.js";
 import { StateElement } from "../../components/base.js";
-import { h, make, s } from "../../dom.js";
+import { field, h, make, s } from "../../dom.js";
 import { fixed } from "../../format.js";
 import { t } from "../../texts.js";
 
@@ -13,7 +13,7 @@ import { t } from "../../texts.js";
 class CameraResidualsElement extends StateElement {
   /** @type {CameraResult | null} */ result = null;
   #picture = h("div", {});
-  #select = h("select", { id: "camera-view", onchange: () => this.state.select(this.#select.value || null) });
+  #select = h("select", { onchange: () => this.state.select(this.#select.value || null) });
 
   parts = /** @type {const} */ (["selection"]);
 
@@ -26,7 +26,7 @@ class CameraResidualsElement extends StateElement {
     this.#select.append(h("option", { value: "" }, t("camera.all_views", { views: views.length })),
       ...views.map((view) => h("option", { value: view.capture }, `${view.capture} · ${fixed(view.rms_px ?? 0, 3)} px${view.used ? "" : ` · ${t("captures.rejected")}`}`)));
     this.append(h("p", { class: "soft small" }, t("camera.arrows_what", { times: this.result ? timesLonger(this.result) : 1 })),
-      h("div", { class: "field" }, h("label", { for: "camera-view" }, t("view.label")), this.#select), this.#picture);
+      field("camera-view", t("view.label"), this.#select), this.#picture);
   }
 
   update() {

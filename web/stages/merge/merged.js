@@ -2,7 +2,7 @@
 
 import { api } from "../../state/api.js";
 import { Problem } from "../../state/http.js";
-import { h } from "../../dom.js";
+import { field, h } from "../../dom.js";
 import { fixed, inField, integer, small, typedNumber } from "../../format.js";
 import { mark } from "../../icons.js";
 import { may } from "../../state/me.js";
@@ -28,19 +28,19 @@ export class MergedElement extends StateElement {
   #timer = 0;
   #asked = 0;
   #colors = COLORS.map((color) => h("input", { type: "radio", name: "cloud-colors", value: color, id: `cloud-${color}`, onchange: () => this.#changed() }));
-  #axis = h("select", { id: "cloud-axis", onchange: () => this.#changed() }, ...AXES.map((axis) => h("option", { value: axis }, axis ? t("merged.across", { axis }) : t("merged.no_section"))));
+  #axis = h("select", { onchange: () => this.#changed() }, ...AXES.map((axis) => h("option", { value: axis }, axis ? t("merged.across", { axis }) : t("merged.no_section"))));
   #at = h("input", { type: "range", id: "cloud-at", oninput: () => this.#changed() });
   #place = h("output", { for: "cloud-at", class: "number" });
   #keep = h("input", { type: "checkbox", id: "cloud-keep", onchange: () => this.#changed() });
-  #against = h("select", { id: "cloud-against", onchange: () => this.#changed() }, h("option", { value: "mesh" }, t("merged.mesh")), h("option", { value: "sphere" }, t("merged.sphere")));
-  #diameter = h("input", { id: "cloud-diameter", inputmode: "decimal", autocomplete: "off", "aria-describedby": "cloud-diameter-hint", oninput: () => this.#changed() });
+  #against = h("select", { onchange: () => this.#changed() }, h("option", { value: "mesh" }, t("merged.mesh")), h("option", { value: "sphere" }, t("merged.sphere")));
+  #diameter = h("input", { inputmode: "decimal", autocomplete: "off", oninput: () => this.#changed() });
   #file = h("input", { type: "file", accept: ".stl,.ply", class: "visually-hidden", tabindex: -1, "aria-label": t("merged.add"), onchange: () => void this.#upload() });
   #add = h("button", { type: "button", needs: "capture", onclick: () => this.#file.click() }, t("merged.add"));
   #forget = h("button", { type: "button", class: "plain", needs: "capture", hidden: true, onclick: () => void this.#remove() }, t("merged.remove"));
   #cut = h("div", { class: "field cut" }, h("label", { for: "cloud-at" }, t("merged.where")), h("div", { class: "row" }, this.#at, this.#place), h("div", { class: "row" }, this.#keep, h("label", { for: "cloud-keep" }, t("merged.other_side"))));
-  #known = h("div", { class: "field" }, h("label", { for: "cloud-diameter" }, t("merged.diameter")), this.#diameter, h("span", { class: "hint", id: "cloud-diameter-hint" }, t("merged.diameter_hint")));
+  #known = field("cloud-diameter", t("merged.diameter"), this.#diameter, t("merged.diameter_hint"));
   #reference = h("div", { class: "field" }, h("div", { class: "row" }, this.#add, this.#forget, this.#file), h("span", { class: "hint" }, t("merged.mesh_hint")));
-  #compared = h("div", { class: "field" }, h("label", { for: "cloud-against" }, t("merged.against")), this.#against);
+  #compared = field("cloud-against", t("merged.against"), this.#against);
   #section = h("div", { class: "merged-answer" });
   #deviation = h("div", { class: "merged-answer", "aria-live": "polite" });
 
@@ -60,7 +60,7 @@ export class MergedElement extends StateElement {
       h("p", { class: "soft small" }, t("merged.what")),
       h("fieldset", { class: "row choices" }, h("legend", {}, t("merged.colors")), ...this.#colors.map((input) => h("span", {}, input, h("label", { for: input.id }, t(/** @type {"merged.height"} */ (`merged.${input.value}`)))))),
       this.#compared, this.#known, this.#reference, this.#deviation,
-      h("div", { class: "field" }, h("label", { for: "cloud-axis" }, t("merged.section")), this.#axis), this.#cut, this.#section,
+      field("cloud-axis", t("merged.section"), this.#axis), this.#cut, this.#section,
     ));
     this.#changed();
   }
