@@ -118,7 +118,7 @@ def test_a_wrong_convention_is_offered_to_be_read_otherwise_before_anything_is_s
     # Of poses in the cell's convention with two columns swapped, the swap is offered, with the same preview.
     rows = [to_pose("kuka", pose) for pose in poses]
     paste(page, "\n".join(" ".join(f"{row[k]:.4f}" for k in (1, 0, 2, 3, 4, 5)) for row in rows))
-    expect(offer).to_contain_text("read as Y X Z A B C instead of X Y Z A B C")
+    expect(offer).to_contain_text("Read as Y X Z A B C instead of X Y Z A B C")
     with page.expect_request(re.compile("/trial$")) as trial:
         offer.get_by_role("button", name="Swap them").click()
     assert trial.value.post_data_json["poses"][0] == [pytest.approx(row, abs=1e-3) for row in poses[0].matrix]
