@@ -44,6 +44,6 @@ export const texts = Object.freeze({
   "limits.held": "Figures are judged by these limits:",
   "limits.none": "No limits are set: figures are reported but not judged.",
   "limits.change": "Change limits …",
-  "limits.late_words": "Captures have been taken under these limits. A change is recorded with date, name and both values, and shown with the decision and in the report.",
+  "limits.late_words": "Captures have been taken under these limits: a change is kept with its date, name and both values, and shown with the decision and in the report.",
   "limits.change_go": "Change limits",
 });
