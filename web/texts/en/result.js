@@ -82,7 +82,7 @@ export const result = {
   "without.words": "Excluding {capture} would move the answer by {shift} at the workpiece: ±{then} instead of ±{now}.",
   "without.key": "X excludes it.",
   "glossary.term_zone": "r/R",
-  "glossary.words_zone": "Where the plane of light cuts the sphere: the radius of the arc divided by that of the sphere. Between 0.45 and 0.95 the arc determines the centre well.",
+  "glossary.words_zone": "Where the plane of light cuts the sphere: the radius of the arc over the sphere's radius. Between 0.45 and 0.95 the arc determines the centre well.",
   "glossary.term_k": "k = 2",
   "glossary.words_k": "Expanded uncertainty: twice the standard uncertainty. The true value lies inside in about 95 of 100 cases.",
   "glossary.term_left": "left out",
