@@ -86,7 +86,7 @@ def chromium() -> Iterator[Browser]:
 
     from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM
 
-    expect.set_options(timeout=30_000)
+    expect.set_options(timeout=120_000)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         yield browser

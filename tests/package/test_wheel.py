@@ -114,4 +114,4 @@ def test_the_workbench_is_served_with_its_page(installed: Path, tmp_path: Path) 
             assert httpx.get(f"{address}/api/v1/sessions").json()["items"] == []
         finally:
             server.terminate()
-        assert server.wait(60) == 0
+        assert server.wait(300) == 0

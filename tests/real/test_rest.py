@@ -30,7 +30,7 @@ def test_the_documented_script_calibrates_a_real_set(
             [sys.executable, str(SCRIPT), str(data_folder / name), address],
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=300,
         )
         assert done.returncode == 0, done.stdout + done.stderr
         session = client.get("/sessions").json()["items"][0]

@@ -128,7 +128,7 @@ def rig(folder: Path, **options: Any) -> Generator[Rig]:
         made.stop()
 
 
-def until(found: Callable[[], Any], what: Callable[[], Any] = lambda: "", timeout_s: float = 30.0) -> Any:
+def until(found: Callable[[], Any], what: Callable[[], Any] = lambda: "", timeout_s: float = 300.0) -> Any:
     """Return what `found` returns once it is true."""
     end_s = time.monotonic() + timeout_s
     while not (value := found()):

@@ -29,12 +29,12 @@ def serving(settings: Settings) -> Generator[httpx.Client]:
         while not server.started:
             assert thread.is_alive(), "the server ended at its start"
             time.sleep(0.01)
-        options: Any = {"timeout": 60, "trust_env": False, "limits": _LIMITS, "verify": _NO_TRUST}
+        options: Any = {"timeout": 300, "trust_env": False, "limits": _LIMITS, "verify": _NO_TRUST}
         with httpx.Client(base_url=server.address + API, **options) as client:
             yield client
     finally:
         server.stop()
-        thread.join(timeout=20)
+        thread.join(timeout=300)
         assert not thread.is_alive(), "the server does not stop"
 
 
@@ -68,7 +68,7 @@ def upload(
     return client.post(f"/sessions/{session}/captures", files=body, headers=headers)
 
 
-def wait_for(client: httpx.Client, job: str, timeout_s: float = 60) -> dict[str, Any]:
+def wait_for(client: httpx.Client, job: str, timeout_s: float = 300) -> dict[str, Any]:
     end_s = time.monotonic() + timeout_s
     while time.monotonic() < end_s:
         answer = client.get(f"/jobs/{job}").json()

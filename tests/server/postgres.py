@@ -51,7 +51,7 @@ class Postgres:
     def end(self, number: int = signal.SIGTERM) -> None:
         """End it by a signal: SIGTERM waits for connections, SIGINT cuts them, SIGQUIT is a crash."""
         self._process.send_signal(number)
-        self._process.wait(timeout=20)
+        self._process.wait(timeout=300)
 
 
 @contextmanager
@@ -105,7 +105,7 @@ def _user() -> str | None:
 
 
 def _wait(process: "subprocess.Popen[bytes]", address: str, log: Path) -> None:
-    end_s = time.monotonic() + 30
+    end_s = time.monotonic() + 300
     while True:
         try:
             psycopg.connect(address).close()

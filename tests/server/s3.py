@@ -27,7 +27,7 @@ def running_s3() -> Generator[str]:
         stderr=subprocess.DEVNULL,
     )
     try:
-        end_s = time.monotonic() + 30
+        end_s = time.monotonic() + 300
         while not _answers(address):
             assert process.poll() is None, "the S3 server ended at its start"
             assert time.monotonic() < end_s, "the S3 server does not start"

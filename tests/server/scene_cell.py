@@ -162,7 +162,7 @@ def serve_scenes(manager: SceneManager) -> Generator[str]:
 
 
 def wait_until(true: Callable[[], bool]) -> None:
-    end = time.monotonic() + 10
+    end = time.monotonic() + 300
     while not true():
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.02)

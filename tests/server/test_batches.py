@@ -23,7 +23,7 @@ def send(client: httpx.Client, session: str, body: bytes | Iterator[bytes], **he
 
 
 def wait_until_measured(client: httpx.Client, session: str) -> list[dict[str, Any]]:
-    end_s = time.monotonic() + 60
+    end_s = time.monotonic() + 300
     while time.monotonic() < end_s:
         items = client.get(f"/sessions/{session}/captures").json()["items"]
         if not any("not measured yet" in (item["measured"]["reason"] or "") for item in items):

@@ -202,7 +202,7 @@ def test_many_captures_are_measured_anew_after_the_answer(client: httpx.Client) 
         assert upload(client, session, record(f"p{number}"), arc_csv(15.0)).json()["measured"]["verdict"] == "pass"
     changed = client.patch(f"/sessions/{session}", json={"cell": {"sphere_diameter_mm": 20.0}})
     assert changed.status_code == 200, changed.text
-    end_s = time.monotonic() + 30
+    end_s = time.monotonic() + 300
     while time.monotonic() < end_s:
         items = client.get(f"/sessions/{session}/captures").json()["items"]
         assert {item["measured"]["verdict"] for item in items} <= {"warn", "fail"}  # never the old cell's

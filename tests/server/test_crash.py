@@ -35,7 +35,7 @@ def test_a_killed_server_has_lost_nothing_that_it_acknowledged(start: Callable[.
         process.kill()
 
     worker = int(told.split()[1])
-    end_s = time.monotonic() + 10
+    end_s = time.monotonic() + 300
     while is_alive(worker) and time.monotonic() < end_s:
         time.sleep(0.05)
     assert not is_alive(worker), "the worker outlives its server"

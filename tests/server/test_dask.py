@@ -91,7 +91,7 @@ def test_a_merge_goes_over_the_workers_and_is_the_same_byte_for_byte(
     here = work()
     pool = DaskPool(settings, lambda _: None)
     try:
-        there = pool.submit(work).result(timeout=60)
+        there = pool.submit(work).result(timeout=300)
     finally:
         pool.close()
     assert there.result == here.result
@@ -135,7 +135,7 @@ def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
 
 
 def assert_gone(process: int) -> None:
-    end_s = time.monotonic() + 30
+    end_s = time.monotonic() + 300
     while time.monotonic() < end_s:
         try:
             os.kill(process, 0)

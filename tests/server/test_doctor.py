@@ -161,7 +161,7 @@ def test_a_backup_under_load_restores_to_the_last_acknowledged_capture(settings:
     stop = threading.Event()
 
     def send(address: str, session: str) -> None:
-        with httpx.Client(base_url=address, timeout=60, trust_env=False) as sender:
+        with httpx.Client(base_url=address, timeout=300, trust_env=False) as sender:
             for number in itertools.count():
                 if stop.is_set():
                     return

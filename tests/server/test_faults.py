@@ -247,7 +247,7 @@ def _pages(client: httpx.Client) -> Iterator[str]:
 
 def _doctor(data: Path) -> dict[str, Any]:
     doctor = ForkedCommand(["server.cli", "doctor", "--data", str(data), "--json"])
-    printed, said = doctor.communicate(timeout=60)
+    printed, said = doctor.communicate(timeout=300)
     assert doctor.returncode == 1, said
     return json.loads(printed)
 

@@ -51,11 +51,11 @@ def test_writes_that_wait_share_a_transaction_and_only_the_refused_one_fails(
     acting.set(None)
     together.start()
     with pytest.raises(ConflictError, match="Come again"):
-        second.result(timeout=30)
-    session_id, digests = third.result(timeout=30)
+        second.result(timeout=300)
+    session_id, digests = third.result(timeout=300)
     assert [store.blobs.read(digest) for digest in digests] == [b"a", b"b"]
     with store.read() as db:
-        assert {first.result(timeout=30), session_id} == set(db.scalars(select(SessionRow.id)))
+        assert {first.result(timeout=300), session_id} == set(db.scalars(select(SessionRow.id)))
         assert list(db.scalars(select(AuditRow.who).order_by(AuditRow.number))) == ["first", "third"]
     assert [event.session_id for event in published] == [first.result(), session_id]
 
@@ -73,9 +73,9 @@ def test_one_that_breaks_the_transaction_leaves_the_others_whole(
     third = together.submit(added, [])
     acting.set(None)
     together.start()
-    whole = [first.result(timeout=30), third.result(timeout=30)]
+    whole = [first.result(timeout=300), third.result(timeout=30)]
     with pytest.raises(IntegrityError):
-        second.result(timeout=30)
+        second.result(timeout=300)
     with store.read() as db:
         assert set(db.scalars(select(SessionRow.id))) == set(whole)
         assert db.scalar(select(AuditRow.who)) == "whole"
@@ -89,7 +89,7 @@ def test_many_threads_write_at_once_and_a_stop_waits_for_what_was_given(
     ids: list[str] = []
 
     def some() -> None:
-        ids.extend(together.submit(added, [b"of all"]).result(timeout=30) for _ in range(10))
+        ids.extend(together.submit(added, [b"of all"]).result(timeout=300) for _ in range(10))
 
     threads = [threading.Thread(target=some) for _ in range(8)]
     for thread in threads:

@@ -93,7 +93,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def wait_until_it_runs(client: httpx.Client, job: str) -> int:
-    end_s = time.monotonic() + 30
+    end_s = time.monotonic() + 300
     while time.monotonic() < end_s:
         answer = client.get(f"/jobs/{job}").json()
         if answer["message"].startswith("worker "):
@@ -143,7 +143,7 @@ def test_a_job_that_takes_too_long_is_ended(start: Callable[..., Any]) -> None:
 
 def require_gone(process: int) -> None:
     """Assert that a process has ended, or does so within seconds (its parent may still have to take note)."""
-    end_s = time.monotonic() + 10
+    end_s = time.monotonic() + 300
     status = Path(f"/proc/{process}/stat")
     while status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z":
         assert time.monotonic() < end_s
@@ -167,11 +167,11 @@ def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
 def test_a_result_that_is_there_before_its_future_has_its_class_is_read_all_the_same(tmp_path: Path) -> None:
     pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
     quick: Any = pool.executor.submit(partial(result_to_file, str(tmp_path), os.getpid))
-    wait([quick], timeout=60)
+    wait([quick], timeout=300)
     work: Any = os.getpid
     done: Any = pool.submit(work)
     quick.__class__ = type(done)
-    assert quick.result(timeout=60) == done.result(timeout=60)
+    assert quick.result(timeout=300) == done.result(timeout=300)
     pool.close()
 
 
@@ -184,15 +184,15 @@ def test_a_worker_killed_while_it_sends_a_long_result_ends_its_job_and_its_pool(
     keeper_of: Any = vars(pool.executor)
     work: Any = partial(long_result, tmp_path / "began", 64_000_000)
     job = pool.submit(work)
-    end_s = time.monotonic() + 60
+    end_s = time.monotonic() + 300
     while not (tmp_path / "began").exists():
         assert time.monotonic() < end_s
         time.sleep(0.001)
     keeper = keeper_of["_executor_manager_thread"]
     time.sleep(after_s)
     pool.end_worker(next(iter(keeper_of["_processes"])))
-    wait([job], timeout=30)
-    keeper.join(timeout=30)
+    wait([job], timeout=300)
+    keeper.join(timeout=300)
     assert (job.done(), keeper.is_alive()) == (True, False)
     pool.close()
 
@@ -203,10 +203,10 @@ def test_a_worker_killed_while_it_tells_of_its_job_leaves_nothing_waiting(tmp_pa
     pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
     work: Any = partial(killed_while_telling, told)
     with pytest.raises(BrokenProcessPool):
-        pool.submit(work).result(timeout=60)
+        pool.submit(work).result(timeout=300)
     pool.close()
     listener = vars(pool)["_listener"]
-    listener.join(timeout=30)
+    listener.join(timeout=300)
     assert not listener.is_alive()
 
 
@@ -216,15 +216,15 @@ def test_a_pool_that_breaks_ends_though_a_job_was_cancelled_while_it_waited(tmp_
     pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
     first = pool.executor.submit(os.getpid)
     first.add_done_callback(lambda done: began.put(done.result()))
-    place = began.get(timeout=60)
+    place = began.get(timeout=300)
     work: Any = partial(time.sleep, 60)
     jobs = [pool.submit(work) for _ in range(5)]
     keeper: Any = vars(pool.executor)["_executor_manager_thread"]
     assert [job.cancel() for job in jobs[-2:]] == [True, True]
     pool.end_worker(place)
     with pytest.raises(BrokenProcessPool):
-        jobs[0].result(timeout=60)
-    keeper.join(timeout=60)
+        jobs[0].result(timeout=300)
+    keeper.join(timeout=300)
     assert not keeper.is_alive()
     assert jobs[-1].cancelled()
     pool.close()

@@ -146,12 +146,12 @@ def test_many_who_ask_at_once_wait_for_one_guide_of_the_newest_state(
         loaded.append(session)
         count = 5 if len(loaded) == 1 else 6
         loading.set()
-        assert go_on.wait(60)
+        assert go_on.wait(300)
         return SessionTexts(session, record, tuple(captures[:count]), tuple(measured[:count]), {}, {})
 
     guides = Guides(load, pages)
     first = guides.ask("a")
-    assert loading.wait(60)
+    assert loading.wait(300)
     later = [guides.ask("a") for _ in range(5)]
     go_on.set()
     assert len({id(answer) for answer in later}) == 1

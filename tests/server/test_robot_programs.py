@@ -110,10 +110,10 @@ class InCell(Controller):
         shot = self._cell.cell.shots[self._stops[stop]]
         away = np.linalg.norm(base_from_tool0.translation_mm - shot.reported[:3, 3])
         assert away == pytest.approx(0.0 if part == 1 else 150.0, abs=2e-3)
-        if part == 1 and self._together.wait(60) == 0:
+        if part == 1 and self._together.wait(300) == 0:
             self._cell.go(self._stops[stop])
         if part == 1:
-            self._together.wait(60)
+            self._together.wait(300)
             until(lambda: not self._cell.cell.at(self._cell.now()).moving)
 
     def where(self) -> RigidTransform:

@@ -80,7 +80,7 @@ def look_at(
 
 def read_to_the_end(socket: ClientConnection) -> None:
     while True:
-        socket.recv(timeout=10)
+        socket.recv(timeout=300)
 
 
 def refused_with(status: int, client: httpx.Client, session: str, **asked: str | None) -> None:
@@ -96,7 +96,7 @@ def message(kind: str, **fields: object) -> bytes:
 def test_a_viewer_of_the_own_page_gets_the_scene_and_its_sub_protocol_back(client: httpx.Client) -> None:
     with look_at(client, "s1") as socket:
         assert socket.subprotocol == PROTOCOL
-        assert len(socket.recv(timeout=10)) > 100
+        assert len(socket.recv(timeout=300)) > 100
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1.evil.example", "null", "", None])
@@ -303,7 +303,7 @@ def test_a_removed_session_closes_its_scene_for_its_viewers(
     client: httpx.Client, manager: SceneManager, sessions: Sessions
 ) -> None:
     with look_at(client, "s1") as socket:
-        socket.recv(timeout=10)
+        socket.recv(timeout=300)
         sessions.change("s1", None)
         with pytest.raises(ConnectionClosed) as closed:
             read_to_the_end(socket)

@@ -140,7 +140,7 @@ def test_connections_have_an_end(start: Any) -> None:
             assert late.get("/health").status_code == 503
         for connection in held:
             connection.close()
-        end_s = time.monotonic() + 10
+        end_s = time.monotonic() + 300
         while client.get("/health").status_code != 200:
             assert time.monotonic() < end_s
 

@@ -148,7 +148,7 @@ class SharedProfile:
 
     def open(self, path: str = "", scene: bool = False, size: tuple[int, int] = (1280, 800), **media: Any) -> Page:
         """Open a page in a window of its own, with the 3-D scene or without; empty without a path."""
-        self.context.set_default_timeout(30_000)
+        self.context.set_default_timeout(120_000)
         page = self.context.new_page()
         page.set_viewport_size({"width": size[0], "height": size[1]})
         emulated: dict[str, Any] = {"color_scheme": "light", **media}
@@ -240,7 +240,7 @@ def take_one(page: Page) -> int:
     before = page.locator("table.captures tbody tr").count()
     page.locator("sc-actions .capture").click()
     # The first one waits for the kernels; asked in every frame, for `expect` looks but once a second.
-    page.wait_for_function(_ROWS, arg=before + 1, timeout=120_000)
+    page.wait_for_function(_ROWS, arg=before + 1, timeout=300_000)
     return before + 1
 
 

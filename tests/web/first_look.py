@@ -42,9 +42,9 @@ def first_look(page: Page, all_done: bool = False) -> FirstLook:
     """Measure the result that a page shows, at 1280 × 720; with `all_done` no next action is asked for."""
     page.set_viewport_size({"width": 1280, "height": 720})
     page.locator(".work").evaluate("(work) => { work.scrollTop = 0; }")
-    expect(page.locator(".answer-card")).to_be_visible(timeout=30_000)
+    expect(page.locator(".answer-card")).to_be_visible(timeout=120_000)
     if not all_done:
-        expect(page.locator("sc-actions button.primary:visible").first).to_be_visible(timeout=30_000)
+        expect(page.locator("sc-actions button.primary:visible").first).to_be_visible(timeout=120_000)
     seen = page.evaluate(_MEASURE)
     found = {
         f"{seen['words']} words: {seen['text']}": seen["words"] > MOST_WORDS,

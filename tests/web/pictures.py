@@ -82,7 +82,7 @@ def unreachable(page: Page, client: httpx.Client) -> None:
     expect(page.locator("sc-live")).to_have_text("live")
     page.context.set_offline(True)
     page.keyboard.press("Space")
-    expect(page.locator(".toast.bad")).to_contain_text("cannot be reached", timeout=30_000)
+    expect(page.locator(".toast.bad")).to_contain_text("cannot be reached", timeout=120_000)
 
 
 def nothing_there(page: Page, _: httpx.Client) -> None:

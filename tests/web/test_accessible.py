@@ -25,7 +25,7 @@ def page(profile: SharedProfile) -> Page:
 
 @pytest.fixture
 def api(address: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as client:
         yield client
 
 
@@ -110,7 +110,7 @@ def test_session(page: Page, axe: str, api: httpx.Client) -> None:
 
 @pytest.fixture(scope="module")
 def solved(address: str) -> str:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as client:
         session = simulated_session(client, captures=8)
         assert wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])["status"] == "done"
     return session

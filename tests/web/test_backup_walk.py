@@ -115,7 +115,7 @@ def check_move_for_another_tool(page: Page) -> None:
 def test_a_capture_keeps_file_and_line_and_what_was_said_of_its_file(
     open_page: Callable[..., Any], address: str, backup: Path
 ) -> None:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as api:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
         session = make_session(api, cell={**RECORD["cell"], "pose_convention": "kuka"})
         page, _ = open_page(f"/sessions/{session}")
         files = [backup / "measure.dat", backup / "p01.csv", backup / "p02.csv"]

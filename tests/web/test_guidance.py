@@ -17,7 +17,7 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture(scope="module")
 def session(address: str) -> Iterator[str]:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as api:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
         made = simulated_session(api, captures=30, scenario="turntable")
         assert wait_for(api, api.post(f"/sessions/{made}/solve/chain").json()["id"])["status"] == "done"
         yield made
@@ -35,12 +35,12 @@ def test_a_cell_is_planned_from_the_start_page(page: Page, watch: Watch, address
     dialog.get_by_label("Sphere diameter, mm").fill("30")
     dialog.get_by_label("Wanted ± at the workpiece, mm").fill("0,3")
     dialog.get_by_role("button", name="Plan", exact=True).click()
-    expect(dialog.get_by_text("± 0.3 mm at the workpiece takes a sphere of 30 mm")).to_be_visible(timeout=30_000)
+    expect(dialog.get_by_text("± 0.3 mm at the workpiece takes a sphere of 30 mm")).to_be_visible(timeout=120_000)
     assert violations(page, axe) == []
     watch.announce("status of 422")
     dialog.get_by_label("Width where it begins, mm").fill("2")
     dialog.get_by_role("button", name="Plan", exact=True).click()
-    expect(dialog.get_by_role("alert")).to_contain_text("smaller sphere", timeout=30_000)
+    expect(dialog.get_by_role("alert")).to_contain_text("smaller sphere", timeout=120_000)
     dialog.get_by_label("Noise of a point, mm").fill("some")
     dialog.get_by_role("button", name="Plan", exact=True).click()
     assert dialog.get_by_label("Noise of a point, mm").evaluate("e => e.validationMessage") == "Enter a number."
@@ -65,7 +65,7 @@ def test_a_point_is_picked_in_the_field_of_the_budget(
     page.get_by_role("button", name="Error budget …").click()
     dialog = page.get_by_role("dialog", name="Error budget")
     field = dialog.get_by_role("img", name="Uncertainty over the table")
-    expect(field).to_be_visible(timeout=30_000)
+    expect(field).to_be_visible(timeout=120_000)
     expect(dialog.get_by_role("rowheader", name="Turntable")).to_be_visible()
     before = dialog.locator("#budget-x").input_value()
     field.click(position={"x": 40, "y": 120})
@@ -86,7 +86,7 @@ def test_planned_poses_are_saved_as_a_program(
     dialog = page.get_by_role("dialog", name="Planned poses")
     dialog.get_by_label("Captures").fill("3")
     dialog.get_by_role("button", name="Plan", exact=True).click()
-    expect(dialog.get_by_role("rowheader", name="3", exact=True)).to_be_visible(timeout=30_000)
+    expect(dialog.get_by_role("rowheader", name="3", exact=True)).to_be_visible(timeout=120_000)
     dialog.get_by_label("Controller").select_option("kuka")
     assert violations(page, axe) == []
     with page.expect_download() as download:

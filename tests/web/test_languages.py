@@ -69,7 +69,7 @@ _TRANSLATED = """() => {
 @pytest.fixture(scope="module")
 def session(address: str) -> str:
     """A result of which a capture was left out."""
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=120, trust_env=False) as client:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as client:
         session = simulated_session(client, captures=14, scenario="tcp-moved-sphere")
         assert wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])["status"] == "done"
     return session

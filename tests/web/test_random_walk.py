@@ -12,7 +12,7 @@ pytestmark = pytest.mark.browser
 
 def test_a_random_walk_finds_no_error_and_no_dead_end(browser: Browser, address: str, watch: Watch) -> None:
     watch.allow("server responded with a status of 4")  # a refusal, which the walk itself asks to be told
-    with httpx.Client(base_url=f"{address}/api/v1/", timeout=120, trust_env=False) as client:
+    with httpx.Client(base_url=f"{address}/api/v1/", timeout=300, trust_env=False) as client:
         found = walk_from(browser, client, actions=60, seed=3)
     assert found.problems == []
     assert len(found.used) >= 3  # links, buttons and fields

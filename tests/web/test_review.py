@@ -18,7 +18,7 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture(scope="module")
 def api(address: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as client:
         yield client
 
 
@@ -81,7 +81,7 @@ def test_keys_move_through_time_and_everything_follows(open_page: Callable[..., 
 def test_recomputing_shows_stored_and_new(open_page: Callable[..., Any], session: str) -> None:
     page, watched = open_page(f"/sessions/{session}/review")
     page.get_by_role("button", name="Recompute and compare").click()
-    expect(page.locator(".recomputed .banner")).to_contain_text("All numbers are reproduced", timeout=60_000)
+    expect(page.locator(".recomputed .banner")).to_contain_text("All numbers are reproduced", timeout=120_000)
     page.get_by_text("TCP: stored and new side by side").click()
     expect(page.locator(".side-by-side")).to_contain_text("Identical")
     assert watched.complaints == []

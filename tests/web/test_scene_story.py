@@ -16,7 +16,7 @@ pytestmark = pytest.mark.browser
 def test_measuring_and_its_result_have_their_own_layers_and_views(
     open_page: Callable[..., Any], address: str
 ) -> None:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as api:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
         session = simulated_session(api, captures=12)
         assert wait_for(api, api.post(f"/sessions/{session}/solve/tcp").json()["id"])["status"] == "done"
     page, watched = open_page(f"/sessions/{session}#tcp", scene=True, width=1100, height=640)

@@ -48,7 +48,7 @@ def scene_of(page: Page) -> Frame:
 
 
 def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp_path: Path) -> None:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as api:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
         session = simulated_session(api, captures=3)
         page, watched = open_page(f"/sessions/{session}", scene=True, width=1000, height=600)
         page.set_default_timeout(90_000)  # software rendering on a busy machine draws a frame a second
@@ -69,7 +69,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
         page.mouse.move(box["x"] + x, box["y"] + y)
         page.wait_for_timeout(300)
         page.mouse.click(box["x"] + x, box["y"] + y, delay=60)
-        expect(page.locator("table.captures tr.picked")).to_contain_text("p02", timeout=30_000)
+        expect(page.locator("table.captures tr.picked")).to_contain_text("p02", timeout=120_000)
 
         # A layer that is switched off goes; playing turns to the next capture, alone.
         # Only what there is can be chosen: no turntable, no cloud, no camera yet.
@@ -112,7 +112,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
 
 
 def test_what_is_not_there_is_refused(address: str) -> None:
-    with httpx.Client(base_url=address, timeout=60, trust_env=False) as client:
+    with httpx.Client(base_url=address, timeout=300, trust_env=False) as client:
         session = client.post("/api/v1/sessions", json={"cell": {"pose_convention": "ur"}}).json()["id"]
         controls = client.get(f"/scenes/{session}/controls").json()
         assert {"ghost", "frames"} <= {layer["name"] for layer in controls["layers"]}

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture
 def api(address: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=f"{address}/api/v1", timeout=60, trust_env=False) as client:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as client:
         yield client
 
 

@@ -131,7 +131,7 @@ def test_the_page_leads_to_the_whole_chain_and_the_merged_part(open_page: Callab
             if words.startswith("Merge"):
                 start_the_merge_and_cancel_it(page)
             page.locator("sc-actions .solve").click()
-            expect(instruction).not_to_have_text(words, timeout=120_000)
+            expect(instruction).not_to_have_text(words, timeout=300_000)
             expect(page.locator("#view-result")).to_be_visible()
             expect(page.locator(".answer-card")).to_contain_text("accepted")
             solved.append(page.locator("#answer-title").inner_text())
