@@ -1,4 +1,4 @@
-"""Estimation in one place: damped least squares, covariance, chi-square bounds, variance components.
+"""Estimation in one place: damped least squares, covariance, chances, posteriors of few parameters.
 
 A problem is given by its normal equations, so that solvers may assemble them in the way that suits their structure
 (sparse, marginalised, compiled) and still share damping, step limits and the decision when to stop.
@@ -153,12 +153,10 @@ class Posterior:
 
     Attributes
     ----------
-    mode : (D,)
     nodes, weights : (N, D), (N,)
         Where and with which weights, summing to one, a function is to be averaged over the posterior.
     """
 
-    mode: FloatArray
     nodes: FloatArray
     weights: FloatArray
 
@@ -223,7 +221,7 @@ def posterior_about(log_density: Callable[[FloatArray], float], mode: FloatArray
     """
     size = len(mode)
     if size == 0:
-        return Posterior(mode, mode[None], np.ones(1))
+        return Posterior(mode[None], np.ones(1))
     at_mode = log_density(mode)
     curvature = _curvature(log_density, mode, 0.5 * widths, at_mode)
     scaled = curvature * np.outer(widths, widths)
@@ -233,7 +231,7 @@ def posterior_about(log_density: Callable[[FloatArray], float], mode: FloatArray
     nodes = np.concatenate([mode + moves, mode - moves])
     found = np.array([log_density(node) for node in nodes]) - at_mode
     weights = np.exp(np.clip(found + size / 2, -8.0, 1.0))
-    return Posterior(mode, nodes, weights / weights.sum())
+    return Posterior(nodes, weights / weights.sum())
 
 
 def _slope(log_density: Callable[[FloatArray], float], at: FloatArray, widths: FloatArray) -> FloatArray:

@@ -24,25 +24,13 @@ _TO_VERIFY = 150  # candidates: the best of fewer is good enough to verify by
 _NEWEST = 2 * MOST_TAKEN
 _OF_CAPTURE = ("id", "step", "kind", "files", "center_mm", "pose", "side", "excluded", "table_deg", "mount")
 _OF_MEASURED = (
-    "capture",
-    "kind",
-    "verdict",
-    "center_mm",
-    "radius_mm",
-    "point_sigma_mm",
-    "points_per_independent",
-    "extent_deg",
-    "on_sphere",
-)
+    "capture", "kind", "verdict", "center_mm", "radius_mm", "point_sigma_mm", "points_per_independent",
+    "extent_deg", "on_sphere",
+)  # fmt: skip
 _OF_RESULT = (
-    "stage",
-    "tool0_from_laser",
-    "sphere_center_in_base_mm",
-    "variance_components",
-    "workpiece",
-    "stale",
+    "stage", "tool0_from_laser", "sphere_center_in_base_mm", "variance_components", "workpiece", "stale",
     "angle_sigma_deg",
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,12 +144,12 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
     design = Design(situation.taken, situation.assumed)
     after_each = [float(worst_sigma_mm(design.workpiece(range(n + 1)))) for n in range(count)]
     history = [
-        MeterPoint(capture=o.capture, uncertainty_mm=_expanded(sigma))
+        MeterPoint(capture=o.capture, uncertainty_mm=expanded(sigma))
         for o, sigma in zip(situation.taken, after_each, strict=True)
     ]
     covariance = design.tool(range(count))
     still_open = [d.description for d in open_directions(covariance, _WEAK)]
-    now = stated_mm if stated_mm is not None else _expanded(after_each[-1]) if count else None
+    now = stated_mm if stated_mm is not None else expanded(after_each[-1]) if count else None
     if stated_mm is not None and history:
         history[-1] = history[-1].model_copy(update={"uncertainty_mm": stated_mm})
     meter = Meter(
@@ -174,7 +162,7 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
         return Advice(meter, still_open, None)
     # A stated figure is the better one: what a capture gains is a share of it.
     scale = 1.0 if stated_mm is None or not count else stated_mm / (COVERAGE * after_each[-1])
-    update: dict[str, Any] = {"after_next_mm": _expanded(chosen.after_mm * scale)}
+    update: dict[str, Any] = {"after_next_mm": expanded(chosen.after_mm * scale)}
     enough = False
     if wanted_mm is not None:
         more = still_needed(situation, wanted_mm / COVERAGE / scale)
@@ -186,5 +174,6 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
     return Advice(meter.model_copy(update={**update, "enough": enough}), still_open, chosen)
 
 
-def _expanded(sigma_mm: float) -> float | None:
+def expanded(sigma_mm: float) -> float | None:
+    """Return an expanded uncertainty; None where it is too large to be one yet."""
     return COVERAGE * sigma_mm if sigma_mm < _OPEN_MM else None

@@ -12,7 +12,7 @@ from calib_core.chain.table_start import find_table_start
 from calib_core.errors import CalibrationError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.guidance.advice import inputs_of, inputs_read
+from calib_core.guidance.advice import expanded, inputs_of, inputs_read
 from calib_core.guidance.candidates import allowed, candidates
 from calib_core.guidance.known import observations_of, situation_of
 from calib_core.guidance.planner import Situation
@@ -29,7 +29,6 @@ _AT_ONCE = 3  # captures that another height needs before it says anything
 _WORTH_A_CHANGE = 0.93  # of the ±: what moving the sphere must bring beside going on where it is
 _BEFORE_A_CHANGE = 4
 _MOST = 12
-_OPEN_MM = 20.0
 _MOUNTED_MM = 80.0  # off the axis, where nothing says where the sphere will stand
 
 
@@ -302,13 +301,13 @@ def _advised(told: str) -> TableAdvice | None:
 def advice_in(now: TableSituation, wanted_mm: float | None) -> TableAdvice:
     """Return what to do next in a situation; every ± is k = 2."""
     sigma = _after(now, [[]])[0]
-    meter = Meter(uncertainty_mm=_expanded(sigma), wanted_mm=wanted_mm)
+    meter = Meter(uncertainty_mm=expanded(sigma), wanted_mm=wanted_mm)
     if wanted_mm is not None and COVERAGE * sigma <= wanted_mm:
         return TableAdvice(meter.model_copy(update={"enough": True, "still_needed": 0}), None)
     chosen = next_shot(now)
     if chosen is None:
         return TableAdvice(meter, None)
-    update: dict[str, Any] = {"after_next_mm": _expanded(chosen.after_mm)}
+    update: dict[str, Any] = {"after_next_mm": expanded(chosen.after_mm)}
     if wanted_mm is not None:
         update["still_needed"] = _still_needed(now, wanted_mm / COVERAGE)
     return TableAdvice(meter.model_copy(update=update), chosen)
@@ -324,10 +323,6 @@ def _still_needed(now: TableSituation, wanted_sigma_mm: float) -> int | None:
     shots = shots[:_MOST]
     after = _after(now, [shots[: n + 1] for n in range(len(shots))])
     return next((n + 1 for n, sigma in enumerate(after) if sigma <= wanted_sigma_mm), None)
-
-
-def _expanded(sigma_mm: float) -> float | None:
-    return COVERAGE * sigma_mm if sigma_mm < _OPEN_MM else None
 
 
 def planned_shots(now: TableSituation, count: int) -> list[TableShot]:

@@ -18,17 +18,17 @@ def parse_session(data: Mapping[str, Any], where: str = "session.json") -> Sessi
     InputError
         With the field that is at fault and what it should hold.
     """
-    return _parse(Session, data, where)
+    return parsed_record(Session, data, where)
 
 
 def parse_capture(data: Mapping[str, Any], where: str = "capture") -> Capture:
     """Return the capture that JSON data describes; raises InputError."""
-    return _parse(Capture, data, where)
+    return parsed_record(Capture, data, where)
 
 
 def parse_cell(data: Mapping[str, Any], where: str = "cell") -> Cell:
     """Return the cell that JSON data describes; raises InputError."""
-    return _parse(Cell, data, where)
+    return parsed_record(Cell, data, where)
 
 
 _R = TypeVar("_R", bound=Record)
@@ -36,10 +36,6 @@ _R = TypeVar("_R", bound=Record)
 
 def parsed_record(model: type[_R], data: Mapping[str, Any], where: str) -> _R:
     """Return any record that JSON data describes; raises InputError."""
-    return _parse(model, data, where)
-
-
-def _parse(model: type[_R], data: Mapping[str, Any], where: str) -> _R:
     try:
         return model.model_validate(data)
     except ValidationError as error:

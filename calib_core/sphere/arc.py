@@ -23,7 +23,6 @@ from calib_core.sphere.diagnosis import (
     points_as_rows,
     radius_mismatch,
     require_diameter,
-    require_point_sigma,
 )
 
 LEAST_EXTENT_RAD = float(np.deg2rad(30.0))
@@ -61,7 +60,7 @@ class ArcFit:
     rms_mm : float
         Root mean square of the inliers' distances to the circle.
     point_sigma_mm : float
-        Standard deviation of one point across the arc: as given, or estimated from the inliers.
+        Standard deviation of one point across the arc, estimated from the inliers.
     inliers : (N,) bool
         The points of the profile that lie on the arc.
     extent_rad : float
@@ -147,7 +146,6 @@ def fit_arc(
     points_in_laser_mm: ArrayLike,
     sphere_diameter_mm: float | None,
     z_axis: Literal["away", "toward"] | None = None,
-    point_sigma_mm: float | None = None,
 ) -> ArcFit:
     """Find the arc that a sphere leaves in a profile and fit its circle by least squares of geometric distance.
 
@@ -164,8 +162,6 @@ def fit_arc(
         The sphere's diameter; None accepts a circle of any radius.
     z_axis : "away", "toward" or None
         Which way z grows, seen from the scanner; None lets the data decide.
-    point_sigma_mm : float or None
-        Standard deviation of one point; None estimates it from the inliers.
 
     Raises
     ------
@@ -175,19 +171,17 @@ def fit_arc(
     """
     given = points_as_rows(points_in_laser_mm, 2, "profile")
     require_diameter(sphere_diameter_mm)
-    require_point_sigma(point_sigma_mm)
     points, row_of_point = _distinct_finite(given)
-    arcs = _arcs_in(points, sphere_diameter_mm, z_axis, point_sigma_mm or 0.0)
+    arcs = _arcs_in(points, sphere_diameter_mm, z_axis)
     arc = _the_one(arcs, sphere_diameter_mm, z_axis)
-    sigma_mm = point_sigma_mm or arc.sigma_mm
     inliers = np.zeros(len(given), dtype=bool)
     inliers[row_of_point >= 0] = arc.inliers[row_of_point[row_of_point >= 0]]
     return ArcFit(
         center_mm=arc.circle[:2].copy(),
         radius_mm=float(arc.circle[2]),
-        covariance=np.asarray(sigma_mm**2 * np.linalg.inv(arc.normal_matrix), dtype=float),
+        covariance=np.asarray(arc.sigma_mm**2 * np.linalg.inv(arc.normal_matrix), dtype=float),
         rms_mm=arc.rms_mm,
-        point_sigma_mm=sigma_mm,
+        point_sigma_mm=arc.sigma_mm,
         inliers=inliers,
         extent_rad=arc.extent_rad,
         visible_side=arc.side,
@@ -227,15 +221,15 @@ def _distinct_finite(given: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     return points, row_of_point
 
 
-def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None, sigma_mm: float) -> list[_Arc]:
+def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None) -> list[_Arc]:
     """Return the refined candidates; the search ends early once no other candidate can beat a good one."""
     arcs: list[_Arc] = []
     best = 0
-    circles, support = arc_candidates(points, 3 * sigma_mm)
+    circles, support = arc_candidates(points)
     for circle, most in zip(circles, support, strict=True):
         if best > 1.3 * most:
             break
-        arc = _refined(points, circle, 3 * sigma_mm)
+        arc = _refined(points, circle)
         if arc is not None:
             arcs.append(arc)
             if arc.is_beyond_doubt and _is_possible(arc, diameter_mm, z_axis):
@@ -243,11 +237,10 @@ def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None, 
     return arcs
 
 
-def _refined(points: FloatArray, circle: FloatArray, band_at_least_mm: float) -> _Arc | None:
+def _refined(points: FloatArray, circle: FloatArray) -> _Arc | None:
     """Follow a candidate to the circle that its own points define, or return None where it dissolves."""
     start_radius = circle[2]
-    widest = max(_START_BAND * start_radius, band_at_least_mm)
-    cut = widest
+    cut = widest = _START_BAND * start_radius
     kept = np.zeros(len(points), dtype=bool)
     for _ in range(25):
         misfit = np.abs(distances_to_circle(points, circle))

@@ -22,7 +22,7 @@ _LEAST_TRIPLE_EXTENT_RAD = np.deg2rad(14.0)
 _MOST = 10
 
 
-def arc_candidates(points: FloatArray, band_at_least: float = 0.0) -> tuple[FloatArray, FloatArray]:
+def arc_candidates(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return distinct candidate circles (K ≤ 10, 3) as x, z, r, best first, and the support (K,) of each.
 
     The support is an estimate of the number of points within the band about the circle, less as many as a
@@ -32,8 +32,6 @@ def arc_candidates(points: FloatArray, band_at_least: float = 0.0) -> tuple[Floa
     ----------
     points : (N, 2)
         Finite, in the order of the stripe or in none.
-    band_at_least : float
-        Least half width of the band, for sensors that are known to be noisy.
     """
     ordered = points[stripe_order(points)]
     origin = ordered.mean(axis=0)
@@ -44,7 +42,7 @@ def arc_candidates(points: FloatArray, band_at_least: float = 0.0) -> tuple[Floa
     if len(circles) == 0:
         return np.zeros((0, 3)), np.zeros(0)
     step = max(1, len(ordered) // _SCORED_POINTS)
-    support = _support(ordered[::step], circles, band_at_least) * step
+    support = _support(ordered[::step], circles) * step
     chosen = _distinct(circles, support)
     return circles[chosen] + np.array([*origin, 0.0]), support[chosen]
 
@@ -101,7 +99,7 @@ def _squared(offset: FloatArray) -> FloatArray:
     return offset[:, 0] ** 2 + offset[:, 1] ** 2
 
 
-def _support(points: FloatArray, circles: FloatArray, band_at_least: float) -> FloatArray:
+def _support(points: FloatArray, circles: FloatArray) -> FloatArray:
     """Return how many points each circle explains beyond the background's share.
 
     To first order d² − r² is 2r times the distance to the circle, and all of them are one matrix product.
@@ -111,7 +109,7 @@ def _support(points: FloatArray, circles: FloatArray, band_at_least: float) -> F
     of_circles = np.column_stack([-2 * x, -2 * z, np.ones(len(x)), x**2 + z**2 - r**2]).astype(np.float32)
     misfit = of_circles @ of_points.T
     np.abs(misfit, out=misfit)
-    band = np.maximum(BAND * r, band_at_least)
+    band = BAND * r
     inside = _count(misfit < (2 * r * band).astype(np.float32)[:, None])
     beside = _count(misfit < (6 * r * band).astype(np.float32)[:, None]) - inside
     return inside - beside / 2

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.sphere.circle import CUT_IN_SIGMAS, KEPT_VARIANCE
-from calib_core.sphere.diagnosis import points_as_rows, radius_mismatch, require_diameter, require_point_sigma
+from calib_core.sphere.diagnosis import points_as_rows, radius_mismatch, require_diameter
 
 LEAST_POINTS = 20
 
@@ -42,7 +42,7 @@ class SphereFit:
     rms_mm : float
         Root mean square of the inliers' distances to the sphere.
     point_sigma_mm : float
-        Standard deviation of one point along the normal: as given, or estimated from the inliers.
+        Standard deviation of one point along the normal, estimated from the inliers.
     inliers : (N,) bool
         The points of the cloud that lie on the sphere.
     """
@@ -67,9 +67,7 @@ class _Step:
     inliers: NDArray[np.bool_]
 
 
-def fit_sphere(
-    points_in_laser_mm: ArrayLike, diameter_mm: float | None = None, point_sigma_mm: float | None = None
-) -> SphereFit:
+def fit_sphere(points_in_laser_mm: ArrayLike, diameter_mm: float | None = None) -> SphereFit:
     """Find the sphere in a cloud and fit it by least squares of geometric distance.
 
     Spheres through neighbouring points of a small sample give a start (a fixed sequence of draws), a larger sample
@@ -82,8 +80,6 @@ def fit_sphere(
         Rows with NaN are blanks (organised clouds have them).
     diameter_mm : float or None
         The sphere's diameter; None fits it as well.
-    point_sigma_mm : float or None
-        Standard deviation of one point along the normal; None estimates it from the inliers.
 
     Raises
     ------
@@ -92,14 +88,11 @@ def fit_sphere(
     """
     points = np.ascontiguousarray(points_as_rows(points_in_laser_mm, 3, "cloud"))
     require_diameter(diameter_mm)
-    require_point_sigma(point_sigma_mm)
     sample = _sample(points)
-    band_mm = 3 * (point_sigma_mm or 0.0)
-    sphere, cut = _found(sample, diameter_mm, band_mm)
+    sphere, cut = _found(sample, diameter_mm)
     step = _over_all(points, sphere, cut, free=diameter_mm is None)
     unknowns = len(step.normal_matrix)
-    estimate_mm = float(np.sqrt(step.squared_sum / (max(step.count - unknowns, 1) * KEPT_VARIANCE)))
-    sigma_mm = point_sigma_mm or estimate_mm
+    sigma_mm = float(np.sqrt(step.squared_sum / (max(step.count - unknowns, 1) * KEPT_VARIANCE)))
     return SphereFit(
         center_mm=step.sphere[:3].copy(),
         radius_mm=float(step.sphere[3]),
@@ -154,17 +147,17 @@ def _stretches(count: int, wanted: int) -> NDArray[np.intp]:
     return ((np.arange(wanted) + jitter) * (count / wanted)).astype(np.intp)
 
 
-def _found(sample: FloatArray, diameter_mm: float | None, band_mm: float) -> tuple[FloatArray, float]:
+def _found(sample: FloatArray, diameter_mm: float | None) -> tuple[FloatArray, float]:
     """Return the sphere (x, y, z, r) of the sample and the cut that parts its points from the others."""
     if diameter_mm is None:
-        found = _search(sample, None, band_mm)
+        found = _search(sample, None)
         if found is None:
             raise _no_sphere()
         return found
-    found = _search(sample, diameter_mm / 2, band_mm)
+    found = _search(sample, diameter_mm / 2)
     if found is not None:
         return found
-    other = _search(sample, None, band_mm)
+    other = _search(sample, None)
     if other is None or abs(other[0][3] - diameter_mm / 2) < 0.02 * diameter_mm / 2:
         raise _no_sphere()
     raise radius_mismatch(float(other[0][3]), diameter_mm, "sphere")
@@ -178,7 +171,7 @@ def _no_sphere() -> MeasurementError:
     )
 
 
-def _search(sample: FloatArray, radius_mm: float | None, band_mm: float) -> tuple[FloatArray, float] | None:
+def _search(sample: FloatArray, radius_mm: float | None) -> tuple[FloatArray, float] | None:
     """Return a sphere that stands every check, trying again without the points of those that did not."""
     from calib_core.kernels.sphere import first_spheres
 
@@ -191,14 +184,14 @@ def _search(sample: FloatArray, radius_mm: float | None, band_mm: float) -> tupl
         # Neighbours are drawn blindly, so the few points of the seed must come from everywhere.
         seed = left[_stretches(len(left), _SEED_POINTS)] if len(left) > _SEED_POINTS else left
         least_draws = 40 if radius_mm else _LEAST_DRAWS
-        firsts = first_spheres(seed, radius_mm or 0.0, reach, _SEED_BAND, band_mm, least_draws, _DRAWS)
+        firsts = first_spheres(seed, radius_mm or 0.0, reach, _SEED_BAND, 0.0, least_draws, _DRAWS)
         firsts = firsts[firsts[:, 4] >= LEAST_POINTS / 2]
         if len(firsts) == 0:
             return None
         found: list[tuple[float, FloatArray, float]] = []
         for first in firsts[np.argsort(-firsts[:, 4], kind="stable")]:
-            refined = _refined(everything, first[:4], band_mm, free=radius_mm is None)
-            if refined is not None and _stands(everything, *refined, radius_mm, band_mm):
+            refined = _refined(everything, first[:4], free=radius_mm is None)
+            if refined is not None and _stands(everything, *refined, radius_mm):
                 found.append((_sharpness(everything, *refined), *refined))
                 if refined[1] < _BEYOND_DOUBT_CUT * refined[0][3]:
                     break  # smooth and round: the candidates of less support need not be tried
@@ -207,7 +200,7 @@ def _search(sample: FloatArray, radius_mm: float | None, band_mm: float) -> tupl
             return sphere + np.array([*origin, 0.0]), cut
         best = firsts[np.argmax(firsts[:, 4])]
         distance = np.abs(np.linalg.norm(left - best[:3], axis=1) - best[3])
-        left = left[distance > max(_START_BAND * best[3], band_mm)]
+        left = left[distance > _START_BAND * best[3]]
     return None
 
 
@@ -217,13 +210,10 @@ def _sharpness(points: FloatArray, sphere: FloatArray, cut: float) -> float:
     return float(sphere[3]) / max(_sigma_radius(step, float(np.sqrt(step.squared_sum / step.count))), 1e-300)
 
 
-def _refined(
-    points: FloatArray, sphere: FloatArray, band_mm: float, free: bool
-) -> tuple[FloatArray, float] | None:
+def _refined(points: FloatArray, sphere: FloatArray, free: bool) -> tuple[FloatArray, float] | None:
     """Follow a first sphere to the one that its own points define, or return None where it dissolves."""
     start_radius = float(sphere[3])
-    widest = max(_START_BAND * start_radius, band_mm)
-    cut = widest
+    cut = widest = _START_BAND * start_radius
     count = -1
     for _ in range(25):
         step = _step(points, sphere, cut, free)
@@ -243,7 +233,7 @@ def _refined(
     return sphere, cut
 
 
-def _stands(points: FloatArray, sphere: FloatArray, cut: float, radius_mm: float | None, band_mm: float) -> bool:
+def _stands(points: FloatArray, sphere: FloatArray, cut: float, radius_mm: float | None) -> bool:
     """Whether the points are a sphere at all, and of the known radius: enough, smooth, bent, dense, determined."""
     step = _step(points, sphere, cut, free=True)
     rms = float(np.sqrt(step.squared_sum / max(step.count, 1)))
@@ -261,7 +251,7 @@ def _stands(points: FloatArray, sphere: FloatArray, cut: float, radius_mm: float
         return bool(np.linalg.eigvalsh(step.normal_matrix / step.count)[0] > _WEAKEST_DIRECTION)
     if abs(step.sphere[3] - radius_mm) < 0.005 * radius_mm:
         return True
-    refined = _refined(points, sphere, band_mm, free=True)
+    refined = _refined(points, sphere, free=True)
     if refined is None:  # too little of the sphere may be seen to say its radius; the known one stands then
         return _sigma_radius(step, rms) > 0.1 * radius_mm
     freed = _step(points, *refined, free=True)

@@ -44,16 +44,6 @@ def require_diameter(diameter_mm: float | None) -> None:
         )
 
 
-def require_point_sigma(point_sigma_mm: float | None) -> None:
-    """Raise MeasurementError unless the points' standard deviation is None or a positive finite number."""
-    if point_sigma_mm is not None and not (np.isfinite(point_sigma_mm) and point_sigma_mm > 0):
-        raise MeasurementError(
-            "a positive standard deviation of the points in mm",
-            f"{point_sigma_mm}",
-            "Give a positive number, or leave it out to have it estimated.",
-        )
-
-
 def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> MeasurementError:
     """Return the error that names the likeliest reason why a clear `shape` has a radius that cannot be.
 

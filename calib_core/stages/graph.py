@@ -147,9 +147,9 @@ def stage_captures(session: Session, stage: str) -> list[Capture]:
     return [capture for capture in session.captures if capture.step in steps]
 
 
-def inputs_sha256(session: Session, stage: str, read: ReadFile, digest: Digest | None = None) -> str:
-    """Return a stage's key, the hash of all that its result depends on; `digest` spares reading the files."""
-    return (Graph(session, digest) if digest else Graph.of_files(session, read)).key(stage)
+def inputs_sha256(session: Session, stage: str, read: ReadFile) -> str:
+    """Return a stage's key, the hash of all that its result depends on."""
+    return Graph.of_files(session, read).key(stage)
 
 
 def _sha256(data: Any) -> str:

@@ -88,8 +88,3 @@ def test_the_far_side_is_refused_where_the_side_is_known() -> None:
 def test_impossible_diameters(diameter_mm: float) -> None:
     with pytest.raises(MeasurementError, match="positive sphere diameter"):
         fit_arc(arc(), diameter_mm)
-
-
-def test_impossible_sigma() -> None:
-    with pytest.raises(MeasurementError, match="standard deviation"):
-        fit_arc(arc(), 38.1, point_sigma_mm=0.0)

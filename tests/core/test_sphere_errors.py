@@ -84,8 +84,3 @@ def test_the_radius_given_for_the_diameter_is_named() -> None:
 def test_impossible_diameters(diameter_mm: float) -> None:
     with pytest.raises(MeasurementError, match="positive sphere diameter"):
         fit_sphere(ball(), diameter_mm)
-
-
-def test_impossible_sigma() -> None:
-    with pytest.raises(MeasurementError, match="standard deviation"):
-        fit_sphere(ball(), 40.0, point_sigma_mm=-0.1)

@@ -241,8 +241,6 @@ export const sentences = {
   "Check the scanner's exposure and its file.": { "de": "Prüfen Sie die Belichtung des Scanners und seine Datei.", "zh": "请检查扫描仪的曝光及其文件。" },
   "a positive sphere diameter in mm": { "de": "ein positiver Kugeldurchmesser in mm", "zh": "以 mm 为单位的正球直径" },
   "Give the diameter from the sphere's certificate.": { "de": "Geben Sie den Durchmesser aus dem Zertifikat der Kugel an.", "zh": "请按球的证书给出直径。" },
-  "a positive standard deviation of the points in mm": { "de": "eine positive Standardabweichung der Punkte in mm", "zh": "以 mm 为单位的正的点标准差" },
-  "Give a positive number, or leave it out to have it estimated.": { "de": "Geben Sie eine positive Zahl an, oder lassen Sie sie weg, damit sie geschätzt wird.", "zh": "请给出正数，或省略以便估计。" },
   "an {} of radius ≤ {} mm": { "de": "{1} mit Radius ≤ {2} mm", "zh": "半径 ≤ {2} mm 的{1}" },
   "a {} of radius {} mm": { "de": "{1} mit Radius {2} mm", "zh": "半径 {2} mm 的{1}" },
   " (sphere diameter {} mm)": { "de": " (Kugeldurchmesser {} mm)", "zh": "（球直径 {} mm）" },
