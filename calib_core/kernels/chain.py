@@ -172,9 +172,10 @@ def settle_centers(
             )  # fmt: skip
             if trial_cost <= cost:
                 cost = trial_cost
-                centers[k] = trial
-                gradient[:] = trial_gradient
-                information[:] = trial_information
+                for i in range(3):
+                    centers[k, i], gradient[i] = trial[i], trial_gradient[i]
+                    for j in range(3):
+                        information[i, j] = trial_information[i, j]
                 damping *= 0.1
             else:
                 damping = max(10.0 * damping, 1e-3)

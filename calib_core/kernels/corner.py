@@ -96,13 +96,16 @@ def _descend(grey: FloatArray, window: Window, cut: float, p: FloatArray) -> tup
         for j in range(_TERMS):
             damped[j, j] = damped[j, j] * (1.0 + damping) + 1e-12
         step = np.linalg.solve(damped, gradient)
-        trial[:] = p + step
+        for j in range(_TERMS):
+            trial[j] = p[j] + step[j]
         trial[4] = min(max(trial[4], _LEAST_BLUR_PX), _MOST_BLUR_PX)
         next_count, next_cost = _equations(grey, window, cut, trial, next_hessian, next_gradient)
         small = abs(step[0]) + abs(step[1]) < _SETTLED_PX
         if next_cost < cost or small:
-            p[:] = trial
-            hessian[:], gradient[:] = next_hessian, next_gradient
+            for j in range(_TERMS):
+                p[j], gradient[j] = trial[j], next_gradient[j]
+                for k in range(_TERMS):
+                    hessian[j, k] = next_hessian[j, k]
             count, cost, damping = next_count, next_cost, max(0.2 * damping, 1e-9)
             if small:
                 break

@@ -199,9 +199,10 @@ def judge_grid(
                 elif marks[k] >= _FEWER:
                     between = _lies_between(planes, row + REACH, start + k + REACH, reach2, ray)
                     marks[k] = MIXED if between else marks[k] - _FEWER
-            for axis in range(3):
-                normals[axis, row, start:end] = out[axis, :count]
-            cosines[row, start:end] = out[5, :count]
+            for k in range(count):
+                for axis in range(3):
+                    normals[axis, row, start + k] = out[axis, k]
+                cosines[row, start + k] = out[5, k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

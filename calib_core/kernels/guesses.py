@@ -141,7 +141,9 @@ def _turn(rotation: FloatArray, vector: FloatArray, turned: FloatArray) -> None:
     for i in range(3):
         for j in range(3):
             turned[i, j] = rotation[i, 0] * by[0][j] + rotation[i, 1] * by[1][j] + rotation[i, 2] * by[2][j]
-    rotation[:] = turned
+    for i in range(3):
+        for j in range(3):
+            rotation[i, j] = turned[i, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -47,7 +47,8 @@ def blend_bands(depth_mm: float, bands: FloatArray, starts: FloatArray, ends: Fl
     """Write the 14 coefficients at a depth into `out`: linear between two bands where they overlap."""
     b, weight, _ = band_position(depth_mm, starts, ends)
     if weight == 0.0:
-        out[:] = bands[b]
+        for j in range(14):
+            out[j] = bands[b, j]
         return
     for j in range(14):
         out[j] = (1.0 - weight) * bands[b, j] + weight * bands[b + 1, j]

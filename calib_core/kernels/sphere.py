@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-SUMS = 15
 """n, Σu (3), Σ uuᵀ upper triangle (6), Σ res·u (3), Σ res, Σ res²: all over the points within the cut."""
 
 
@@ -28,14 +27,13 @@ def sphere_sums(
     inliers: NDArray[np.bool_],
     mark: bool,
 ) -> FloatArray:
-    """Return the sums (SUMS,) of the points (N, 3) nearer than `cut` to a sphere, in one pass.
+    """Return the sums (15,) of the points (N, 3) nearer than `cut` to a sphere, in one pass.
 
     u is the unit vector from the centre to the point, res the signed distance to the sphere.  A point with NaN or
     infinity fails the comparison and is left out.  Where `mark` is true, `inliers` (N,) is filled as well.
 
     Every loop is free of branches, so that it becomes vector instructions: a point outside has u = 0 and res = 0.
     """
-    sums = np.zeros(SUMS)
     largest2 = (radius + cut) ** 2
     smallest = max(radius - cut, 0.0)
     smallest2 = smallest * smallest
@@ -77,8 +75,7 @@ def sphere_sums(
             rz += br[k] * bz[k]
             r1 += br[k]
             r2 += br[k] * br[k]
-    sums[:] = (n, ux, uy, uz, xx, xy, xz, yy, yz, zz, rx, ry, rz, r1, r2)
-    return sums
+    return np.array((n, ux, uy, uz, xx, xy, xz, yy, yz, zz, rx, ry, rz, r1, r2))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -167,7 +164,9 @@ def first_spheres(
     while draw < enough:
         draw += 1
         within = reach if known_radius > 0 else reach * 2.0 ** (-6.0 * _random(state))
-        picked[0] = points[int(_random(state) * count)]
+        first = points[int(_random(state) * count)]
+        for axis in range(3):
+            picked[0, axis] = first[axis]
         got = 1
         for _ in range(200):
             other = points[int(_random(state) * count)]
@@ -175,7 +174,8 @@ def first_spheres(
             for axis in range(3):
                 d2 += (other[axis] - picked[0, axis]) ** 2
             if 0 < d2 < within * within:
-                picked[got] = other
+                for axis in range(3):
+                    picked[got, axis] = other[axis]
                 got += 1
                 if got == needed:
                     break
@@ -202,7 +202,8 @@ def first_spheres(
             if known_radius <= 0:
                 row = int(min(max(np.floor(np.log2(4 * reach / radius)), 0.0), OCTAVES - 1.0))
             if support > best[row, 4]:
-                best[row, :] = (x, y, z, radius, support)
+                for k, value in enumerate((x, y, z, radius, support)):
+                    best[row, k] = value
             if support > most_support:
                 most_support = support
                 # A third of the draws from the sphere's own points are taken to be good.

@@ -86,8 +86,10 @@ def filters_of(width_px: float, noise_ratio: float) -> StripeFilters:
         for k in range(taps):
             tables[0, p, k], tables[1, p, k], tables[2, p, k] = h[k], slope[k], g[k]
         if p == PHASES // 2:  # the centre on a whole row
-            whole[:3, :taps] = tables[:, p]
-            short[0, : 2 * inner + 1] = tables[0, p, half - inner : half + inner + 1]
+            for k in range(taps):
+                whole[0, k], whole[1, k], whole[2, k] = h[k], slope[k], g[k]
+            for k in range(2 * inner + 1):
+                short[0, k] = h[half - inner + k]
             if noise_ratio:
                 for k in range(taps):
                     turn = u[k] * per_square

@@ -152,7 +152,8 @@ def find(
     """
     variance = surroundings_variance(image, _NOISE_SAMPLES) + _QUANTISATION_VARIANCE
     seeds, seeds_codes = _seeds(image, words, box_width_px, rivalry, variance)
-    codes[:] = seeds_codes
+    for j in range(len(codes)):
+        codes[j] = seeds_codes[j]
     hot = 6.0 * np.sqrt(variance) + 0.02 * saturation
     width_px, light, noise_ratio = _look_at_some(
         image, seeds, codes, variance, hot, box_width_px, given_width_px, widths, shapes
