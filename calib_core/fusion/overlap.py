@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError
-from calib_core.frames import FloatArray, skew
+from calib_core.frames import FloatArray, rotation_from_vector, skew
 from calib_core.fusion.clean_scan import KEPT, CleanScan
 from calib_core.fusion.merge import VoxelGrid
 
@@ -73,12 +73,7 @@ class Patches:
 
     def moved(self, moves: FloatArray, centre_mm: FloatArray) -> "Patches":
         """Return the patches after each scan's move (S, 6): rx ry rz about `centre_mm`, tx ty tz."""
-        from calib_core.frames import rotation_from_vector
-
-        ways = np.tile(np.eye(4), (len(moves), 1, 1))
-        ways[:, :3, :3] = [rotation_from_vector(move[:3]) for move in moves]
-        ways[:, :3, 3] = centre_mm - ways[:, :3, :3] @ centre_mm + moves[:, 3:]
-        return self.transformed(ways)
+        return self.transformed(transforms_of_moves(moves, centre_mm))
 
     def transformed(self, turntable_from_scan: FloatArray) -> "Patches":
         """Return the patches after a transform of each scan's points, (S, 4, 4)."""
@@ -88,21 +83,30 @@ class Patches:
 
     def turned(self, angles_rad: FloatArray) -> "Patches":
         """Return the patches after each scan's turn (S,) about T's z axis, put into voxels anew."""
-        from calib_core.frames import rotation_from_vector
-
-        turns = np.array([rotation_from_vector(np.array([0.0, 0.0, angle])) for angle in angles_rad])[self.scans]
-        points = np.einsum("nij,nj->ni", turns, self.points_mm)
-        _, voxels = np.unique(np.floor(points / self.size_mm).astype(np.int64), axis=0, return_inverse=True)
+        moves = np.zeros((len(angles_rad), 6))
+        moves[:, 2] = angles_rad
+        there = self.moved(moves, np.zeros(3))
+        cells = np.floor(there.points_mm / self.size_mm).astype(np.int64)
+        _, voxels = np.unique(cells, axis=0, return_inverse=True)
         order = np.argsort(voxels.ravel(), kind="stable")
         bounds = np.concatenate([[0], np.flatnonzero(np.diff(voxels.ravel()[order])) + 1, [len(order)]])
         return replace(
-            self,
+            there,
             scans=self.scans[order],
-            points_mm=points[order],
-            normals=np.einsum("nij,nj->ni", turns, self.normals)[order],
+            points_mm=there.points_mm[order],
+            normals=there.normals[order],
             variances_mm2=self.variances_mm2[order],
             bounds=bounds.astype(np.int64),
         )
+
+
+def transforms_of_moves(moves: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return moves (S, 6) about a centre as transforms (S, 4, 4)."""
+    matrices = np.tile(np.eye(4), (len(moves), 1, 1))
+    for matrix, move in zip(matrices, moves, strict=True):
+        matrix[:3, :3] = rotation_from_vector(move[:3])
+        matrix[:3, 3] = centre - matrix[:3, :3] @ centre + move[3:]
+    return matrices
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.frames import FloatArray, rotation_from_vector, skew
-from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap
+from calib_core.frames import FloatArray, skew
+from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, overlap, transforms_of_moves
 
 _ROUNDS = 8
 _POSITION_SIGMA_MM, _TURN_SIGMA_RAD = 0.1, 0.001  # per axis, about the middle of all points
@@ -116,12 +116,3 @@ def _ways(seen: Patches, moves: FloatArray, centre: FloatArray) -> tuple[FloatAr
             middle = mine.mean(axis=0)
             shift_mm[number] = np.linalg.norm(matrix[:3, :3] @ middle + matrix[:3, 3] - middle)
     return matrices, shift_mm
-
-
-def transforms_of_moves(moves: FloatArray, centre: FloatArray) -> FloatArray:
-    """Return moves (S, 6) about a centre as transforms (S, 4, 4)."""
-    matrices = np.tile(np.eye(4), (len(moves), 1, 1))
-    for matrix, move in zip(matrices, moves, strict=True):
-        matrix[:3, :3] = rotation_from_vector(move[:3])
-        matrix[:3, 3] = centre - matrix[:3, :3] @ centre + move[3:]
-    return matrices

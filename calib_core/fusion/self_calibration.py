@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, vector_from_rotation
-from calib_core.fusion.overlap import PoseErrors
-from calib_core.fusion.register import Registration, covariance_of_moves, transforms_of_moves
+from calib_core.fusion.overlap import PoseErrors, transforms_of_moves
+from calib_core.fusion.register import Registration, covariance_of_moves
 
 LARGEST_VARIANCE = 0.05
 """Of a direction that is moved, beside 1 before: known 4.5 times better by the overlap."""
