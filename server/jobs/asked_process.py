@@ -9,8 +9,11 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
+from calib_core.compiled import on_compiling
+
 _START_TIMEOUT_S = 300.0  # kernels are compiled where no cache of them is left
-_READY = "ready"
+_COMPILING_TIMEOUT_S = 600.0
+_READY, _COMPILING = "ready", "compiling"
 
 
 class AskedProcess:
@@ -42,14 +45,20 @@ class AskedProcess:
         return self._process.pid
 
     def ask(self, work: object, timeout_s: float) -> Any:
-        """Return the answer to one piece of work; raises TimeoutError, or EOFError where the process ended."""
+        """Return the answer to one piece of work; raises TimeoutError, or EOFError where the process ended.
+
+        Where a kernel must be compiled first, as on a machine that was just set up, the work is given longer.
+        """
         usable, self.usable = self.usable, False  # until all went well
         if not usable:
             raise EOFError
         self._connection.send(work)
-        if not self._connection.poll(timeout_s):
-            raise TimeoutError
-        answer = self._connection.recv()
+        answer: Any = _COMPILING
+        while isinstance(answer, str) and answer == _COMPILING:
+            if not self._connection.poll(timeout_s):
+                raise TimeoutError
+            answer = self._connection.recv()
+            timeout_s = max(timeout_s, _COMPILING_TIMEOUT_S)
         self.usable = True
         return answer
 
@@ -80,5 +89,6 @@ def answer_questions(connection: "Connection[Any, Any]", answer: Callable[[Any],
     """Answer what comes until the service hangs up, maybe before this process is ready."""
     with suppress(EOFError, OSError):
         connection.send(_READY)
+        on_compiling.append(lambda: connection.send(_COMPILING))
         while True:
             connection.send(answer(connection.recv()))

@@ -17,7 +17,7 @@ from server.simulated_cell.modbus_server import ModbusServer
 from server.simulated_cell.opcua_server import OpcUaServer
 from server.simulated_cell.rtde_server import RtdeServer
 from server.simulated_cell.stream_server import StreamServer
-from server.sources.device import Device, Frame
+from server.sources.device import Device, Frame, Sample
 from tests.server.connected_device import connected, sample_of
 
 JOINTS_DEG = (10.0, -80.0, 95.0, 5.0, 60.0, -15.0)
@@ -107,6 +107,25 @@ def test_rtde_tells_the_flange_without_the_tools_offset(offset_mm: float | None)
     assert found.base_from_tool0.translation_mm == pytest.approx([400, -200, 300 - (offset_mm or 0)])
     assert found.joints_deg == pytest.approx(JOINTS_DEG)
     assert (found.device_time_s, found.moving) == (12.5, False)
+
+
+def test_a_simulated_controller_that_is_held_up_leaves_no_cycle_out() -> None:
+    held_up = iter([0.0, 0.0, 0.3])
+
+    def outputs(moment_s: float) -> dict[str, tuple[float, ...]]:
+        time.sleep(next(held_up, 0.0))
+        return {"timestamp": (moment_s,), **OUTPUTS}
+
+    server = RtdeServer(outputs)
+    device = connected("ur-rtde", host="127.0.0.1", port=server.port, frequency_hz=50)
+    try:
+        read = [device.read() for _ in range(24)]
+    finally:
+        device.close()
+        server.stop()
+    times_s = [sample.device_time_s for sample in read if isinstance(sample, Sample)]
+    assert len(times_s) > 20
+    assert np.diff(np.array(times_s, dtype=float)) == pytest.approx(0.02)
 
 
 PEER = """

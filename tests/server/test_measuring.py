@@ -1,12 +1,20 @@
 """Measuring in processes: whatever becomes of one, the capture is kept and the next one is measured."""
 
+import time
 from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from calib_core.compiled import on_compiling
 from calib_core.errors import InputError
 from calib_core.simulation import simulate
+from server.jobs.asked_process import AskedProcess, answer_questions
+from server.jobs.child_processes import WorkerContext
 from server.jobs.measuring_processes import Measuring
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 CELL = simulate("tcp", 7)
 CAPTURE = CELL.session.captures[0]
@@ -53,3 +61,30 @@ def test_stopped_processes_are_gone(measuring: Measuring) -> None:
     (process,) = measuring._all
     measuring.stop()
     assert not process._process.is_alive()
+
+
+def compiles_first(connection: "Connection[Any, Any]", silent: bool) -> None:
+    def answer(work: object) -> object:
+        if not silent:
+            for told in on_compiling:
+                told()
+        time.sleep(1.0)
+        return work
+
+    answer_questions(connection, answer)
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_the_time_to_compile_does_not_count(silent: bool) -> None:
+    """A first frame on a new machine was kept unmeasured: its kernels took longer than a capture may."""
+    process = AskedProcess(WorkerContext(False), compiles_first, silent)
+    try:
+        assert process.usable
+        if silent:
+            with pytest.raises(TimeoutError):
+                process.ask("work", 0.2)
+        else:
+            assert process.ask("work", 0.2) == "work"
+            assert process.usable
+    finally:
+        process.end()
