@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, cast
 
+import numpy as np
 from pydantic import Field
 
 from calib_core.archive.folder import result_data
 from calib_core.captures.kept import plain
 from calib_core.errors import CalibrationError, InputError
+from calib_core.frames import RigidTransform
 from calib_core.records import Record, Session
 from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import solve_stage
@@ -162,7 +164,13 @@ def _why(
         reasons.append(f"It was computed by {software}; this is {SOFTWARE}.")
     if fresh and method != fresh.get("method"):
         reasons.append(f"The method was {method!r}; it is {fresh.get('method')!r} now.")
-    if fresh and not Graph.of_files(session, read).is_fresh(stage, stored.get("inputs_sha256")):
+    graph, inputs_sha256 = Graph.of_files(session, read), stored.get("inputs_sha256")
+    if fresh and not reasons and graph.is_of_first_release(stage, inputs_sha256):
+        reasons.append(
+            "It was computed by 0.1.0 as first released; the method has changed since, which is no damage. "
+            f"Now it lies up to {_sigmas(stage, stored, fresh):.2f} standard deviations from it."
+        )
+    if fresh and not graph.is_fresh(stage, inputs_sha256):
         reasons.append(
             "Cell, captures or files were changed after it was computed: the hashes of the inputs differ."
         )
@@ -170,6 +178,20 @@ def _why(
         "Software and inputs are the same: the result was altered, or computed with other arithmetic "
         "(another processor, or other versions of numpy and scipy)."
     ]
+
+
+def _sigmas(stage: str, stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> float:
+    """Return how far the frames lie apart at most along one of their axes, in the new result's sigmas."""
+    from calib_core.exports.workpiece import covariance_in
+    from calib_core.review.compare import frame_difference, frames_of
+
+    largest = 0.0
+    for name, into, outof, covariance in frames_of(stage):
+        left, right = (RigidTransform.from_rounded(one[name], into, outof) for one in (stored, fresh))
+        known = np.asarray(covariance_in(fresh, covariance))
+        axes = frame_difference(name, (left, right), known, np.zeros(3)).axes
+        largest = max([largest, *(abs(axis.sigmas or 0.0) for axis in axes)])
+    return largest
 
 
 def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[str, Any, Any, float]]:

@@ -73,6 +73,13 @@ class Graph:
         except CalibrationError:
             return False
 
+    def is_of_first_release(self, stage: str, inputs_sha256: object) -> bool:
+        """Return whether a result with this hash was solved by 0.1.0, from what the session holds now."""
+        try:
+            return inputs_sha256 == self._first_key(stage)
+        except CalibrationError:
+            return False
+
     def stale(self, results: Mapping[str, Mapping[str, Any] | Result]) -> frozenset[str]:
         """Return the stages whose results, records or their JSON data, were solved from something else."""
         hashes = {

@@ -4,6 +4,7 @@
 """
 
 import json
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ import pytest
 from calib_core.archive.archive import opened, verify
 from calib_core.archive.folder import load_session
 from calib_core.archive.stored_results import result_record, stored_results
+from calib_core.library.archives import replay
 from tests.server.live_server import wait_for
 
 RELEASES = Path(__file__).resolve().parents[1] / "releases"
@@ -50,6 +52,15 @@ def test_an_archive_is_whole_and_its_session_is_read(release: Path) -> None:
             assert read(capture.files[0]).count(b"\n") > 50
         kept = result_record("tcp").model_validate(stored_results(folder)["tcp"]).to_json()
     assert kept["tool0_from_laser"] == stored_result(release)["tool0_from_laser"]
+
+
+def test_a_replay_says_that_the_method_has_changed_and_by_how_many_sigmas(release: Path) -> None:
+    (stage,) = replay(release / "archive.zip").stages
+    assert not stage.equal
+    (why,) = stage.why
+    assert "the method has changed since, which is no damage" in why
+    (sigmas,) = re.findall(r"up to ([\d.]+) standard deviations", why)
+    assert float(sigmas) < SIGMAS
 
 
 def test_an_archive_is_imported_with_its_result(release: Path, client: httpx.Client) -> None:
