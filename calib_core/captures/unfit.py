@@ -41,6 +41,9 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
     for capture in captures:
         if capture.moving and capture.kind != "sweep":
             found[capture.id] = "the robot was moving, and a single capture needs it to stand still"
+        elif capture.scanner is not None and cell.scanners and capture.scanner not in cell.scanners:
+            names = ", ".join(sorted(cell.scanners))
+            found[capture.id] = f"its scanner {capture.scanner} is none of the cell's ({names})"
     for field, name in (("active_tool", "tool"), ("active_frame", "frame"), ("scanner", "scanner")):
         for one, (own, usual) in _minority(captures, field).items():
             found.setdefault(one, f"its {name} is {own}, that of most captures of its step {usual}")
@@ -59,15 +62,21 @@ def _minority(captures: Sequence[Capture], field: str) -> dict[str, tuple[Any, A
 
 
 def told_by_joints(cell: Cell, captures: Sequence[Capture]) -> str | None:
-    """Return whose the poses are where the arm's joints say that they are not the flange's in its base.
+    """Return whose the poses are, or that joints and poses contradict each other, where they are not the flange's.
 
     Raises
     ------
     InputError
         If the arm is unknown, or a capture lacks a joint.
     """
-    pairs = list(_with_joints(cell, captures).values())
+    told = _with_joints(cell, captures)
+    pairs = list(told.values())
     found = identity_by_joints([pose for pose, _ in pairs], [by_joints for _, by_joints in pairs])
+    if found is None and 2 * len(apart := _apart_by_joints(told)) > len(told):
+        return (
+            f"The joints of {len(apart)} of {len(told)} captures do not give their poses. Check the arm "
+            "(cell.robot.arm), the joints' order and signs, and the pose convention."
+        )
     if found is None or found.of_flange:
         return None
     to_do = (
@@ -79,6 +88,12 @@ def told_by_joints(cell: Cell, captures: Sequence[Capture]) -> str | None:
 def _not_by_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
     """Return the captures whose joints give another pose than theirs; none where that is so of most."""
     told = _with_joints(cell, captures)
+    found = _apart_by_joints(told)
+    return found if 2 * len(found) <= len(told) else {}
+
+
+def _apart_by_joints(told: dict[str, tuple[RigidTransform, RigidTransform]]) -> dict[str, str]:
+    """Return by capture how far its joints put the flange from its pose, where that is not an arm's error."""
     found: dict[str, str] = {}
     for name, (pose, by_joints) in told.items():
         shift_mm = float(np.linalg.norm(pose.translation_mm - by_joints.translation_mm))
@@ -89,7 +104,7 @@ def _not_by_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
                 f"its joints put the flange {shift_mm:.0f} mm and {turn_deg:.1f}° from its pose: "
                 "one of the two is another capture's"
             )
-    return found if 2 * len(found) <= len(told) else {}
+    return found
 
 
 def _with_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, tuple[RigidTransform, RigidTransform]]:

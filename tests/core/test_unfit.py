@@ -84,6 +84,19 @@ def test_where_no_joints_give_their_pose_the_arm_is_at_fault() -> None:
         update={"pose_convention": "kuka", "robot": cell.robot.model_copy(update={"arm": "ur10e"})}
     )
     assert unfit(cell, captures_of()) == {}
+    for some in (captures_of(), captures_of()[:1]):
+        told = told_by_joints(cell, some)
+        assert told is not None
+        assert f"The joints of {len(some)} of {len(some)} captures do not give their poses" in told
+
+
+def test_a_scanner_that_the_cell_does_not_have_is_told() -> None:
+    cell = simulate("tcp", 1).session.cell
+    cell = cell.model_copy(update={"pose_convention": "kuka", "scanners": {"left": cell.scanner}})
+    named = [capture.model_copy(update={"scanner": "left"}) for capture in captures_of()]
+    assert unfit(cell, named) == {}
+    named[1] = named[1].model_copy(update={"scanner": "lft"})
+    assert unfit(cell, named) == {named[1].id: "its scanner lft is none of the cell's (left)"}
 
 
 def test_joints_tell_that_a_tool_was_active_and_the_answer_says_so() -> None:

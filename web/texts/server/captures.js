@@ -220,6 +220,7 @@ export const sentences = {
   "the robot was moving, and a single capture needs it to stand still": { "de": "der Roboter bewegte sich, und eine einzelne Aufnahme braucht ihn im Stillstand", "zh": "机器人在运动，而单次采集要求静止" },
   "its {} is {}, that of most captures of its step {}": { "de": "{1} ist {2}; das der meisten Aufnahmen des Schritts ist {3}", "zh": "其 {1} 为 {2}，而同步骤多数采集为 {3}" },
   "The answer is of these poses: give those of the flange, or enter the tool in the controller as they do.": { "de": "Die Lösung gilt für diese Posen: Geben Sie die des Flansches an, oder geben Sie das Werkzeug in der Steuerung ein, wie sie es tun.", "zh": "结果对应这些位姿：请给出法兰的位姿，或按其方式在控制器中输入工具。" },
+  "its scanner {} is none of the cell's ({})": { "de": "ihr Scanner {} ist keiner der Zelle ({})", "zh": "其扫描仪 {} 不属于该单元（{}）" },
   "its joints put the flange {} mm and {}° from its pose: one of the two is another capture's": { "de": "ihre Gelenke setzen den Flansch {} mm und {}° von ihrer Pose: Eines von beiden gehört zu einer anderen Aufnahme", "zh": "其关节角给出的法兰与位姿相差 {} mm 和 {}°：其中之一属于另一采集" },
   "an array of shape {}": { "de": "ein Feld der Form {}", "zh": "形状为 {} 的数组" },
   "finite numbers, or NaN where nothing came back": { "de": "endliche Zahlen, oder NaN, wo nichts zurückkam", "zh": "有限数，无回波处为 NaN" },

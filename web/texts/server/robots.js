@@ -66,6 +66,7 @@ export const sentences = {
   "an entry that is not set": { "de": "ein Eintrag, der nicht gesetzt ist", "zh": "未设置的条目" },
   "numbers in {}": { "de": "Zahlen in {}", "zh": "{} 中的数字" },
   "{} in the backup": { "de": "{} im Backup", "zh": "备份中的 {}" },
+  "The joints of {} of {} captures do not give their poses. Check the arm (cell.robot.arm), the joints' order and signs, and the pose convention.": { "de": "Die Gelenkwinkel von {} von {} Aufnahmen ergeben nicht deren Posen. Prüfen Sie den Arm (cell.robot.arm), Reihenfolge und Vorzeichen der Gelenke und die Posenkonvention.", "zh": "{} 次（共 {} 次）采集的关节角与其位姿不符。请检查机械臂（cell.robot.arm）、关节的顺序和符号以及位姿约定。" },
   "By the joints, the poses are not in the robot's base but in a frame at {}.": { "de": "Nach den Gelenkwinkeln gelten die Posen nicht in der Roboterbasis, sondern in einem Koordinatensystem bei {}.", "zh": "按关节角，位姿不在机器人基座中，而在位于 {} 的坐标系中。" },
   "By the joints, the poses are not of the flange but of a tool on it at {}": { "de": "Nach den Gelenkwinkeln gelten die Posen nicht für den Flansch, sondern für ein Werkzeug daran bei {}", "zh": "按关节角，位姿不属于法兰，而属于其上位于 {} 的工具" },
   "By the joints, the poses are {}.": { "de": "Nach den Gelenkwinkeln gelten die Posen {}.", "zh": "按关节角，位姿{}。" },
