@@ -82,11 +82,14 @@ def test_normals_are_rotated_and_averaged():
 
 
 @pytest.mark.parametrize("most_bytes", [40_000, 400_000])
-def test_beyond_the_memory_allowed_the_answer_is_the_same(tmp_path: Path, most_bytes: int):
+def test_beyond_the_memory_allowed_the_answer_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_bytes: int
+):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     rng = np.random.default_rng(1)
     points = rng.uniform(-200, 200, (60, 200, 3)).astype(np.float32)
     free, bounded = VoxelGrid(2.0), None
-    with FileSpill(tmp_path) as store:
+    with FileSpill() as store:
         bounded = VoxelGrid(2.0, store=store, most_bytes=most_bytes)
         for part in np.array_split(points, 6):
             free.add(part)
@@ -102,8 +105,9 @@ def test_beyond_the_memory_allowed_the_answer_is_the_same(tmp_path: Path, most_b
 
 
 def test_a_full_disk_while_spilling_is_named_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     points = np.random.default_rng(2).uniform(-200, 200, (60, 200, 3)).astype(np.float32)
-    with FileSpill(tmp_path) as store:
+    with FileSpill() as store:
         grid = VoxelGrid(2.0, store=store, most_bytes=40_000)
         with Path("/dev/full").open("r+b", buffering=0) as full, monkeypatch.context() as patched:
             patched.setattr(store, "_file", full)
