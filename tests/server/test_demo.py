@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 
 from calib_core.simulation import simulate
-from server.cli import main, parser
+from server.cli import parser
+from server.commands.demo import parts
 from server.commands.demo.chain import demo
+from server.commands.serve import serve
 
 
 def test_the_demo_prints_the_chain_beside_its_truth_and_leaves_it_in_the_workbench(
@@ -43,12 +45,6 @@ def test_the_demo_prints_the_chain_beside_its_truth_and_leaves_it_in_the_workben
         assert {"tcp", "turntable", "merge"} <= done
 
 
-@pytest.mark.parametrize(("words", "done"), [([], ["demo", "serve"]), (["--no-serve"], ["demo"])])
-def test_it_serves_afterwards_unless_told_not_to(
-    words: list[str], done: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    called: list[str] = []
-    monkeypatch.setattr("server.commands.demo.chain.demo", lambda _: called.append("demo") or 0)
-    monkeypatch.setattr("server.commands.serve.serve", lambda _: called.append("serve") or 0)
-    assert main(["demo", *words]) == 0
-    assert called == done
+def test_it_serves_afterwards_unless_told_not_to() -> None:
+    assert parts(parser(["demo"]).parse_args(["demo"])) == (demo, serve)
+    assert parts(parser(["demo"]).parse_args(["demo", "--no-serve"])) == (demo,)

@@ -1,6 +1,7 @@
 """`scancell demo`: the whole chain on the simulated cell beside its truth, then the workbench."""
 
 import argparse
+from collections.abc import Callable
 
 from server.console.command import Command, address_arguments
 
@@ -11,12 +12,16 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     address_arguments(parser)
 
 
-def _run(options: argparse.Namespace) -> int:
+def parts(options: argparse.Namespace) -> tuple[Callable[[argparse.Namespace], int], ...]:
+    """Return what is done one after the other, each where the one before succeeded."""
     from server.commands.demo.chain import demo
     from server.commands.serve import serve
 
-    status = demo(options)
-    return status if options.no_serve or status else serve(options)
+    return (demo,) if options.no_serve else (demo, serve)
+
+
+def _run(options: argparse.Namespace) -> int:
+    return next((status for part in parts(options) if (status := part(options))), 0)
 
 
 COMMAND = Command(
