@@ -80,6 +80,15 @@ export function make(type, properties = {}) {
   return Object.assign(new type(), properties);
 }
 
+/** Make these an element's children; those that it has already are not taken out meanwhile. @param {Element} parent @param {readonly Element[]} children */
+export function putChildren(parent, children) {
+  for (const child of [...parent.childNodes]) if (!children.some((one) => one === child)) child.remove();
+  children.forEach((child, place) => {
+    const there = parent.childNodes[place] ?? null;
+    if (there !== child) parent.insertBefore(child, there);
+  });
+}
+
 /** The styles of a part that is loaded when it is asked for; answers once they are there. @param {string} name @returns {Promise<unknown>} */
 export function style(name) {
   return new Promise((resolve) => {

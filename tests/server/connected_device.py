@@ -1,5 +1,6 @@
 """A live device connected for a test, and what it tells first."""
 
+from contextlib import suppress
 from typing import Any
 
 from server.sources.device import Device, Sample
@@ -13,8 +14,13 @@ def connected(source: str, **settings: Any) -> Device:
 
 
 def sample_of(device: Device) -> Sample:
+    """Return the first sample of a device; on a busy machine its server may be late."""
+    reading = None
     try:
-        reading = next(found for _ in range(20) if (found := device.read()) is not None)
+        for _ in range(20):
+            with suppress(TimeoutError):
+                if (reading := device.read()) is not None:
+                    break
     finally:
         device.close()
     assert isinstance(reading, Sample)

@@ -118,4 +118,11 @@ def test_mouse_alone_and_a_pick_that_lights_up_everywhere(open_page: Callable[..
     expect(page.locator("sc-rail")).to_contain_text("out of date")
     page.get_by_role("checkbox", name="Use p03").check()
     expect(page.locator("sc-rail .answer")).not_to_contain_text("out of date")
+
+    # The result is drawn anew; what leads on from it stays in its place, lest a click on it be lost.
+    parts = "document.querySelectorAll('.answer-card, .result-links')"
+    page.evaluate(f"() => {parts}.forEach((one) => {{ one.dataset.seen = 'before'; }})")
+    page.get_by_role("tab", name="Result").click()
+    expect(page.locator(".answer-card")).not_to_have_attribute("data-seen", "before")
+    expect(page.locator(".result-links")).to_have_attribute("data-seen", "before")
     assert watched.complaints == []

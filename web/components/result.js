@@ -1,6 +1,6 @@
 // The result of the step that is open: the answer, then how we know, drawn from its evidence.
 
-import { h, make } from "../dom.js";
+import { h, make, putChildren } from "../dom.js";
 import { t } from "../texts.js";
 import { figures } from "../blocks/figure.js";
 import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
@@ -20,6 +20,8 @@ export class ResultElement extends StateElement {
   #ended = "";
   #due = true;
   #drawing = 0;
+  /** What leads on, by stage: made once, for what is clicked while it is replaced does nothing. @type {Map<string, HTMLElement>} */
+  #links = new Map();
 
   parts = /** @type {const} */ (["results", "guide", "selection", "job", "view", "step"]);
 
@@ -61,7 +63,7 @@ export class ResultElement extends StateElement {
     }
     if (drawing !== this.#drawing) return;
     const open = new Set(this.#details().filter((one) => one.open).map(title));
-    this.replaceChildren(...drawn);
+    putChildren(this, drawn);
     for (const one of this.#details()) one.open ||= open.has(title(one)); // what somebody has opened stays open
     this.#markPicked();
   }
@@ -87,7 +89,9 @@ export class ResultElement extends StateElement {
       if (own.approval) yield own.approval;
     }
     if ("timeline" in state) return; // the review itself has these
-    yield resultLinks(state.id, stage);
+    const links = this.#links.get(stage) ?? resultLinks(state.id, stage);
+    this.#links.set(stage, links);
+    yield links;
     yield historySection(state.id, stage);
   }
 
