@@ -114,8 +114,8 @@ def _plain_steps(xd: FloatArray, yd: FloatArray, x: FloatArray, y: FloatArray, n
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _full_steps(xd: FloatArray, yd: FloatArray, x: FloatArray, y: FloatArray, n: int, d: FloatArray) -> None:
     """Do the same for all twelve coefficients."""
-    for i in range(n):
-        x[i], y[i] = xd[i], yd[i]
+    x[:n] = xd[:n]
+    y[:n] = yd[:n]
     for _ in range(_MOST_STEPS):
         moving = 0
         for i in range(n):
