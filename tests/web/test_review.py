@@ -178,7 +178,7 @@ def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) ->
     expect(page.locator(".history tbody tr")).to_have_count(2)
     assert violations(page, axe) == []
     # Others work on meanwhile: the answer is drawn anew, and what was opened stays open.
-    drawn = page.locator(".result-links").element_handle()
+    drawn = page.locator(".answer-card").element_handle()
     api.patch(f"/sessions/{session}/captures/p05", json={"excluded": True})
     page.wait_for_function("drawn => !drawn.isConnected", arg=drawn)
     expect(page.locator(".history tbody tr")).to_have_count(2)
