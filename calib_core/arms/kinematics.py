@@ -64,7 +64,7 @@ def flange_of_joints(
     InputError
         If a joint has no reading.
     """
-    matrix = joint_frames(arm, joints_deg, joints_mm)[-1]
+    matrix = _frames(arm, joints_deg, joints_mm)[-1]
     if arm.last_from_tool0 is not None:
         matrix = matrix @ np.array(arm.last_from_tool0)
     return RigidTransform.from_rounded(matrix.tolist(), "base", "tool0")
@@ -80,7 +80,7 @@ def links_mm(
     """
     flange = flange_of_joints(arm, joints_deg, joints_mm)
     corners: list[FloatArray] = []
-    frames = joint_frames(arm, joints_deg, joints_mm)
+    frames = _frames(arm, joints_deg, joints_mm)
     for joint, last, after in zip(arm.joints, frames[:-1], frames[1:], strict=True):
         before = _at_joint(last, joint)
         if joint.previous_from_joint is not None:
@@ -92,8 +92,8 @@ def links_mm(
     return np.array([*corners, frames[-1][:3, 3], flange.translation_mm])
 
 
-def joint_frames(
-    arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None = None
+def _frames(
+    arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None
 ) -> list[FloatArray]:
     """Return the frames (4, 4) in the base before the first joint and after each."""
     readings = [

@@ -4,10 +4,12 @@ import threading
 
 import numpy as np
 
-from calib_core.arms.kinematics import arm_of, joint_frames
 from calib_core.frames import FloatArray
 
-_UR20 = arm_of("ur20")
+# a and d in mm, alpha in radians; Denavit and Hartenberg (1955).
+_A_MM = (0.0, -862.0, -728.7, 0.0, 0.0, 0.0)
+_D_MM = (236.3, 0.0, 0.0, 201.0, 159.3, 154.3)
+_ALPHA_RAD = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
 _START = np.array([0.2, -1.2, 1.4, -1.7, -1.6, 0.3])
 _ARM_MM = 500.0  # what a radian weighs beside a millimetre
 _STEPS = 60
@@ -39,7 +41,7 @@ class SimulatedArm:
 
 def _difference(joints: FloatArray, flange: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return what is missing to the flange, turns weighted to mm, and how the joints change it (6, 6)."""
-    frames = joint_frames(_UR20, np.rad2deg(joints).tolist())
+    frames = _links(joints)
     here = frames[-1]
     turn = flange[:3, :3] @ here[:3, :3].T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
@@ -53,3 +55,13 @@ def _difference(joints: FloatArray, flange: FloatArray) -> tuple[FloatArray, Flo
         jacobian[:3, joint] = np.cross(z, here[:3, 3] - origin)
         jacobian[3:, joint] = _ARM_MM * z
     return off, jacobian
+
+
+def _links(joints: FloatArray) -> list[FloatArray]:
+    """Return base_from_link (4, 4) of the base and each of the six links."""
+    frames = [np.eye(4)]
+    for angle, a, d, alpha in zip(joints, _A_MM, _D_MM, _ALPHA_RAD, strict=True):
+        (c, s), (ca, sa) = (np.cos(angle), np.sin(angle)), (np.cos(alpha), np.sin(alpha))
+        link = np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
+        frames.append(frames[-1] @ link)
+    return frames

@@ -135,6 +135,14 @@ def test_the_simulator_shares_no_code_with_the_solvers() -> None:
     assert wrong == []
 
 
+def test_simulated_devices_share_no_mathematics_with_the_solvers() -> None:
+    """Their arm tells joints that the solvers' arms check: by one table both would be wrong alike."""
+    solvers = [f"calib_core.{p}" for p in ("arms", "chain", "sphere", "optics", "kernels", "fusion", "estimation")]
+    files = [f for f in SOURCES if name_of(f).startswith("server/simulated_cell/")]
+    assert len(files) > 5
+    assert [(name_of(f), m) for f in files for m, _, _ in imports(f) if within(m, *solvers)] == []
+
+
 def test_no_solver_imports_the_simulator_or_the_session() -> None:
     """A step is a function of what it is given: who reads the session calls it, not the other way round."""
     places = ("chain", "sphere", "optics", "kernels", "fusion", "robots")
