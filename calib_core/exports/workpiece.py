@@ -18,8 +18,9 @@ from calib_core.robots import parse_pose
 from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
 
 Of = Literal["tool", "table", "both"]
-_LARGEST: Final = 1e9
+_LARGEST: Final = 1e18  # mm²: of motions that determine nothing, solvers state kilometres
 _ROUNDING: Final = 1e-6
+_NOTHING_KNOWN_MM: Final = 1000.0
 
 
 class AtWorkpiece(Record):
@@ -48,6 +49,8 @@ class AtWorkpiece(Record):
 def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiece]:
     """Return what a result's frames mean at the workpiece; nothing for stages without such frames.
 
+    Places that are known to no better than a metre are left out: there the result itself says "not determined".
+
     Parameters
     ----------
     session : Session
@@ -71,7 +74,7 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
         found += [_on_the_table(result, mount) for mount in result["mounts"]]
     if stage == "chain":
         found += [both for mount in result["mounts"] if (both := _both(session, result, mount)) is not None]
-    return found
+    return [place for place in found if place.worst_sigma_mm <= _NOTHING_KNOWN_MM]
 
 
 def turned_deg(session: Session, result: Mapping[str, Any]) -> dict[str, float]:
@@ -110,8 +113,11 @@ def covariance_in(result: Mapping[str, Any], name: str) -> FloatArray:
 
 
 def _is_covariance(square: FloatArray) -> bool:
-    """Whether no direction has a negative variance; a rounding error is none."""
-    return bool(np.isfinite(square).all() and np.linalg.eigvalsh(square)[0] >= -_ROUNDING)
+    """Whether no direction has a negative variance; a rounding error, in proportion to the largest, is none."""
+    if not np.isfinite(square).all():
+        return False
+    variances = np.linalg.eigvalsh(square)
+    return bool(variances[0] >= -_ROUNDING * max(1.0, float(variances[-1])))
 
 
 def seen_in_laser_mm(session: Session, result: Mapping[str, Any]) -> FloatArray | None:
