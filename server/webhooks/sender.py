@@ -18,6 +18,7 @@ from server.auth.secrets import load_key
 from server.settings import Settings
 from server.store.database import Store
 from server.store.webhooks import Delivery, due_deliveries, note_attempt
+from server.webhooks.addresses import CheckedTransport
 from server.webhooks.signing import secret_of, signed_headers
 
 log = logging.getLogger("scancell")
@@ -61,7 +62,7 @@ class WebhookSender:
                     with self._store.read() as db:
                         due = due_deliveries(db)
                     if due:
-                        client = client or opened.enter_context(_new_client())
+                        client = client or opened.enter_context(_new_client(self._settings))
                         by_webhook = [list(group) for _, group in groupby(due, key=lambda one: one.webhook_id)]
                         list(threads.map(partial(self._deliver, client), by_webhook))
                 except Exception:  # a locked database, a full disk: it stays due
@@ -92,5 +93,8 @@ class WebhookSender:
             return None, str(error)[:300] or type(error).__name__
 
 
-def _new_client() -> httpx.Client:
-    return httpx.Client(timeout=_TIMEOUT_S, follow_redirects=False, headers=_HEADERS, trust_env=False)
+def _new_client(settings: Settings) -> httpx.Client:
+    transport = CheckedTransport(settings, httpx.HTTPTransport(trust_env=False))
+    return httpx.Client(
+        timeout=_TIMEOUT_S, follow_redirects=False, headers=_HEADERS, trust_env=False, transport=transport
+    )

@@ -1,0 +1,67 @@
+"""Which addresses a webhook may reach: checked when it connects, so that a name cannot point elsewhere by then."""
+
+import socket
+from ipaddress import IPv4Address, IPv6Address, ip_address
+
+import httpx
+
+from server.settings import Settings
+
+Address = IPv4Address | IPv6Address
+
+
+class CheckedTransport(httpx.BaseTransport):
+    """Sends to the address that was checked, under the name that was asked for (Host header and TLS name).
+
+    Refused are this server itself, so that a webhook cannot call its API with the trust of this machine;
+    link-local, multicast and unspecified addresses, where clouds keep their secrets; and, unless the
+    settings allow it, programs on this machine.
+    """
+
+    def __init__(self, settings: Settings, inner: httpx.BaseTransport) -> None:
+        self._settings, self._inner = settings, inner
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """Send; raises ConnectError where no address of the receiver may be reached."""
+        host = request.url.host
+        port = request.url.port or (443 if request.url.scheme == "https" else 80)
+        address = self._checked(host, port)
+        request.extensions = {**request.extensions, "sni_hostname": host}
+        request.url = request.url.copy_with(host=address)  # the Host header was written before
+        return self._inner.handle_request(request)
+
+    def close(self) -> None:
+        """Close connections that are kept."""
+        self._inner.close()
+
+    def _checked(self, host: str, port: int) -> str:
+        refused = ""
+        for _, _, _, _, place in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+            refused = self._refusal(ip_address(str(place[0]).partition("%")[0]), port)
+            if not refused:
+                return str(place[0])
+        raise httpx.ConnectError(f"a webhook may not reach {host}: {refused}")
+
+    def _refusal(self, address: Address, port: int) -> str:
+        address = getattr(address, "ipv4_mapped", None) or address
+        if address.is_link_local or address.is_multicast or address.is_unspecified:
+            return f"{address} is no receiver's address"
+        if not _is_here(address):
+            return ""
+        if port == self._settings.port:
+            return "it is this server itself"
+        allowed = self._settings.webhooks_to_this_machine
+        if not (not self._settings.login_required if allowed is None else allowed):
+            return "it is this machine (SCANCELL_WEBHOOKS_TO_THIS_MACHINE=true allows it)"
+        return ""
+
+
+def _is_here(address: Address) -> bool:
+    """Return whether an address belongs to this machine: only then a socket can be bound to it."""
+    family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        try:
+            probe.bind((str(address), 0))
+        except OSError:
+            return False
+    return True

@@ -1,0 +1,48 @@
+"""Which addresses webhooks reach: never clouds' own, this server or, where a login is required, this machine."""
+
+from pathlib import Path
+
+import httpx
+import pytest
+
+from server.settings import Settings
+from server.webhooks.addresses import CheckedTransport
+from tests.server.test_webhooks import receiving
+
+
+def post(settings: Settings, url: str) -> httpx.Response:
+    with httpx.Client(transport=CheckedTransport(settings, httpx.HTTPTransport(trust_env=False))) as client:
+        return client.post(url, json={})
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://169.254.169.254/latest/meta-data",
+        "http://[fe80::1]/",
+        "http://0.0.0.0:9/",
+        "http://224.0.0.1/",
+        "http://[::ffff:169.254.169.254]/",
+    ],
+)
+def test_addresses_of_no_receiver_are_refused(tmp_path: Path, url: str) -> None:
+    with pytest.raises(httpx.ConnectError, match="no receiver's address"):
+        post(Settings(data=tmp_path), url)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "127.1.2.3", "[::1]"])
+def test_this_server_is_refused_by_every_name_of_this_machine(tmp_path: Path, host: str) -> None:
+    with pytest.raises(httpx.ConnectError, match="this server itself"):
+        post(Settings(data=tmp_path, port=8123), f"http://{host}:8123/api/v1/sessions")
+
+
+def test_this_machine_is_reached_where_no_login_is_required_or_it_is_allowed(tmp_path: Path) -> None:
+    with receiving() as receiver:
+        assert post(Settings(data=tmp_path), receiver.address).status_code == 204
+        with pytest.raises(httpx.ConnectError, match="SCANCELL_WEBHOOKS_TO_THIS_MACHINE"):
+            post(Settings(data=tmp_path, require_login=True), receiver.address)
+        with pytest.raises(httpx.ConnectError, match="this machine"):
+            post(Settings(data=tmp_path, webhooks_to_this_machine=False), receiver.address)
+        allowed = Settings(data=tmp_path, require_login=True, webhooks_to_this_machine=True)
+        assert post(allowed, receiver.address.replace("127.0.0.1", "localhost")).status_code == 204
+    assert [headers["host"].partition(":")[0] for headers, _ in receiver.came] == ["127.0.0.1", "localhost"]
