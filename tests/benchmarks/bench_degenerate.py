@@ -13,8 +13,8 @@ from harness import Row
 
 from calib_core.archive.folder import load_session, result_data
 from calib_core.errors import CalibrationError, ConflictError, InputError, MeasurementError, MotionError
-from calib_core.exports.registry import all_exports
 from calib_core.exports.export import export
+from calib_core.exports.registry import all_exports
 from calib_core.records import Session
 from calib_core.review.answer import answer_of_folder
 from calib_core.simulation import simulate
