@@ -4,7 +4,7 @@ SERVE ?= 1
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test warm setup system lint types web-types unit lock
+.PHONY: demo test warm setup system lint types web-types unit lock catalogues
 
 setup: $(VENV)/.ready
 
@@ -46,6 +46,9 @@ unit: setup
 	if [ $$code -ne 1 ]; then exit $$code; fi; \
 	echo "The tests above failed beside others. Each is run once more, alone; one that passes now depends on time: mend it."; \
 	$(BIN)/python -m pytest --last-failed --last-failed-no-failures none
+
+catalogues: setup
+	$(BIN)/python -m tests.catalogues
 
 lock: setup
 	$(BIN)/python -m pip install --quiet uv

@@ -10,7 +10,7 @@ from calib_core.archive import archive
 from calib_core.archive.folder import load_session, save_session, write_result
 from calib_core.errors import InputError
 from calib_core.library.results import Results, as_records
-from calib_core.records import Capture, Cell, Finding, Session
+from calib_core.records import Capture, Cell, CheckFinding, Session
 from calib_core.stages.stage import Progress, ReadFile
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class OpenSession:
         self.results.update(found)
         return Results(found, self.files)
 
-    def check(self) -> list[Finding]:
+    def check(self) -> list[CheckFinding]:
         """Return what is wrong with the session, and what is still missing."""
         from calib_core.review.check import check_session
 

@@ -31,8 +31,9 @@ from calib_core.records.causes import (
     TableReading,
 )
 from calib_core.records.field_errors import input_error, input_error_from_details
+from calib_core.records.findings import Finding, MessageParts, Severity
 from calib_core.records.guidance import (
-    Finding,
+    CheckFinding,
     Guide,
     GuideLast,
     GuideNow,
@@ -77,6 +78,7 @@ __all__ = [
     "CauseKind",
     "Cell",
     "Changes",
+    "CheckFinding",
     "Finding",
     "Finite",
     "FlangeReading",
@@ -95,6 +97,7 @@ __all__ = [
     "Matrix4",
     "Measured",
     "MergeSettings",
+    "MessageParts",
     "Meter",
     "MeterPoint",
     "NotNegative",
@@ -108,6 +111,7 @@ __all__ = [
     "Rows",
     "Scanner",
     "Session",
+    "Severity",
     "StageName",
     "StepName",
     "Still",

@@ -66,7 +66,7 @@ class Measured(Record):
     still: Still | None = None
 
 
-class Finding(Record):
+class CheckFinding(Record):
     """Something that a check of a session found: an error blocks solving, a warning doubts it, a note informs."""
 
     level: Literal["error", "warning", "note"]

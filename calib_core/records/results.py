@@ -8,6 +8,7 @@ from pydantic import Field
 from calib_core.records.base import Matrix4, Record, Rows, Vector3, Verdict
 from calib_core.records.causes import RootCause
 from calib_core.records.evidence import AnyBlock
+from calib_core.records.findings import Finding
 
 _SHOWN: Final = "calib_core.stages.evidence"  # by name: the records know nothing of what shows them
 
@@ -23,9 +24,11 @@ class CaptureResidual(Record):
 class Result(Record):
     """What every stage's result has, beside the name of its `stage`.
 
-    `warnings` are doubts, one sentence a cause; `notes` say what else is worth knowing; `causes` are the root
-    causes that were found, the likeliest first, with what would mend them; `evidence` is the result told in
-    blocks, as terminal, report and page show it.  `pose_convention` is the cell's when it was solved.
+    `findings` are what was noticed, errors first. All of the judgement is made of them, in
+    `calib_core.findings.judgement`: `verdict`; `warnings`, doubts, one sentence a cause; `notes`, what else is
+    worth knowing; `causes`, the root causes that were found, the likeliest first, with what would mend them.
+    `evidence` is the result told in blocks, as terminal, report and page show it.  `pose_convention` is the
+    cell's when it was solved.
     """
 
     method: str
@@ -33,6 +36,7 @@ class Result(Record):
     inputs_sha256: str
     verdict: Verdict
     pose_convention: str | None = None
+    findings: list[Finding] = Field(default_factory=list[Finding])
     warnings: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
     causes: list[RootCause] = Field(default_factory=list[RootCause])

@@ -18,7 +18,7 @@ from calib_core.causes.likely import likely_columns, likely_convention
 from calib_core.errors import CalibrationError
 from calib_core.evidence.words import alike, captures_text, listed
 from calib_core.frames import RigidTransform
-from calib_core.records import Capture, Cell, Finding, Measured, Record, Session
+from calib_core.records import Capture, Cell, CheckFinding, Measured, Record, Session
 from calib_core.stages.registry import stages, step_names, steps_that_show
 from calib_core.stages.stage import ReadFile, Stage
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
@@ -29,7 +29,7 @@ _MOST_READ, _FILES_OF_SWEEP = 300, 3
 
 def check_session(
     session: Session, read: ReadFile, measured: Mapping[str, Measured] | None = None
-) -> list[Finding]:
+) -> list[CheckFinding]:
     """Return everything that was found, worst first; a finding of level `error` blocks solving.
 
     Parameters
@@ -53,7 +53,7 @@ def check_session(
     return sorted(findings, key=lambda finding: order.index(finding.level))
 
 
-def _names(session: Session) -> Iterator[Finding]:
+def _names(session: Session) -> Iterator[CheckFinding]:
     """Name the fields that the format does not know: most are typing errors."""
     cell = session.cell
     parts = {name: part for name in Cell.model_fields if isinstance(part := getattr(cell, name), Record)}
@@ -63,7 +63,7 @@ def _names(session: Session) -> Iterator[Finding]:
             yield _warning(where, f"The field '{name}' is unknown and has no effect: is it a typing error?")
 
 
-def _unfit(session: Session) -> Iterator[Finding]:
+def _unfit(session: Session) -> Iterator[CheckFinding]:
     """Name the captures that a stage keeps and doesn't use, since they contradict the others of their step."""
     for step in step_names():
         try:
@@ -79,7 +79,7 @@ def _is_said(measured: Measured) -> bool:
     return (measured.reason or "").startswith(_DOUBTFUL)
 
 
-def _missing(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
+def _missing(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
     """Say that nothing shows where the scanner is on the flange; what rests on it cannot be solved then."""
     steps = {capture.step for capture in used}
     if "tcp" in steps or session.cell.known.tool0_from_laser is not None:
@@ -89,14 +89,14 @@ def _missing(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
     yield (_error if rests else _note)("captures", sentence)
 
 
-def _brought(session: Session) -> Iterator[Finding]:
+def _brought(session: Session) -> Iterator[CheckFinding]:
     for stage in stages():
         given = [field for field in stage.known if getattr(session.cell.known, field) is not None]
         if given:
             yield _note("cell.known", f"Given, so that the stage {stage.name} is not solved: {listed(given)}.")
 
 
-def _cell(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
+def _cell(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
     of_sphere = [c for c in used if c.step in steps_that_show("sphere", "sphere-on-table") and c.kind != "center"]
     if not of_sphere:
         return
@@ -111,7 +111,7 @@ def _cell(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
 
 def _captures(
     session: Session, stage: Stage, used: Sequence[Capture], read: ReadFile, known: Mapping[str, Measured]
-) -> Iterator[Finding]:
+) -> Iterator[CheckFinding]:
     """Say what captures of a stage's own step lack, one finding a cause, and whether enough can be used."""
     step = stage.step
     assert step is not None
@@ -140,7 +140,7 @@ def _captures(
     yield from _duplicates(captures, read)
 
 
-def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
+def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[CheckFinding]:
     """Name the files that a reader is not sure of; one finding a doubt."""
     doubts: dict[str, str] = {}
     for capture in [c for c in captures if c.kind in ("profile", "cloud", "sweep")][:_MOST_READ]:
@@ -160,8 +160,8 @@ def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
 
 
 def _told(
-    level: Callable[[str, str], Finding], reasons: Mapping[str, str], captures: Sequence[Capture]
-) -> Iterator[Finding]:
+    level: Callable[[str, str], CheckFinding], reasons: Mapping[str, str], captures: Sequence[Capture]
+) -> Iterator[CheckFinding]:
     """Return one finding a cause, which names its captures."""
     order = [capture.id for capture in captures]
     for one in alike(reasons, order):
@@ -169,7 +169,7 @@ def _told(
         yield level(f"{captures_text(one.captures, order)}{numbers}", one.reason)
 
 
-def _duplicates(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
+def _duplicates(captures: Sequence[Capture], read: ReadFile) -> Iterator[CheckFinding]:
     by_id = {capture.id: capture for capture in captures}
     try:
         copies = duplicates(captures, read)
@@ -186,7 +186,7 @@ def _duplicates(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding
         yield _warning(copy, sentence)
 
 
-def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
+def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[CheckFinding]:
     try:
         base_from_tool0_by_capture(session.cell, captures)
         poses = [pose for capture in captures for pose in _ends(session, capture)]
@@ -217,7 +217,7 @@ def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
     yield _note("captures: pose", sentence)
 
 
-def _convention(cell: Cell, captures: Sequence[Capture]) -> Iterator[Finding]:
+def _convention(cell: Cell, captures: Sequence[Capture]) -> Iterator[CheckFinding]:
     """Doubt convention and order of the poses, where another lets all captures look at one place far better."""
     rows = [capture.pose for capture in captures if capture.pose is not None]
     if (columns := likely_columns(cell, rows)) is not None:
@@ -256,17 +256,17 @@ def _pose_fails(session: Session, capture: Capture) -> bool:
     return False
 
 
-def _found(error: CalibrationError) -> Finding:
+def _found(error: CalibrationError) -> CheckFinding:
     return _error(error.where or "session.json", f"Need {error.need}, got {error.got}. {error.to_do}")
 
 
-def _error(where: str, sentence: str) -> Finding:
-    return Finding(level="error", where=where, sentence=sentence)
+def _error(where: str, sentence: str) -> CheckFinding:
+    return CheckFinding(level="error", where=where, sentence=sentence)
 
 
-def _warning(where: str, sentence: str) -> Finding:
-    return Finding(level="warning", where=where, sentence=sentence)
+def _warning(where: str, sentence: str) -> CheckFinding:
+    return CheckFinding(level="warning", where=where, sentence=sentence)
 
 
-def _note(where: str, sentence: str) -> Finding:
-    return Finding(level="note", where=where, sentence=sentence)
+def _note(where: str, sentence: str) -> CheckFinding:
+    return CheckFinding(level="note", where=where, sentence=sentence)

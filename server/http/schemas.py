@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.records import Capture, Cell, Finding, Finite, Measured, Record, Session, StageName, Verdict
+from calib_core.records import Capture, Cell, CheckFinding, Finite, Measured, Record, Session, StageName, Verdict
 
 
 class SimulatedCell(Record):
@@ -215,7 +215,7 @@ class JobPage(BaseModel):
 class Findings(BaseModel):
     """What a check of a session found, worst first."""
 
-    items: list[Finding]
+    items: list[CheckFinding]
     blocks_solving: bool
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import MotionError
-from calib_core.records import Finding, Session, parse_session
+from calib_core.records import CheckFinding, Session, parse_session
 from calib_core.review.check import check_session
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
@@ -27,11 +27,11 @@ def captures_of(*steps: str, most: int = 99) -> list[dict[str, Any]]:
     return [c for step in steps for c in [one for one in captures if one["step"] == step][:most]]
 
 
-def checked(session: Session) -> list[Finding]:
+def checked(session: Session) -> list[CheckFinding]:
     return check_session(session, CELL.files.__getitem__)
 
 
-def errors(found: list[Finding]) -> list[str]:
+def errors(found: list[CheckFinding]) -> list[str]:
     return [finding.where for finding in found if finding.level == "error"]
 
 

@@ -1,0 +1,172 @@
+"""A code: how severe it is, what it says, and the page about it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from string import Formatter
+from typing import Any, Final
+
+from calib_core.messages import ENGLISH, Catalogue, Message, Names, Value
+from calib_core.records.causes import RootCause
+from calib_core.records.findings import Finding, MessageParts, Severity, Told
+
+
+@dataclass(frozen=True)
+class Plural:
+    """A text that differs with a count: the value `by`, or how many captures."""
+
+    one: str
+    many: str
+    by: str = "captures"
+
+
+Text = str | Plural
+Choice = Text | Mapping[str, Text]
+
+
+@dataclass(frozen=True)
+class Code:
+    """A code and all that is said of it; calling it makes a finding.
+
+    Parameters
+    ----------
+    name : str
+        Lower-case words with hyphens, never reused.
+    severity : Severity
+    text, to_do : str, Plural, or mapping
+        What is said, and what to do; by the value named `by` where there are several.
+    meaning, decided, usual_causes : str
+        The page: what it means, how it is decided (limit, odds), what usually causes it.
+    since : str
+        The first version that gave it.
+    by : str
+        The name of the value that chooses among several texts.
+    reason : str
+        What is said of a capture that is not used for it.
+    title : str
+        The headline of its remedy.
+    fixed : bool
+        Whether no cell may change its severity.
+    behind : tuple of str
+        The codes from which it only follows.
+    """
+
+    name: str
+    severity: Severity
+    text: Choice
+    to_do: Choice = ""
+    meaning: str = ""
+    decided: str = ""
+    usual_causes: str = ""
+    since: str = "0.2"
+    by: str = ""
+    reason: str = ""
+    title: str = ""
+    fixed: bool = False
+    behind: tuple[str, ...] = ()
+
+    def __call__(
+        self,
+        captures: Sequence[str] = (),
+        *,
+        where: str = "",
+        remedy: RootCause | None = None,
+        each: Mapping[str, Mapping[str, Value]] | None = None,
+        **values: Value,
+    ) -> Finding:
+        """Return a finding; where only `each` is given, its values are those of the first capture."""
+        by_capture = {name: _told(some) for name, some in (each or {}).items()}
+        first = next(iter((each or {}).values()), {})
+        filled = {**first, **values}
+        parts = {name: parts_of(value) for name, value in filled.items() if isinstance(value, Message)} | {
+            f"{capture}:{name}": parts_of(value)
+            for capture, some in (each or {}).items()
+            for name, value in some.items()
+            if isinstance(value, Message)
+        }
+        told: dict[str, Any] = {
+            "code": self.name,
+            "severity": self.severity,
+            "captures": list(captures),
+            "values": _told(filled),
+            "text": self.said(filled, captures, ENGLISH),
+            "to_do": self.told_to_do(filled, captures, ENGLISH),
+            "remedy": remedy,
+        }
+        more: dict[str, Any] = {"where": where, "each": by_capture, "messages": parts}
+        return Finding(**told, **{name: value for name, value in more.items() if value})
+
+    def said(self, values: Mapping[str, Value], captures: Sequence[str], language: Catalogue) -> str:
+        """Return what it says in a language; raises KeyError where a value is missing."""
+        return self._filled(self.text, values, captures, language)
+
+    def told_to_do(self, values: Mapping[str, Value], captures: Sequence[str], language: Catalogue) -> str:
+        """Return what to do in a language; raises KeyError where a value is missing."""
+        return self._filled(self.to_do, values, captures, language)
+
+    def _filled(
+        self, choice: Choice, values: Mapping[str, Value], captures: Sequence[str], language: Catalogue
+    ) -> str:
+        text = choice[str(values[self.by])] if isinstance(choice, Mapping) else choice
+        places = {"captures": Names(captures), **values}
+        if isinstance(text, Plural):
+            return language.fill(text.one, places, text.many, text.by)
+        return language.fill(text, places) if text else ""
+
+    def texts(self) -> list[Text]:
+        """Return all texts that are translated."""
+        found: list[Text] = []
+        for choice in (self.text, self.to_do, self.reason, self.title):
+            found += choice.values() if isinstance(choice, Mapping) else [choice]
+        return [text for text in found if text]
+
+    def places(self) -> list[str]:
+        """Return the names of all its values, in the order in which its texts name them."""
+        texts = [
+            part
+            for text in self.texts()
+            for part in ((text.one, text.many) if isinstance(text, Plural) else (text,))
+        ]
+        named = [name for text in texts for name in places_of(text)] + ([self.by] if self.by else [])
+        return [name for name in dict.fromkeys(named) if name != "captures"]
+
+
+_FORMATTER: Final = Formatter()
+
+
+def places_of(text: str) -> list[str]:
+    """Return the names of a text's places."""
+    return [name for _, name, _, _ in _FORMATTER.parse(text) if name]
+
+
+def _told(values: Mapping[str, Value]) -> dict[str, Told]:
+    return {
+        name: value
+        if isinstance(value, int | float)
+        else str(value)
+        if isinstance(value, str)
+        else ", ".join(value)
+        for name, value in values.items()
+    }
+
+
+def parts_of(said: Message) -> MessageParts:
+    """Return a message as it is stored."""
+    values: dict[str, Any] = {
+        name: parts_of(value).to_json()
+        if isinstance(value, Message)
+        else value
+        if isinstance(value, str | int | float)
+        else list(value)
+        for name, value in said.values.items()
+    }
+    more = {"many": said.many, "by": said.by}
+    return MessageParts(template=said.template, values=values, **{k: v for k, v in more.items() if v})
+
+
+def message_of(parts: MessageParts) -> Message:
+    """Return a stored message."""
+    values = {
+        name: message_of(MessageParts.model_validate(value)) if isinstance(value, dict) else value
+        for name, value in parts.values.items()
+    }
+    return Message(parts.template, values, parts.many, parts.by)

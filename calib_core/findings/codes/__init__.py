@@ -1,0 +1,1 @@
+"""The codes, one module an area; severity stands here and nowhere else."""
