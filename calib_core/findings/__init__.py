@@ -47,7 +47,7 @@ Texts that are no findings (refusals, labels, guide) are messages: `message("…
 from calib_core.findings.catalogues import LANGUAGES, catalogue
 from calib_core.findings.code import Code, Plural
 from calib_core.findings.judgement import has, judged, judgement, reasons_of, sentence_of, verdict_of
-from calib_core.findings.reading import in_language, result_in_language, with_severities
+from calib_core.findings.reading import as_read, in_language, with_severities
 from calib_core.findings.table import CODES, code_named
 from calib_core.records.findings import Finding, Severity
 
@@ -58,6 +58,7 @@ __all__ = [
     "Finding",
     "Plural",
     "Severity",
+    "as_read",
     "catalogue",
     "code_named",
     "has",
@@ -65,7 +66,6 @@ __all__ = [
     "judged",
     "judgement",
     "reasons_of",
-    "result_in_language",
     "sentence_of",
     "verdict_of",
     "with_severities",

@@ -1,15 +1,16 @@
 """Findings as they are read: in a language, and with the severities of a cell."""
 
-from collections.abc import Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import Any
 
+from calib_core.findings.bridge import complete
 from calib_core.findings.catalogues import catalogue
 from calib_core.findings.judgement import causes_of, judgement, places_in, reasons_of
 from calib_core.findings.table import CODES
 from calib_core.records import Result
 from calib_core.records.findings import Finding, Severity
 
-_R = TypeVar("_R", bound=Result)
+_MADE = ("findings", "verdict", "warnings", "notes", "causes")
 
 
 def in_language(finding: Finding, language: str) -> Finding:
@@ -30,14 +31,9 @@ def in_language(finding: Finding, language: str) -> Finding:
     return finding.model_copy(update=told)
 
 
-def with_severities(result: _R, severities: Mapping[str, Severity] | None) -> _R:
-    """Return a result as a cell wants it read: with its own severities, and the verdict that follows.
-
-    What is fixed stays; the stored result, its key and what refuses an export or a release know nothing of it.
-    """
-    if not severities or not any(finding.code in severities for finding in result.findings):
-        return result
-    return result.model_copy(update=judgement(_changed(finding, severities) for finding in result.findings))
+def with_severities(findings: Iterable[Finding], severities: Mapping[str, Severity] | None) -> list[Finding]:
+    """Return findings with a cell's own severities; those of codes that are fixed stay."""
+    return [_changed(finding, severities or {}) for finding in findings]
 
 
 def _changed(finding: Finding, severities: Mapping[str, Severity]) -> Finding:
@@ -47,17 +43,22 @@ def _changed(finding: Finding, severities: Mapping[str, Severity]) -> Finding:
     return finding.model_copy(update={"severity": wanted})
 
 
-def result_in_language(result: _R, language: str) -> _R:
-    """Return a result whose findings, warnings, notes, causes and reasons are in a language."""
-    if language == "en":
-        return result
-    findings = [in_language(finding, language) for finding in result.findings]
-    told = judgement(findings)
-    rows = getattr(result, "residuals", None)
-    if rows:
-        reasons = reasons_of(findings, catalogue(language))
-        told["residuals"] = [
-            row.model_copy(update={"reason": reasons[row.capture]}) if row.capture in reasons else row
-            for row in rows
+def as_read(
+    data: Mapping[str, Any], language: str = "en", severities: Mapping[str, Severity] | None = None
+) -> dict[str, Any]:
+    """Return a result, given as JSON data, as it is read: in a language, and with a cell's own severities.
+
+    What is stored, its key and what refuses an export or a release know nothing of either.
+    """
+    result = complete(Result.model_validate(data))
+    findings = [in_language(finding, language) for finding in with_severities(result.findings, severities)]
+    made = result.model_copy(update=judgement(findings)).model_dump(mode="json", include={*_MADE})
+    made["findings"] = [finding.to_json() for finding in judgement(findings)["findings"]]
+    read = {**data, **made}
+    reasons = reasons_of(findings, catalogue(language)) if language != "en" else {}
+    if reasons:
+        read["residuals"] = [
+            {**row, "reason": reasons.get(row["capture"], row.get("reason"))}
+            for row in data.get("residuals") or []
         ]
-    return result.model_copy(update=told)
+    return read

@@ -19,6 +19,7 @@ from calib_core.records.base import (
     WrittenRecord,
     mismatch,
 )
+from calib_core.records.findings import Severity
 from calib_core.records.planning import FieldOfView, Limits, Nominal
 
 SphereClass = Literal["certified", "bearing", "coated", "turned"]
@@ -216,6 +217,8 @@ class Cell(WrittenRecord):
     `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `id` is
     what sessions of one cell share; left out, it is made from the session's name.
 
+    `findings` are severities of this cell's own, by code: applied where its results are read.
+
     `wanted_mm` is the ± (k = 2) that is wanted at the workpiece, `workpiece_in_laser_mm` where the scanner sees it
     and `workpiece_in_turntable_mm` where it stands; `limits` and `nominal` are for planning poses.
     """
@@ -234,6 +237,7 @@ class Cell(WrittenRecord):
     known: Known = Field(default_factory=Known)
     merge: MergeSettings = Field(default_factory=MergeSettings)
     verification: Verification = Field(default_factory=Verification)
+    findings: dict[str, Severity] | None = None
     wanted_mm: Positive | None = None
     workpiece_in_laser_mm: Vector3 | None = None
     workpiece_in_turntable_mm: Vector3 | None = None

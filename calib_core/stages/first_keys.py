@@ -30,7 +30,7 @@ def inputs_sha256_of_0_1_0(session: Session, stage: Stage, digest: Callable[[str
     names = [name for capture in captures if not capture.excluded for name in capture.files]
     inputs = {
         "stage": stage.name,
-        "cell": session.cell.model_dump(mode="json", exclude_defaults=True),
+        "cell": session.cell.model_dump(mode="json", exclude_defaults=True, exclude={"findings"}),
         "captures": [capture.model_dump(mode="json", exclude_defaults=True) for capture in captures],
         "files": {name: digest(name) for name in names},
     }

@@ -4,6 +4,7 @@ from numpy.linalg import LinAlgError
 
 from calib_core.captures.solved_optics import remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.findings.bridge import complete
 from calib_core.records import Capture, Result, Session
 from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.evidence import with_evidence
@@ -108,7 +109,7 @@ def solve_stage(
         raise MotionError(
             "captures and sigmas that determine an answer", "equations without one", to_do, stage
         ) from None
-    return with_evidence(session, result)
+    return with_evidence(session, complete(result))
 
 
 def stage_input(

@@ -12,12 +12,12 @@ from calib_core.findings import (
     Code,
     Finding,
     Plural,
+    as_read,
     catalogue,
     in_language,
     judgement,
     reasons_of,
     verdict_of,
-    with_severities,
 )
 from calib_core.findings.catalogues import entries
 from calib_core.findings.code import places_of
@@ -66,11 +66,24 @@ def test_a_result_is_made_of_its_findings_errors_first() -> None:
 
 @pytest.mark.usefixtures("known")
 def test_a_cell_changes_severities_as_a_result_is_read_but_none_that_is_fixed() -> None:
-    stored = result_of(FAR(["p1"], shift_mm=1.0), OPEN())
-    assert with_severities(stored, {"open": "note"}) == stored
-    read = with_severities(result_of(FAR(["p1"], shift_mm=1.0)), {"far": "note"})
-    assert (read.verdict, read.warnings, len(read.notes)) == ("pass", [], 1)
-    assert with_severities(stored, None) is stored
+    stored = result_of(FAR(["p1"], shift_mm=1.0)).to_json()
+    read = as_read(stored, "en", {"far": "note"})
+    assert (read["verdict"], read["warnings"], len(read["notes"])) == ("pass", [], 1)
+    assert as_read(stored)["verdict"] == stored["verdict"] == "warn"
+    failed = as_read(result_of(OPEN()).to_json(), "en", {"open": "note"})
+    assert (failed["verdict"], failed["findings"][0]["severity"]) == ("fail", "error")
+
+
+def test_a_result_of_an_earlier_release_gets_findings_that_say_what_it_said() -> None:
+    told = {"method": "m", "software": "s", "inputs_sha256": "0", "verdict": "fail", "tool": 1}
+    read = as_read({**told, "warnings": ["Too few.", "And noisy."], "notes": ["By class."]})
+    assert [one["severity"] for one in read["findings"]] == ["error", "warning", "note"]
+    assert (read["verdict"], read["warnings"], read["notes"]) == (
+        "fail",
+        ["Too few.", "And noisy."],
+        ["By class."],
+    )
+    assert read["tool"] == 1
 
 
 def test_a_message_is_its_english_text_and_can_be_said_in_other_languages() -> None:

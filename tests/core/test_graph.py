@@ -74,6 +74,7 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "known.laser_plane": ({"normal": [0, 1, 0], "distance_mm": 5.0}, {"laser-plane"}),
     "known.tool0_from_laser": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], SPHERE),
     "known.base_from_turntable": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], TABLE),
+    "findings": ({"stored-note": "warning"}, NONE),
     "wanted_mm": (0.2, NONE),
     "workpiece_in_laser_mm": ([0.0, 0.0, 200.0], NONE),
     "workpiece_in_turntable_mm": ([0.0, 0.0, 50.0], NONE),

@@ -1,0 +1,72 @@
+"""Judgements are findings: nobody else sets a verdict, and nobody looks into a sentence.  The lists only shrink."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.core.findings_to_convert import SENTENCES, VERDICTS
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted(
+    file for top in ("calib_core", "server", "scancell_client") for file in (ROOT / top).rglob("*.py")
+)
+HOMES = {"calib_core/findings/judgement.py"}
+WORDS = {"warn", "fail"}
+SAID = re.compile(r"\b(\w*warnings?|\w*notes?|sentences?|reasons?|doubts?|causes?\.(title|sentence))$")
+PEEKS = {"startswith", "endswith", "partition", "rpartition", "find", "index", "match", "search", "fullmatch"}
+
+
+def parents(tree: ast.AST) -> dict[ast.AST, ast.AST]:
+    return {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
+
+
+def sets_a_verdict(tree: ast.AST) -> Iterator[int]:
+    """Give the lines with a verdict's word that is neither compared with, nor a type, nor a key that is read."""
+    above = parents(tree)
+    for node in ast.walk(tree):
+        if not (isinstance(node, ast.Constant) and node.value in WORDS):
+            continue
+        chain = [node, *_ancestors(node, above)]
+        if any(isinstance(one, ast.Compare | ast.Subscript | ast.match_case) for one in chain[:4]):
+            continue
+        if any(isinstance(one, ast.Dict) and node in one.keys for one in chain[:2]):
+            continue
+        yield node.lineno
+
+
+def _ancestors(node: ast.AST, above: dict[ast.AST, ast.AST]) -> Iterator[ast.AST]:
+    while node in above:
+        node = above[node]
+        yield node
+
+
+def looks_into_sentences(tree: ast.AST) -> Iterator[int]:
+    """Give the lines where a sentence is searched, or taken apart."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in PEEKS:
+            if any(SAID.search(ast.unparse(one)) for one in [node.func.value, *node.args]):
+                yield node.lineno
+        elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):
+            text = (
+                isinstance(node.left, ast.Constant) and isinstance(node.left.value, str) and " " in node.left.value
+            )
+            if text or re.search(r"\.(sentence|text)$", ast.unparse(node.left)):
+                yield node.lineno
+
+
+def files_where(rule: object) -> set[str]:
+    assert callable(rule)
+    trees = {file.relative_to(ROOT).as_posix(): ast.parse(file.read_text(encoding="utf-8")) for file in SOURCES}
+    return {name for name, tree in trees.items() if any(True for _ in rule(tree))} - HOMES
+
+
+def test_a_verdict_is_set_in_one_place() -> None:
+    assert files_where(sets_a_verdict) == VERDICTS
+    assert list(sets_a_verdict(ast.parse("verdict = 'warn' if doubt else 'pass'"))) == [1]
+    assert not list(sets_a_verdict(ast.parse("ok = result.verdict == 'fail'")))
+
+
+def test_nobody_looks_into_a_sentence() -> None:
+    assert files_where(looks_into_sentences) == SENTENCES
+    assert list(looks_into_sentences(ast.parse("note.startswith('Not checked')"))) == [1]
