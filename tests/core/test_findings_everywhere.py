@@ -1,4 +1,4 @@
-"""Judgements are findings: nobody else sets a verdict, and nobody looks into a sentence.  The lists only shrink."""
+"""Judgements are findings: nobody else sets a verdict, nobody looks into a sentence.  The lists only shrink."""
 
 import ast
 import re
