@@ -6,9 +6,13 @@ The command line prints it, REST sends it as problem details and the page shows 
 from collections.abc import Mapping
 from typing import Self
 
+from calib_core.messages import ENGLISH, Catalogue, Message, message
+
 
 class CalibrationError(Exception):
     """Something a person can mend.
+
+    Its parts are texts; those that are messages (`calib_core.messages`) are said in other languages too.
 
     Parameters
     ----------
@@ -33,13 +37,17 @@ class CalibrationError(Exception):
         self.where = where
 
     def __str__(self) -> str:
+        return self.said()
+
+    def said(self, language: Catalogue = ENGLISH) -> str:
+        """Return all of it in a language."""
         place = f"{self.where}: " if self.where else ""
-        return f"{place}need {self.need}, got {self.got}. {self.to_do}"
+        return f"{place}{language.say(self.reason)}"
 
     @property
-    def reason(self) -> str:
+    def reason(self) -> Message:
         """All of it but where."""
-        return f"need {self.need}, got {self.got}. {self.to_do}"
+        return message("need {need}, got {got}. {to_do}", need=self.need, got=self.got, to_do=self.to_do)
 
     def at(self, where: str) -> "CalibrationError":
         """Return the same error, told to be at `where` (kept if a finer place is known already)."""
@@ -50,12 +58,19 @@ class CalibrationError(Exception):
 
     def with_failures(self, failed: Mapping[str, "CalibrationError"]) -> Self:
         """Return the same error with what was got of captures that failed, by their names."""
-        names = "; ".join(f"{name}: {why.got}" for name, why in failed.items())
-        return type(self)(self.need, f"{self.got} ({names})", self.to_do, self.where) if failed else self
+        if not failed:
+            return self
+        names = "; ".join(f"{{name{k}}}: {{why{k}}}" for k in range(len(failed)))
+        values = {f"name{k}": name for k, name in enumerate(failed)}
+        values |= {f"why{k}": why.got for k, why in enumerate(failed.values())}
+        return type(self)(
+            self.need, Message(f"{{got}} ({names})", {"got": self.got, **values}), self.to_do, self.where
+        )
 
     def adding(self, sentence: str) -> "CalibrationError":
         """Return the same error with a sentence more on what to do."""
-        return type(self)(self.need, self.got, f"{self.to_do} {sentence}", self.where)
+        to_do = Message("{to_do} {more}", {"to_do": self.to_do, "more": sentence})
+        return type(self)(self.need, self.got, to_do, self.where)
 
 
 class InputError(CalibrationError):

@@ -186,6 +186,14 @@ class Operations(Connection):
         """Return the newest image of the session's camera as it came."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/live/picture")
 
+    def registries_findings(self) -> Any:
+        """List the codes that findings may have."""
+        return self.request("GET", "/api/v1/findings")
+
+    def registries_finding(self, code: str) -> Any:
+        """Return the page about a code."""
+        return self.request("GET", f"/api/v1/findings/{quote(code, safe='')}")
+
     def captures_get_folder(self, session_id: str) -> Any:
         """Return which folder is watched for the session, what came of it, and which may be watched."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/folder")

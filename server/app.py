@@ -25,6 +25,7 @@ from server.http.body_draining import BodyDraining
 from server.http.disconnects import Disconnects
 from server.http.events import Hub
 from server.http.head_requests import HeadRequests
+from server.http.language import AnswerLanguage
 from server.http.page_files import PageFiles
 from server.http.page_sentences import PageSentences
 from server.http.security_headers import SecurityHeaders
@@ -163,6 +164,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(Timeouts, settings=settings)
     app.add_middleware(AuthMiddleware, settings=settings)
     app.add_middleware(SecurityHeaders, settings=settings)
+    app.add_middleware(AnswerLanguage)
     app.add_middleware(BodyDraining)
     app.add_middleware(Disconnects)
     app.add_middleware(AccessLog, metrics=app.state.metrics)

@@ -8,13 +8,16 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from calib_core import __version__
 from calib_core.registry import Registry
 from server.console.command import BAD_INPUT, GROUPS, OK, Command
 from server.console.output import from_standard_input
 from server.console.remote import from_server
+
+if TYPE_CHECKING:
+    from calib_core.errors import CalibrationError
 
 COMMANDS: Registry[Command] = Registry("a command", "server.commands", "COMMAND", Command)
 
@@ -137,6 +140,8 @@ def _add_common(add: Callable[..., Any], *, default: Any) -> None:
     """Add what is taken before a command's name and after it; the default of one must not undo the other."""
     for name, told in _COMMON.items():
         add(name, action="store_true", default=default, help=told)
+    asked = default or None  # suppressed, or not asked for
+    add("--lang", choices=("en", "de", "zh"), default=asked, help="the language of texts (else SCANCELL_LANG)")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -151,7 +156,7 @@ def _run(options: argparse.Namespace) -> int:
     except CalibrationError as error:
         if options.debug:
             raise
-        return _refused(str(error))
+        return _refused(_said(options, error))
     except (BrokenPipeError, KeyboardInterrupt):
         raise
     except OSError as error:  # a name that is too long, a folder that is a file, a disk that is full
@@ -167,6 +172,17 @@ def _run(options: argparse.Namespace) -> int:
         what = f"a fault of the program ({type(error).__name__}: {error})"
         return _refused(f"{what}. Add --debug for details.", "unexpected error, ")
     return status
+
+
+def _said(options: argparse.Namespace, error: "CalibrationError") -> str:
+    """Return an error in the language that is asked for; in English where that is the error."""
+    from calib_core.errors import CalibrationError
+    from server.console.language import spoken
+
+    try:
+        return error.said(spoken(options))
+    except CalibrationError:
+        return str(error)
 
 
 def _refused(sentence: str, kind: str = "error: ") -> int:

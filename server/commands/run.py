@@ -28,6 +28,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="apply the remedy of a root cause (its id, or 1 for the likeliest), then solve",
     )
     remedy.add_argument("--undo", action="store_true", help="undo what --apply changed last, then solve")
+    failing = "end with status 1 where a result has a finding of these codes, separated by commas"
+    parser.add_argument("--fail-on", default="", metavar="CODE,…", help=failing)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write results/ here instead of into the session")
 
 
@@ -43,6 +45,7 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.server is not None:
         return _run_there(options)
+    failing = _failing_codes(options)
     path: Path = options.session
     target = None if options.out is None and is_archive(path) else options.out or folder_of(path)
 
@@ -60,20 +63,50 @@ def _run(options: argparse.Namespace) -> int:
             except CalibrationError as error:
                 raise _with_cause(error, session, read) from None
         truth = truth_of(folder)
-    told = {name: result_data(result) for name, result in results.items()}
+    read_results = _as_read(options, session, results)
+    told = {name: result_data(result) for name, result in read_results.items()}
     texts = [
         text
-        for name, result in results.items()
+        for name, result in read_results.items()
         for text in (str(result), *_truth_text(session, told[name], truth))
     ]
-    text = "\n\n".join([*texts, *_causes_text(options, results)])
+    text = "\n\n".join([*texts, *_causes_text(options, read_results)])
     data = {"session": session.to_json(), "results": told}
     print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is not None:
         _store(options, results, target)
     else:
         remark(options, f"{path} stays as it is: --out DIR writes the results to a folder.")
-    return NOT_ACCEPTED if any(result.verdict == "fail" for result in results.values()) else OK
+    return _status(failing, read_results)
+
+
+def _failing_codes(options: argparse.Namespace) -> set[str]:
+    """Return the codes of --fail-on; raises NotFoundError where one is none."""
+    from calib_core.findings.table import code_named
+
+    return {code_named(name.strip()).name for name in options.fail_on.split(",") if name.strip()}
+
+
+def _as_read(
+    options: argparse.Namespace, session: "Session", results: "Mapping[str, Result]"
+) -> dict[str, "Result"]:
+    """Return results in the language that is asked for, with the cell's own severities."""
+    from calib_core.archive.folder import result_data
+    from calib_core.findings.reading import as_read
+    from server.console.language import spoken
+
+    language, severities = spoken(options).language, session.cell.findings
+    return {
+        name: type(result).model_validate(as_read(result_data(result), language, severities))
+        for name, result in results.items()
+    }
+
+
+def _status(failing: set[str], results: "Mapping[str, Result]") -> int:
+    """Return whether all results are accepted: none fails, and none has a finding of these codes."""
+    failed = any(result.verdict == "fail" for result in results.values())
+    found = failing & {finding.code for result in results.values() for finding in result.findings}
+    return NOT_ACCEPTED if failed or found else OK
 
 
 def _remedied(
@@ -158,6 +191,7 @@ def _run_there(options: argparse.Namespace) -> int:
 
         to_do = "Apply it on the page, or to the session's folder."
         raise InputError("--server alone", "--apply or --undo with it", to_do, "--server")
+    failing = _failing_codes(options)
     with connected(options) as api, progress_bar(options, says_why=False) as progress:
         session = (
             _sent(api, options.session) if options.session.exists() else session_id(api, str(options.session))
@@ -174,7 +208,7 @@ def _run_there(options: argparse.Namespace) -> int:
     text = "\n\n".join(str(result) for result in results.values())
     data = {"session": record, "results": {name: result_data(result) for name, result in results.items()}}
     print_result(options, f"session {session}\n\n{text}", data)
-    return NOT_ACCEPTED if any(result.verdict == "fail" for result in results.values()) else OK
+    return _status(failing, results)
 
 
 def _sent(api: "Scancell", path: Path) -> str:

@@ -20,6 +20,7 @@ from starlette.websockets import WebSocket
 
 from calib_core.errors import CalibrationError
 from calib_core.records import input_error_from_details
+from server.http.language import spoken
 
 log = logging.getLogger("scancell")
 
@@ -101,15 +102,16 @@ def _codes(error: type[CalibrationError]) -> Iterator[str]:
 
 
 def problem(error: CalibrationError) -> dict[str, Any]:
-    """Return an error as problem details."""
+    """Return an error as problem details, in the language that is asked for."""
+    language = spoken()
     return {
         "type": f"urn:scancell:problem:{error.code}",
         "title": _TITLES.get(error.code, "Calibration is not possible"),
         "status": error.status,
-        "detail": str(error),
-        "need": error.need,
-        "got": error.got,
-        "to_do": error.to_do,
+        "detail": error.said(language),
+        "need": language.say(error.need),
+        "got": language.say(error.got),
+        "to_do": language.say(error.to_do),
         "where": error.where,
     }
 

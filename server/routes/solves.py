@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import NotFoundError
+from calib_core.findings.reading import as_read
 from server.http.api_router import api_router
 from server.http.dependencies import (
     Cursor,
@@ -26,13 +27,14 @@ from server.http.dependencies import (
 )
 from server.http.events import ended_job, follow, to_sse
 from server.http.idempotency import Idempotency
+from server.http.language import spoken
 from server.http.schemas import Job, JobPage, JobStatus
 from server.http.schemas_results import StoredResult
 from server.jobs.jobs import Jobs
 from server.store.database import Store
 from server.store.history import latest_numbers
 from server.store.models import Data
-from server.store.sessions import load_session, locked_session, session_row
+from server.store.sessions import StoredSession, load_session, locked_session, session_row
 from server.store.solves import ALL, ENDED, create_job, job_data, job_row, list_jobs
 
 Wait = Annotated[float, Query(ge=0, le=120, description="Answer when it has ended, or after so many s.")]
@@ -142,7 +144,7 @@ def list_results(session_id: SessionId, store: StoreDep) -> Response:
         if not latest_numbers(db, session_id):  # pages ask with every capture, mostly before there are any
             return JSONResponse({})
         stored = load_session(db, store.blobs, session_id)
-    return JSONResponse(stored.results_with_stale())
+    return JSONResponse(_as_read(stored, stored.results_with_stale()))
 
 
 @router.get("/sessions/{session_id}/results/{stage}", response_model=StoredResult)
@@ -154,4 +156,10 @@ def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Resp
         raise NotFoundError(
             "a stage that was solved", f"'{stage}', which was not", f"POST …/solve/{stage} first.", "stage"
         )
-    return JSONResponse(stored.results_with_stale()[stage])
+    return JSONResponse(_as_read(stored, stored.results_with_stale())[stage])
+
+
+def _as_read(stored: StoredSession, results: dict[str, Data]) -> dict[str, Data]:
+    """Return results in the language that is asked for, with the cell's own severities."""
+    severities = stored.session.cell.findings
+    return {stage: as_read(result, spoken().language, severities) for stage, result in results.items()}

@@ -150,6 +150,7 @@ def store_result(
             "verdict": record["verdict"],
             "before": before,
             "warnings": record.get("warnings", []),
+            "findings": record.get("findings", []),
         }
         tell(db, "verdict", session.id, data)
     return former
