@@ -97,9 +97,11 @@ def test_captures_results_and_verdicts_are_told_in_their_order_and_signed(client
             assert [message["type"] for message in came] == ["capture"] * 14 + ["result", "verdict"]
             assert came[0]["data"] == {"action": "added", "capture": "p01"}
             assert came[14]["data"] == {"stage": "tcp"}
-            assert came[15]["data"] | {"warnings": []} == {
-                "stage": "tcp", "verdict": "pass", "before": None, "warnings": [],
+            told = came[15]["data"]
+            assert told | {"warnings": [], "findings": []} == {
+                "stage": "tcp", "verdict": "pass", "before": None, "warnings": [], "findings": [],
             }  # fmt: skip
+            assert {one["severity"] for one in told["findings"]} == {"note"}
             for headers, body in receiver.came:
                 assert_signed(webhook["secret"], headers, body)
             # The same verdict again is a result, but nothing new.

@@ -89,8 +89,9 @@ def record(client: httpx.Client) -> dict[str, dict[str, Any]]:
         assert wait_for(client, names["job_id"], 600)["status"] == "done"
     send("GET", f"{api}/jobs/{{job_id}}", names=names)
     send("GET", f"{api}/jobs", params={"limit": 2})
-    for what in ("formats", "conventions", "exports", "sources", "stages"):
+    for what in ("formats", "conventions", "exports", "sources", "stages", "findings"):
         send("GET", f"{api}/{what}")
+    send("GET", f"{api}/findings/{{code}}", names={"code": "stored-note"})
     _causes(recorder, client)
     waiting = client.post(f"/sessions/{there}/solve/chain").json()["id"]
     send("POST", f"{api}/jobs/{{job_id}}/cancel", names={"job_id": waiting})
