@@ -11,11 +11,10 @@ from calib_core.archive.stored_results import require_result
 from calib_core.errors import ConflictError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
+from calib_core.records.faults import in_order, refuse_faults
 from calib_core.stages.registry import tool_stages
 
-
-class NotUsableError(ConflictError):
-    """An answer that is stale or failed, and was not allowed to be used all the same."""
+_NOT_CONFIRMED = ("fail", "conditional-fail")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +39,11 @@ class Answer:
         When it was solved, ISO 8601, or empty.
     stale : bool
         Whether its inputs have changed since.
+    decision : str or None
+        Of the latest verification; of one that is stale only that it failed, so that nothing undoes it but
+        another verification.
+    of_moment : tuple of str
+        The faults that were worked out when somebody asked; not stored with it.
     """
 
     session: Session
@@ -54,11 +58,23 @@ class Answer:
     date: str = ""
     stale: bool = False
     warnings: tuple[str, ...] = field(default=())
+    decision: str | None = None
+    of_moment: tuple[str, ...] = ()
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What speaks against using it: `stale`, `fail`, or both."""
-        return tuple(name for name, holds in (("stale", self.stale), ("fail", self.verdict == "fail")) if holds)
+        """What speaks against using it, of its own."""
+        holds = {
+            "stale": self.stale,
+            "fail": self.verdict == "fail",
+            "verify-fail": self.decision in _NOT_CONFIRMED,
+        }
+        return in_order(name for name, held in holds.items() if held)
+
+    @property
+    def all_faults(self) -> tuple[str, ...]:
+        """Its own, and those of the moment."""
+        return in_order((*self.faults, *self.of_moment))
 
     @property
     def position_sigma_mm(self) -> float:
@@ -71,13 +87,8 @@ class Answer:
         return float(np.rad2deg(_worst(self.tool_covariance[:3, :3])))
 
     def require_usable(self, allow: Collection[str] = ()) -> None:
-        """Raise NotUsableError where the answer is stale or failed and that is not allowed."""
-        for fault in self.faults:
-            if fault not in allow:
-                got = "one whose inputs have changed" if fault == "stale" else "one with the verdict 'fail'"
-                how = f"`--allow {fault}`, over REST `allow={fault}`"
-                to_do = f"Solve the session again, or allow it ({how}): it is marked then."
-                raise NotUsableError("an answer that is fresh and not failed", got, to_do, self.stage)
+        """Raise NotUsableError where the answer has faults of its own that are not allowed."""
+        refuse_faults(self.faults, allow, self.stage)
 
 
 def _worst(covariance: FloatArray) -> float:
@@ -124,6 +135,7 @@ def answer_of(
         require_result(part, data[part], f"results/{part}.json")
     result, table = data[stage], data.get(table_stage)
     verdicts = [data[part]["verdict"] for part in parts]
+    decision = data.get("verify", {}).get("decision")
     covariance_name = "turntable_covariance" if stage == "chain" else "covariance"
     table_covariance = None if table is None else np.array(table[covariance_name], dtype=float)[:6, :6]
     turntable = None
@@ -142,6 +154,7 @@ def answer_of(
         date=date,
         stale=any(part in stale for part in parts),
         warnings=tuple(result.get("warnings", ())),
+        decision=decision if "verify" not in stale or decision in _NOT_CONFIRMED else None,
     )
 
 

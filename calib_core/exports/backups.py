@@ -27,7 +27,7 @@ def write_into(
     InputError
         If no file of the backup holds the entry, or several do, or it cannot be changed.
     ConflictError
-        If the answer is stale or failed and that is not allowed.
+        If the answer has faults that are not allowed.
     """
 
     def patched(data: bytes) -> bytes:

@@ -78,7 +78,7 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
     Raises
     ------
     ConflictError
-        If the answer is stale or failed, whatever is allowed elsewhere: the robot would move by it.
+        If the answer has faults of its own, whatever is allowed elsewhere: the robot would move by it.
     InputError
         If the captures do not tell where the sphere stood.
     """

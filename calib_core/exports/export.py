@@ -45,7 +45,7 @@ def export(
     stale : collection of str
         The stages whose results are stale.
     allow : collection of str
-        Of `stale` and `fail`: what may be exported all the same.
+        The faults (`records.faults`) in spite of which it is exported.
     settings : mapping, optional
         The export's settings.
     backup : bytes, optional
@@ -58,7 +58,7 @@ def export(
     InputError
         If the format or a setting is unknown, or the backup is not one that it can change.
     ConflictError
-        If nothing is solved yet, or the answer is stale or failed and that is not allowed.
+        If nothing is solved yet, or the answer has faults that are not allowed.
     """
     export_named(name, tuple(media_types()))  # that there is no such format comes first
     return write_export(answer_of(session, results, stale, date), name, allow, settings, backup)
@@ -95,6 +95,8 @@ def frames_json(answer: Answer, settings: Settings) -> str:
     frames |= {"verdict": answer.verdict, "stale": answer.stale}
     if answer.faults:
         frames["not_to_be_used"] = list(answer.faults)
+    if answer.of_moment:
+        frames["attention"] = list(answer.of_moment)
     return json.dumps(frames, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, StringConstraints
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export, Patch, Settings
+from calib_core.records.faults import FAULTS
 from calib_core.robots.poses import to_pose
 
 Part = Literal["tool", "table", "both"]
@@ -72,13 +73,15 @@ def listed(pose: Iterable[float], position: int, orientation: int, separator: st
 def provenance(answer: Answer) -> list[str]:
     """Return what a person at the controller should know, in ASCII: session, uncertainty, date, hash.
 
-    A stale or failed answer says so first.
+    An answer with faults says so first.
     """
     name = ascii_of(answer.session.name) or "without a name"
-    faults = " and ".join(_FAULTS[fault] for fault in answer.faults)
+    faults = " and ".join(FAULTS[name].said for name in answer.faults)
+    also = " and ".join(FAULTS[name].said for name in answer.of_moment)
     position, rotation = answer.position_sigma_mm, answer.rotation_sigma_deg
     return [
         *([f"NOT TO BE USED: this answer is {faults}"] if faults else []),
+        *([f"ATTENTION: this answer is {also}"] if also else []),
         f"scancell: scanner frame (laser) in tool0, of session {name}",
         f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
         f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
@@ -86,12 +89,11 @@ def provenance(answer: Answer) -> list[str]:
     ]
 
 
-_FAULTS = {"stale": "stale", "fail": "failed"}
 _REMARK = 30
 
 
 def mark(answer: Answer, longest: int = 32) -> str:
-    """Return a short name for the entry, where a format has no comments: it tells a stale or failed answer too."""
+    """Return a short name for the entry, where a format has no comments: it tells an answer with faults too."""
     prefix = "DO-NOT-USE" if answer.faults else "SCANCELL"
     return f"{prefix} {answer.inputs_sha256[:8]}"[:longest]
 

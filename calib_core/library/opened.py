@@ -89,14 +89,14 @@ class OpenSession:
         into : str or Path, optional
             A controller's backup, of which the file with the tool is returned, that one entry changed.
         allow : collection of str
-            Of `stale` and `fail`: what is exported all the same, and marked.
+            The names of faults, such as `stale`, in spite of which it is exported, and marked.
 
         Raises
         ------
         InputError
             If the format or a setting is unknown, or the backup does not hold the tool.
         ConflictError
-            If nothing is solved yet, or the answer is stale or failed and that is not allowed.
+            If nothing is solved yet, or the answer has faults that are not allowed.
         """
         from calib_core.exports.backups import write_into
         from calib_core.exports.export import write_export

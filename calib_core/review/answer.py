@@ -38,8 +38,8 @@ class AnsweredFrame(Record):
 class SessionAnswer(Record):
     """The answer of a session: of `chain` or, without a table, of `tcp`.
 
-    `faults` says what speaks against using it: `stale`, `fail`, both or nothing; `inputs_sha256` are the hashes of
-    what its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
+    `faults` says what speaks against using it, by name, if anything; `inputs_sha256` are the hashes of what
+    its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
     error contributes, where the stage says it; `decision` that of the latest verification,
     `limits_changed` which of its limits were changed after its first capture; `workpiece_sigma_mm` how well a
     point at the workpiece is known in its worst direction (one sigma).
@@ -107,7 +107,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         position_sigma_mm=answer.position_sigma_mm,
         rotation_sigma_deg=answer.rotation_sigma_deg,
         budget=_budget(answer),
-        decision=answer.results.get("verify", {}).get("decision"),
+        decision=answer.decision,
         limits_changed=answer.results.get("verify", {}).get("limits_changed") or [],
         workpiece_sigma_mm=_workpiece_sigma_mm(answer),
     )

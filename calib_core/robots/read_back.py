@@ -10,6 +10,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.records.faults import FAULTS
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.convention import Convention
 from calib_core.robots.conventions import CONVENTIONS
@@ -18,12 +19,6 @@ from calib_core.robots.text import number
 
 _POSITION_MM, _ROTATION_DEG = 0.01, 0.005
 """What pendants round away: two decimals of a millimetre, three of a degree and the like."""
-
-
-_FAULTS = {
-    "stale": "But the answer is stale, its inputs have changed since: solve the session again first.",
-    "fail": "But the answer has the verdict 'fail': no such tool should stand in a controller.",
-}
 
 
 @dataclass(frozen=True)
@@ -38,7 +33,7 @@ class ReadBack:
     position_mm, rotation_deg : float
         How far the two frames are from each other as the numbers stand.
     faults : tuple of str
-        What speaks against using the answer that was compared with: `stale`, `fail`, or both.
+        What speaks against using the answer that was compared with, by name.
     """
 
     equal: bool
@@ -48,10 +43,12 @@ class ReadBack:
     faults: tuple[str, ...] = ()
 
     def of_answer(self, faults: Sequence[str]) -> "ReadBack":
-        """Return the outcome of a comparison with an answer that is stale or failed: its words say so."""
+        """Return the outcome of a comparison with an answer that has faults: its words say so."""
         if not faults:
             return self
-        sentences = " ".join(_FAULTS[fault] for fault in faults)
+        sentences = " ".join(
+            f"But the answer is {FAULTS[name].got}: {_lower(FAULTS[name].to_do)}" for name in faults
+        )
         return replace(self, words=f"{self.words} {sentences}", faults=tuple(faults))
 
     def to_json(self) -> dict[str, Any]:
@@ -64,6 +61,10 @@ class ReadBack:
             "rotation_deg": self.rotation_deg if finite else None,
             "faults": list(self.faults),
         }
+
+
+def _lower(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:]
 
 
 def typed_numbers(text: str) -> list[float]:

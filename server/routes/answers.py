@@ -6,6 +6,7 @@ from fastapi import Path, Query, Response
 from fastapi.responses import JSONResponse
 
 from calib_core.errors import InputError
+from calib_core.records.faults import MOST_TEXT, allowed_faults
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.cell_frames import SessionFrames
 from server.http.api_router import API, api_router
@@ -17,8 +18,11 @@ from server.store.sessions import load_session
 
 router = api_router("answers", f"{API}/sessions/{{session_id}}")
 
-_FAULTS = ("stale", "fail")
 _HEADERS = {
+    "Scancell-Faults": {
+        "description": "Names of faults with commas between, or empty.",
+        "schema": {"type": "string"},
+    },
     "Scancell-Stale": {"description": "`true` where inputs have changed since.", "schema": {"type": "string"}},
     "Scancell-Verdict": {"description": "`pass`, `warn` or `fail`.", "schema": {"type": "string"}},
 }
@@ -26,7 +30,10 @@ _BINARY = {"*/*": {"schema": BYTES}}
 
 Allow = Annotated[
     str,
-    Query(max_length=40, description="`stale`, `fail` or `stale,fail`: what is given all the same, and marked."),
+    Query(
+        max_length=MOST_TEXT,
+        description="Names of faults, such as `stale,verify-fail`, in spite of which it is given, marked.",
+    ),
 ]
 
 
@@ -50,7 +57,7 @@ def get_answer(session_id: SessionId, store: StoreDep) -> Response:
 
     with store.read() as db:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
-    headers = answer_headers(answer.verdict, answer.stale)
+    headers = answer_headers(answer)
     return JSONResponse(plain_json(answer_record(answer).to_json()), headers=dict(headers))
 
 
@@ -87,7 +94,7 @@ def export_results(
     allow: Allow = "",
     settings: Settings = "{}",
 ) -> Response:
-    """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused with 409."""
+    """Return the calibrated tool and table in a format's syntax; with faults of its own it is refused."""
     from calib_core.archive.stored_clouds import media_types
     from calib_core.exports.export import write_export
     from calib_core.exports.registry import export_named
@@ -98,14 +105,5 @@ def export_results(
     with store.read() as db:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
     content, entry = write_export(answer, name, allowed, chosen)
-    headers = dict(answer_headers(answer.verdict, answer.stale))
+    headers = dict(answer_headers(answer))
     return Response(content, media_type=entry.media_type, headers=headers)
-
-
-def allowed_faults(allow: str) -> tuple[str, ...]:
-    """Return the faults that a caller puts up with; raises InputError."""
-    allowed = tuple(word.strip() for word in allow.split(",") if word.strip())
-    unknown = [word for word in allowed if word not in _FAULTS]
-    if unknown:
-        raise InputError("stale, fail or both", f"'{unknown[0]}'", "Write allow=stale,fail.", "allow")
-    return allowed

@@ -196,7 +196,7 @@ def _answer_file(answer: Answer | None) -> dict[str, bytes]:
 
 
 def _marks(answer: Answer | None) -> Mapping[str, str]:
-    return {} if answer is None else answer_headers(answer.verdict, answer.stale)
+    return {} if answer is None else answer_headers(answer)
 
 
 def _report(stored: SessionOfStore, answer: Answer | None, *, with_truth: bool) -> str:

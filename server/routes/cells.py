@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import Record, Verdict
+from calib_core.records.faults import MOST_TEXT, allowed_faults, refuse_faults
 from calib_core.records.known_fields import require_known_fields
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.drift import CellDrift
@@ -17,18 +18,18 @@ from server.http.api_router import api_router
 from server.http.created import created
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.http.strict_json import plain_json
-from server.routes.answers import allowed_faults
 from server.store.models import Data
 from server.store.releases import (
     add_release,
     cell_history,
     cell_sessions,
+    earlier_release,
     list_cells,
     release_data,
     released,
     roll_back,
 )
-from server.store.session_answer import answer_headers, session_answer
+from server.store.session_answer import headers_of, session_answer
 from server.store.sessions import load_session
 
 router = api_router("cells")
@@ -89,12 +90,12 @@ class CellHistory(BaseModel):
 
 
 class NewRelease(Record):
-    """Why an answer is released; `allow` names the faults that are put up with: `stale`, `fail` or both."""
+    """Why an answer is released; `allow` names the faults in spite of which, with commas between."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"why": "after the crash of Monday"}]})
 
     why: str = Field(default="", max_length=1000)
-    allow: str = Field(default="", max_length=40)
+    allow: str = Field(default="", max_length=MOST_TEXT)
 
 
 class Rollback(Record):
@@ -104,6 +105,7 @@ class Rollback(Record):
 
     why: str = Field(default="", max_length=1000)
     number: int | None = Field(default=None, ge=1, lt=2**31)
+    allow: str = Field(default="", max_length=MOST_TEXT)
 
 
 @router.get("/cells", response_model=Cells)
@@ -137,7 +139,7 @@ def get_released(cell_id: CellId, store: StoreDep) -> Response:
         row = released(db, cell_id)
         answer, release = row.answer, row
         tag = f'"{release.number}"'
-    headers = {**answer_headers(answer["verdict"], answer["stale"]), "ETag": tag}
+    headers = {**headers_of(answer["verdict"], answer["stale"], answer["faults"]), "ETag": tag}
     return JSONResponse(answer, headers=headers)
 
 
@@ -145,7 +147,7 @@ def get_released(cell_id: CellId, store: StoreDep) -> Response:
 def release(
     session_id: SessionId, body: NewRelease, request: Request, idempotency: IdempotencyDep, store: StoreDep
 ) -> Response:
-    """Put the session's answer in force for its cell; one that is stale or failed is refused unless allowed."""
+    """Put the session's answer in force for its cell; one with faults is refused unless they are allowed."""
     from calib_core.review.answer import answer_record
 
     require_known_fields(body, "request")
@@ -164,11 +166,14 @@ def release(
 def rollback(
     cell_id: CellId, body: Rollback, request: Request, idempotency: IdempotencyDep, store: StoreDep
 ) -> Response:
-    """Put an earlier release of a cell in force again."""
+    """Put an earlier release of a cell in force again; one with faults is refused unless they are allowed."""
     require_known_fields(body, "request")
+    allowed = allowed_faults(body.allow)
 
     def act(db: Transaction) -> Data:
-        return release_data(roll_back(db, cell_id, _who(request), body.why.strip(), body.number))
+        earlier = earlier_release(db, cell_id, body.number)
+        refuse_faults(earlier.answer["faults"], allowed, cell_id)
+        return release_data(roll_back(db, earlier, _who(request), body.why.strip()))
 
     return _in_force(idempotency.run(store, body.to_json(), 201, act)[0])
 

@@ -11,12 +11,12 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.captures.certificate import Certificate
 from calib_core.errors import InputError, TooLargeError
 from calib_core.records import ArmTable
+from calib_core.records.faults import MOST_TEXT, allowed_faults
 from calib_core.robots.told import Told
 from server.http.api_router import api_router
 from server.http.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
 from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json
-from server.routes.answers import allowed_faults
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 
@@ -239,7 +239,7 @@ async def export_into_backup(
         str,
         Form(max_length=5000, description="The export's settings, as JSON.", examples=['{"tool": 3}']),
     ] = "{}",
-    allow: Annotated[str, Form(max_length=40, description="`stale`, `fail` or `stale,fail`.")] = "",
+    allow: Annotated[str, Form(max_length=MOST_TEXT, description="Names of faults, with commas between.")] = "",
 ) -> Response:
     """Return the file of a backup that defines the tool, with that one entry changed and every other byte kept.
 
@@ -255,7 +255,7 @@ async def export_into_backup(
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
             chosen = parse_object(settings, "settings")
             file, content = write_into(contents, answer, name, allowed_faults(allow), chosen)
-            return file, content, dict(answer_headers(answer.verdict, answer.stale))
+            return file, content, dict(answer_headers(answer))
 
         file, content, headers = await run_in_threadpool(written)
     plain = quote(file.replace("\\", "/").rsplit("/", 1)[-1])
@@ -293,7 +293,7 @@ async def read_back_tool(
             else:
                 known, pose = convention or answer.session.cell.pose_convention, typed_numbers(numbers)
             found = read_back(pose, known, answer.tool0_from_laser).of_answer(answer.faults)
-            return found.to_json(), dict(answer_headers(answer.verdict, answer.stale))
+            return found.to_json(), dict(answer_headers(answer))
 
         found, headers = await run_in_threadpool(compared)
     return JSONResponse(plain_json(found), headers=headers)

@@ -64,8 +64,8 @@ def add_release(db: Transaction, session_id: str, answer: Data, who: str, why: s
     return _add(db, answer["cell"], session_id, "release", answer, who, why)
 
 
-def roll_back(db: Transaction, cell: str, who: str, why: str, number: int | None = None) -> ReleaseRow:
-    """Put an earlier release in force again, left out the one before the present one's answer.
+def earlier_release(db: Transaction, cell: str, number: int | None = None) -> ReleaseRow:
+    """Return a release of a cell by its number, left out the one before the present one's answer.
 
     Raises
     ------
@@ -86,7 +86,12 @@ def roll_back(db: Transaction, cell: str, who: str, why: str, number: int | None
         found = next((row for row in rows if row.answer != present.answer), None)
         if found is None:
             raise ConflictError("an earlier release", "none but the present one", "Release another answer.", cell)
-    return _add(db, cell, found.session_id, "rollback", found.answer, who, why)
+    return found
+
+
+def roll_back(db: Transaction, earlier: ReleaseRow, who: str, why: str) -> ReleaseRow:
+    """Put an earlier release in force again."""
+    return _add(db, earlier.cell, earlier.session_id, "rollback", earlier.answer, who, why)
 
 
 def release_data(row: ReleaseRow) -> Data:

@@ -1,6 +1,6 @@
 """A session's answer: as its latest results have it, with when they were solved, and whether it is stale."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Final
 
 from sqlalchemy import func, select
@@ -14,6 +14,7 @@ from server.store.sessions import StoredSession
 
 STALE_HEADER: Final = "Scancell-Stale"
 VERDICT_HEADER: Final = "Scancell-Verdict"
+FAULTS_HEADER: Final = "Scancell-Faults"
 
 
 def session_answer(db: Transaction, stored: StoredSession) -> Answer:
@@ -38,12 +39,20 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     return answer_of(session, stored.results, stale, row.created)
 
 
-def answer_headers(verdict: str, stale: bool) -> Mapping[str, str]:
+def answer_headers(answer: Answer) -> Mapping[str, str]:
     """Return what a download says about the answer in it, beside its body."""
-    return {STALE_HEADER: str(stale).lower(), VERDICT_HEADER: verdict}
+    return headers_of(answer.verdict, answer.stale, answer.all_faults)
+
+
+def headers_of(verdict: str, stale: bool, faults: Collection[str]) -> Mapping[str, str]:
+    """Return the same of an answer that is stored."""
+    return {STALE_HEADER: str(stale).lower(), VERDICT_HEADER: verdict, FAULTS_HEADER: ",".join(faults)}
 
 
 def stage_headers(stored: StoredSession, stage: str) -> Mapping[str, str]:
     """Return the same of a file that one stage made; nothing where it has no result."""
     result = stored.results_with_stale().get(stage)
-    return {} if result is None else answer_headers(result["verdict"], result["stale"])
+    if result is None:
+        return {}
+    holds = {"stale": result["stale"], "fail": result["verdict"] == "fail"}
+    return headers_of(result["verdict"], result["stale"], [name for name, held in holds.items() if held])

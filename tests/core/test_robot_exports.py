@@ -169,7 +169,7 @@ def test_a_stale_or_failed_answer_is_refused_unless_allowed_and_then_marked(entr
         return  # refused whatever is allowed, see below: the robot would move
     with pytest.raises(ConflictError, match="allow stale"):
         export(SESSION, results(), entry.name, stale=["tcp"], allow=())
-    with pytest.raises(ConflictError, match="allow fail"):
+    with pytest.raises(ConflictError, match="allow stale,fail"):
         export(SESSION, results(verdict="fail"), entry.name, allow=["stale"])
     marked, _ = export(SESSION, results(verdict="fail"), entry.name, allow=["fail"])
     fresh, _ = export(SESSION, results(), entry.name, allow=())

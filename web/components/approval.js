@@ -76,13 +76,14 @@ function ownRelease(sessionId, answer, releases) {
 function offer(sessionId, answer, releases) {
   const own = ownRelease(sessionId, answer, releases);
   if (own && own === releases[0]) return [];
-  const [fault] = answer.faults;
-  if (fault) return [h("p", { class: "soft" }, t(fault === "stale" ? "release.no_stale" : "release.no_fail"))];
-  if (!may("admin")) return [h("p", { class: "soft" }, t("release.no_right"))];
+  const faults = answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", t(`release.fault.${name}`))));
+  if (!may("admin")) return [...faults, h("p", { class: "soft" }, t("release.no_right"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
-  const ask = () => whyDialog({ title: t("release.approve"), words: [words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
-    act: (why) => api.release(sessionId, why), after: approved });
-  return [h("div", { class: "row" }, h("button", { type: "button", onclick: ask }, t("release.approve")))];
+  const title = t(faults.length ? "release.approve_despite" : "release.approve");
+  const known = answer.faults.map((name) => t(`release.fault.${name}`));
+  const ask = () => whyDialog({ title, words: [...known, words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
+    act: (why) => api.release(sessionId, why, answer.faults), after: approved });
+  return [...faults, h("div", { class: "row" }, h("button", { type: "button", onclick: ask }, title))];
 }
 
 /** The result may have been drawn again while the dialog was open: what is shown now is told. @param {Release} release */

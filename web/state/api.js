@@ -196,8 +196,8 @@ export const api = {
   /** The session's one answer that counts. @param {string} id @returns {Promise<SessionAnswer>} */
   answer: (id) => get(`${session(id)}/answer`),
 
-  /** Put the session's answer in force for its cell. @param {string} id @param {string} why @returns {Promise<Release>} */
-  release: async (id, why) => (await request(`${session(id)}/release`, json("POST", { why }))).json(),
+  /** Put the session's answer in force for its cell. @param {string} id @param {string} why @param {readonly string[]} allow names of faults @returns {Promise<Release>} */
+  release: async (id, why, allow) => (await request(`${session(id)}/release`, json("POST", { why, allow: allow.join(",") }))).json(),
 
   /** @param {string} cell @param {number} number of the release that is put in force again @param {string} why @returns {Promise<Release>} */
   rollBack: async (cell, number, why) => (await request(`/cells/${encodeURIComponent(cell)}/rollback`, json("POST", { number, why }))).json(),

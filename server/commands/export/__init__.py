@@ -23,7 +23,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--into", type=Path, metavar="BACKUP", help=into)
     settings = "another setting of the export; may be given several times"
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=settings)
-    allow = "export an answer that is stale, or failed, all the same: it is marked (stale, fail or stale,fail)"
+    allow = "export an answer in spite of its faults, by their names (such as stale,verify-fail): it is marked"
     parser.add_argument("--allow", default="", metavar="WHAT", help=allow)
     parser.add_argument(
         "--out", type=Path, default=Path("-"), metavar="FILE", help="the file to write (default standard output)"

@@ -10,13 +10,14 @@ from calib_core.archive.dates import solved_when
 from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import media_types
 from calib_core.errors import InputError
-from calib_core.exports.answer import NotUsableError, answer_of
+from calib_core.exports.answer import answer_of
 from calib_core.exports.backups import write_into
 from calib_core.exports.export import write_export
 from calib_core.exports.registry import export_named
 from calib_core.library.machines import files_of
 from calib_core.moment import now
 from calib_core.records import Record, Session
+from calib_core.records.faults import NotUsableError, allowed_faults
 from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import run as run_stages
 from calib_core.stages.pipeline import stages_to_solve
@@ -24,8 +25,6 @@ from calib_core.stages.registry import tool_stages
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import write_out
 from server.console.progress import progress_bar
-
-_FAULTS = ("stale", "fail")
 
 
 def export(options: argparse.Namespace) -> int:
@@ -35,7 +34,7 @@ def export(options: argparse.Namespace) -> int:
 
         return export_cloud(options)
     export_named(options.format, tuple(media_types()))
-    allow = _allowed(options.allow)
+    allow = allowed_faults(options.allow, "--allow")
     backup = None if options.into is None else files_of(options.into)
     with opened(options.session) as folder:
         session, read = load_session(folder)
@@ -70,14 +69,6 @@ def _answering_stage(session: Session) -> str:
         return "tcp"
     solvable = stages_to_solve(session)
     return next((name for name in tool_stages() if name in solvable), "tcp")
-
-
-def _allowed(text: str) -> list[str]:
-    allowed = [word.strip() for word in text.split(",") if word.strip()]
-    for word in allowed:
-        if word not in _FAULTS:
-            raise InputError("stale, fail or stale,fail", f"'{word}'", "Name what is allowed.", "--allow")
-    return allowed
 
 
 def _settings(options: argparse.Namespace) -> dict[str, str]:
