@@ -1596,6 +1596,7 @@ export interface RobotPrograms {
 export interface Rollback {
   why?: string;
   number?: number | null;
+  allow?: string;
 }
 
 export interface RootCause {

@@ -10,7 +10,7 @@ export const sentences = {
   "Give the file that defines it, or name another with --tool or --frame.": { "de": "Geben Sie die Datei an, die es definiert, oder nennen Sie ein anderes mit --tool oder --frame.", "zh": "请给出定义它的文件，或用 --tool 或 --frame 指定其他的。" },
   "Give the right one alone.": { "de": "Geben Sie nur die richtige an.", "zh": "请只给出正确的一个。" },
   "Look at the captures: the scanner would touch the sphere.": { "de": "Sehen Sie die Aufnahmen an: Der Scanner würde die Kugel berühren.", "zh": "请查看采集：扫描仪会碰到球。" },
-  "Or allow it ({}): it is marked then.": { "de": "Oder lassen Sie es zu ({}): Dann wird es gekennzeichnet.", "zh": "或允许使用（{}）：届时会加以标记。" },
+  "Or allow it (`--allow {}`, over REST `allow={}`): it is marked then.": { "de": "Oder lassen Sie es zu (`--allow {}`, über REST `allow={}`): Dann wird es gekennzeichnet.", "zh": "或允许使用（`--allow {}`，REST 为 `allow={}`）：届时会加以标记。" },
   "Mend what its result names, and solve again.": { "de": "Beheben Sie, was das Ergebnis nennt, und lösen Sie erneut.", "zh": "请解决结果指出的问题，再重新求解。" },
   "Look at the verification, calibrate again, and verify again.": { "de": "Sehen Sie sich die Prüfung an, kalibrieren und prüfen Sie erneut.", "zh": "请查看验证，重新标定并再次验证。" },
   "Look at the cell's drift, and acknowledge it.": { "de": "Sehen Sie sich die Drift der Zelle an, und quittieren Sie sie.", "zh": "请查看单元的漂移并予以确认。" },
