@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { may } from "../state/me.js";
-import { t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
 import { attempt, say } from "./toasts.js";
 import { whyDialog } from "./why-dialog.js";
@@ -72,15 +72,18 @@ function ownRelease(sessionId, answer, releases) {
   return releases.find((one) => sameAnswer(one, { session: sessionId, solved: answer.solved, inputs_sha256: answer.inputs_sha256 }));
 }
 
+/** @param {string} name of a fault */
+const faultWords = (name) => maybe(`release.fault.${name}`, name);
+
 /** The button, or why there is none. @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases */
 function offer(sessionId, answer, releases) {
   const own = ownRelease(sessionId, answer, releases);
   if (own && own === releases[0]) return [];
-  const faults = answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", t(`release.fault.${name}`))));
+  const faults = answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", faultWords(name))));
   if (!may("admin")) return [...faults, h("p", { class: "soft" }, t("release.no_right"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
   const title = t(faults.length ? "release.approve_despite" : "release.approve");
-  const known = answer.faults.map((name) => t(`release.fault.${name}`));
+  const known = answer.faults.map(faultWords);
   const ask = () => whyDialog({ title, words: [...known, words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
     act: (why) => api.release(sessionId, why, answer.faults), after: approved });
   return [...faults, h("div", { class: "row" }, h("button", { type: "button", onclick: ask }, title))];

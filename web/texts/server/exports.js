@@ -24,7 +24,6 @@ export const sentences = {
   "one without the verification that the cell's policy needs, or whose verification decides nothing": { "de": "eines ohne die Prüfung, die die Regeln der Zelle verlangen, oder dessen Prüfung nichts entscheidet", "zh": "缺少单元规定所需验证或验证无法判定的结果" },
   "Solve the turntable first, or export the tool.": { "de": "Lösen Sie zuerst den Drehtisch, oder exportieren Sie das Werkzeug.", "zh": "请先求解转台，或导出工具。" },
   "Solve the turntable first.": { "de": "Lösen Sie zuerst den Drehtisch.", "zh": "请先求解转台。" },
-  "`--allow {}`, over REST `allow={}`": { "de": "`--allow {}`, über REST `allow={}`", "zh": "`--allow {}`，REST 为 `allow={}`" },
   "a brand among {}": { "de": "eine Marke aus {}", "zh": "{} 中的一个品牌" },
   "a covariance of six numbers": { "de": "eine Kovarianz von sechs Zahlen", "zh": "六个数的协方差" },
   "a file that defines the tool": { "de": "eine Datei, die das Werkzeug definiert", "zh": "定义该工具的文件" },

@@ -418,7 +418,6 @@ export const sentences = {
   "something else ({})": { "de": "etwas anderes ({})", "zh": "其他内容（{}）" },
   "something else: {}": { "de": "etwas anderes: {}", "zh": "其他内容：{}" },
   "Split the capture.": { "de": "Teilen Sie die Aufnahme.", "zh": "请拆分采集。" },
-  "stale, fail or both": { "de": "stale, fail oder beides", "zh": "stale、fail 或两者" },
   "Start it with SCANCELL_WATCH_ROOT set to the folder below which sessions may watch.": { "de": "Starten Sie ihn mit SCANCELL_WATCH_ROOT, gesetzt auf den Ordner, unter dem Sitzungen überwachen dürfen.", "zh": "启动时请将 SCANCELL_WATCH_ROOT 设为允许会话监视的上级文件夹。" },
   "Stay within the limits.": { "de": "Bleiben Sie innerhalb der Grenzen.", "zh": "请保持在限值内。" },
   "Stop it at the machine if it turns; check address, cable and power.": { "de": "Halten Sie ihn an der Maschine an, wenn er sich dreht; prüfen Sie Adresse, Kabel und Strom.", "zh": "若其仍在转动，请在机器上停止；检查地址、电缆和电源。" },
