@@ -48,16 +48,10 @@ def likely_convention(cell: Cell, rows: Sequence[Sequence[float]]) -> LikelyConv
     now = CONVENTIONS[cell.pose_convention]
     if len(rows) < _FEWEST or any(len(row) != now.count for row in rows) or np.abs(rows).max() > _FARTHEST:
         return None
-    looked_at = rows[:: -(-len(rows) // _MOST_LOOKED_AT)]
     told: float | None = None
     best: tuple[float, Reading] | None = None
-    for reading in readings(cell, looked_at):
-        if reading.way != "as-written" or reading.radians != Reading.told(reading.convention).radians:
-            continue
-        poses = poses_of(reading, looked_at)
-        if poses is None:
-            continue
-        spread = _spread_mm(poses) / reading.mm_per_unit  # of one kind, whatever the unit
+    for spread_mm, reading in spreads_mm(cell, rows):
+        spread = spread_mm / reading.mm_per_unit  # of one kind, whatever the unit
         if reading.convention == now:
             told = spread
         elif best is None or spread < best[0]:
@@ -66,6 +60,26 @@ def likely_convention(cell: Cell, rows: Sequence[Sequence[float]]) -> LikelyConv
         return None
     unit_mm = best[1].mm_per_unit
     return LikelyConvention(best[1].convention.name, best[0] * unit_mm, None if told is None else told * unit_mm)
+
+
+def spreads_mm(cell: Cell, rows: Sequence[Sequence[float]]) -> list[tuple[float, Reading]]:
+    """Return how far the place that poses look at wanders, RMS, read in each way in which they can be read.
+
+    Parameters
+    ----------
+    cell : Cell
+        Its convention says how many numbers a pose has.
+    rows : sequence of K sequences of float
+    """
+    looked_at = rows[:: -(-len(rows) // _MOST_LOOKED_AT)]
+    found: list[tuple[float, Reading]] = []
+    for reading in readings(cell, looked_at):
+        if reading.way != "as-written" or reading.radians != Reading.told(reading.convention).radians:
+            continue
+        poses = poses_of(reading, looked_at)
+        if poses is not None:
+            found.append((_spread_mm(poses), reading))
+    return found
 
 
 @dataclass(frozen=True)

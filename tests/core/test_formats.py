@@ -206,12 +206,44 @@ def test_opencv_matrices_and_lists(kind: str) -> None:
     np.testing.assert_allclose(parse_cloud(opencv_file(kind, points=CLOUD), name), CLOUD)
     organised = np.where(np.isnan(cloud_of(*surface())), np.nan, cloud_of(*surface())).reshape(9, 14, 3)
     assert read_file(opencv_file(kind, grid=organised), name).grid == (9, 14)
-    both = opencv_file(kind, points=CLOUD, camera=np.eye(3))
-    with pytest.raises(InputError, match="2: points, camera"):
+    beside = opencv_file(kind, points=CLOUD, camera=np.eye(3), intensity=np.arange(float(len(CLOUD))))
+    np.testing.assert_allclose(parse_cloud(beside, name), CLOUD)
+    both = opencv_file(kind, points=CLOUD, points2=2 * CLOUD)
+    with pytest.raises(InputError, match="2: points, points2"):
         parse_cloud(both, name)
-    np.testing.assert_allclose(read_file(both, name, settings={"node": "points"}).points, CLOUD)
+    np.testing.assert_allclose(read_file(both, name, settings={"node": "points2"}).points, 2 * CLOUD)
     with pytest.raises(InputError, match="none"):
         parse_cloud(opencv_file(kind, name="nothing"), name)
+
+
+@pytest.mark.parametrize("kind", ["yml", "xml"])
+def test_opencv_profiles_of_any_shape(kind: str) -> None:
+    points = known(profile())
+    with_y = np.insert(points, 1, 0.0, axis=1)
+    for nodes in (
+        {"scan_line": with_y},
+        {"a": with_y.T.copy()},
+        {"a": points.T.copy()},
+        {"a": with_y.reshape(1, -1)},
+        {"a": points.reshape(-1, 1, 2)},
+        {"x": points[:, 0].copy(), "z": points[:, 1].copy()},
+        {"camera_matrix": np.eye(3), "profile": points, "distortion": np.zeros((1, 5))},
+    ):
+        np.testing.assert_allclose(parse_profile(opencv_file(kind, **nodes), f"p.{kind}"), points)
+
+
+@pytest.mark.parametrize("width", [2, 3])
+def test_opencv_lists_of_plain_numbers(width: int) -> None:
+    points = known(profile())
+    rows = points if width == 2 else np.insert(points, 1, 0.0, axis=1)
+    numbers = [f"{v:.8e}" for v in rows.ravel()]
+    yaml = f"%YAML:1.0\n---\nscan_line: [ {', '.join(numbers)} ]\n"
+    node = f"<scan_line>\n{' '.join(numbers)}</scan_line>"
+    xml = f"<?xml version='1.0'?>\n<opencv_storage>\n{node}\n</opencv_storage>\n"
+    for text, name in ((yaml, "p.yml"), (xml, "p.xml")):
+        np.testing.assert_allclose(parse_profile(text.encode(), name), points, atol=1e-6)
+    with pytest.raises(InputError):
+        parse_profile(yaml[: len(yaml) // 2].encode(), "p.yml")
 
 
 def test_opencv_lists_of_points() -> None:

@@ -60,7 +60,7 @@ def reading_of(
     elif names:
         columns = _by_name(names, table.units, where, table.first_line)
     else:
-        columns = _by_place(width, kind, plain, where, table.first_line)
+        columns = _by_place(values, kind, plain, where, table.first_line)
     return points_of(values, columns, kind, where, settings, unit_in(table.preamble))
 
 
@@ -168,10 +168,13 @@ def _refused(got: str, names: Sequence[str], where: str, header_above: int | Non
 
 
 def _by_place(
-    width: int, kind: PointKind | None, plain: PointKind | None, where: str, first_line: int
+    values: FloatArray, kind: PointKind | None, plain: PointKind | None, where: str, first_line: int
 ) -> list[Column]:
-    """Return x and z, or x, y and z, of columns that nobody named."""
+    """Return x and z, or x, y and z, of columns that nobody named; one of a single number is no z."""
+    width = values.shape[1]
     kind = kind or ("profile" if width == 2 else plain or "cloud")
+    if kind == "profile" and width == 3 and _stands(values[:, 1]) and not _stands(values[:, 2]):
+        return [Column(axis, place, f"column {place + 1}", None) for place, axis in enumerate("xyz")]
     most = 3 if kind == "profile" else 12
     least = 2 if kind == "profile" else 3
     if not least <= width <= most:
@@ -183,6 +186,12 @@ def _by_place(
         )
     axes = "xz" if kind == "profile" else "xyz"
     return [Column(axis, place, f"column {place + 1}", None) for place, axis in enumerate(axes)]
+
+
+def _stands(column: FloatArray) -> bool:
+    """Return whether a column holds one number alone, again and again."""
+    finite = column[np.isfinite(column)]
+    return len(finite) > 2 and np.ptp(finite) == 0
 
 
 def _for_kind(

@@ -1,0 +1,153 @@
+"""A session folder made of files as they lie: each recognised, copied, and named for what it was taken for."""
+
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calib_core.errors import ConflictError, InputError
+from calib_core.recognition.taken import GivenFile, TakenFor
+
+_WHOLE_BYTES = 4_000_000
+_WHOLE_IN_ALL_BYTES = 512_000_000
+_MOST_FILES = 20_000
+
+
+@dataclass(frozen=True)
+class NewSession:
+    """A session folder that was made: of each file what it was taken for, and what is still missing."""
+
+    folder: Path
+    files: tuple[Mapping[str, Any], ...]
+    missing: tuple[str, ...]
+    notes: tuple[str, ...]
+    captures: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON data, as `scancell new --json` prints it."""
+        files = [dict(file) for file in self.files]
+        return {
+            "session": str(self.folder),
+            "files": files,
+            "missing": list(self.missing),
+            "notes": list(self.notes),
+            "captures": self.captures,
+        }
+
+
+def new_session(
+    folder: str | Path,
+    out: str | Path | None = None,
+    convention: str | None = None,
+    sphere_mm: float | None = None,
+    told: Mapping[str, TakenFor] | None = None,
+) -> NewSession:
+    """Make a session folder of the files that lie in a folder and in those below it; nothing in it is changed.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Links in it are not followed.
+    out : str or Path, optional
+        Where the session is written; left out, `FOLDER-session` beside it.
+    convention : str, optional
+        In which the poses are written; left out, the files or the poses themselves tell it.
+    sphere_mm : float, optional
+        The sphere's diameter.
+    told : mapping, optional
+        What files are taken for, by their names, whatever their content says.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be read, or the convention is unknown.
+    ConflictError
+        If `out` holds something already, or lies in the folder.
+    """
+    from calib_core.archive.folder import save_session
+    from calib_core.recognition.recognised import recognise
+    from calib_core.recognition.session import session_of
+    from calib_core.robots.poses import convention_named
+
+    root = Path(folder)
+    if convention is not None:
+        convention_named(convention)
+    target = _target(root, Path(out) if out is not None else None)
+    found = recognise(_given(root), told, convention, sphere_mm)
+    made = session_of(found, root.resolve().name)
+    target.mkdir(parents=True, exist_ok=True)
+    try:
+        for copy, name in made.files.items():
+            (target / copy).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(root / name, target / copy, follow_symlinks=False)
+        save_session(target, made.session, {})
+    except OSError as error:
+        shutil.rmtree(target, ignore_errors=True)
+        got = (error.strerror or type(error).__name__).lower()
+        to_do = "Check the disk and its permissions."
+        raise InputError("a folder that can be written", got, to_do, str(target)) from None
+    files = [
+        {
+            "name": look.file.name,
+            "taken_for": look.taken_for,
+            "why": str(look.reason),
+            "capture": made.capture_of.get(look.file.name),
+        }
+        for look in found.looks
+    ]
+    notes = (*made.notes, *found.doubts)
+    return NewSession(target, tuple(files), found.missing, notes, len(made.session.captures))
+
+
+def _target(root: Path, out: Path | None) -> Path:
+    """Return where the session goes; raises InputError or ConflictError."""
+    if not root.is_dir():
+        got = "a file" if root.exists() else "no such folder"
+        raise InputError("a folder of files", got, "Name the folder they lie in.", str(root))
+    real = root.resolve()
+    target = out if out is not None else real.parent / f"{real.name}-session"
+    to_do = "Name another by --out."
+    if target.resolve().is_relative_to(real):
+        raise ConflictError("a place outside of the folder", str(target), to_do, "--out")
+    if os.path.lexists(target) and not (target.is_dir() and not any(target.iterdir())):
+        raise ConflictError("a place that holds nothing yet", "something there", to_do, str(target))
+    return target
+
+
+def _given(root: Path) -> list[GivenFile]:
+    """Return the files below a folder in their order; the large ones with their beginning alone."""
+    from calib_core.recognition.taken import HEAD_BYTES
+
+    given: list[GivenFile] = []
+    left = _WHOLE_IN_ALL_BYTES
+    for place, folders, names in os.walk(root, followlinks=False):
+        folders.sort()
+        for name in sorted(names + [name for name in folders if (Path(place) / name).is_symlink()]):
+            path = Path(place) / name
+            shown = path.relative_to(root).as_posix()
+            if path.is_symlink() or not path.is_file():
+                given.append(GivenFile(shown, b"", refused="link"))
+                continue
+            try:
+                size = path.stat().st_size
+                most = _limit(name, left)
+                with path.open("rb") as file:
+                    data = file.read(min(size, most) if size <= most else HEAD_BYTES)
+            except OSError:
+                given.append(GivenFile(shown, b"", refused="unreadable"))
+                continue
+            left -= len(data)
+            given.append(GivenFile(shown, data, size))
+        if len(given) > _MOST_FILES:
+            raise InputError(f"at most {_MOST_FILES} files", "more", "Name the folder of one session.", str(root))
+    return given
+
+
+def _limit(name: str, left: int) -> int:
+    """Return how many bytes of a file are read: a backup whole, of others those that tell what they are."""
+    from calib_core.recognition.taken import HEAD_BYTES
+
+    most = 64_000_000 if name.lower().endswith(".zip") else _WHOLE_BYTES
+    return most if left > most else HEAD_BYTES

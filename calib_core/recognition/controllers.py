@@ -1,0 +1,60 @@
+"""Controllers' files among others: read together, brand by brand, each named for what it holds."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from calib_core.errors import CalibrationError
+from calib_core.recognition.taken import Look, PoseList, PoseRow, Reason, nothing
+from calib_core.robots.backup import read_controller_files
+from calib_core.robots.controller_file import ControllerFile, FilePose
+from calib_core.robots.conventions import BRANDS
+
+
+def read_together(looks: Sequence[Look]) -> dict[int, Look]:
+    """Return what each of these files is, by its place."""
+    found: dict[int, Look] = {}
+    brands = dict.fromkeys(look.brand for look in looks)
+    for brand in brands:
+        own = {k: look for k, look in enumerate(looks) if look.brand == brand}
+        if brand == "zip":
+            for k, look in own.items():
+                found |= _read({k: look}, None)
+        else:
+            found |= _read(own, brand)
+    return found
+
+
+def _read(looks: dict[int, Look], brand: str | None) -> dict[int, Look]:
+    try:
+        read = read_controller_files({look.file.name: look.file.data for look in looks.values()}, brand)
+    except CalibrationError as error:
+        if brand is None:
+            return {k: replace(nothing("zip"), file=look.file) for k, look in looks.items()}
+        values = {"brand": BRANDS.get(brand).title, "because": error.reason}
+        return {k: replace(nothing("controller-unread", **values), file=look.file) for k, look in looks.items()}
+    title = BRANDS.get(read.brand).title
+    return {k: _look(look, read, title, brand is None) for k, look in looks.items()}
+
+
+def _look(look: Look, read: ControllerFile, title: str, packed: bool) -> Look:
+    name = look.file.name
+    poses = [pose for pose in read.poses if packed or pose.file == name]
+    tools = sum(packed or frame.file == name for frame in read.tools)
+    frames = sum(packed or frame.file == name for frame in read.frames)
+    rows = [_row(pose) for pose in poses if pose.pose is not None]
+    if rows:
+        values = {"brand": title, "poses": len(rows), "tools": tools, "frames": frames}
+        reason, listed = Reason("controller-poses", values), PoseList(tuple(rows), (poses[0].convention,))
+        return replace(look, taken_for="poses", reason=reason, poses=listed)
+    skipped = [row for row in read.skipped if packed or row.file == name]
+    because = f": {skipped[0].reason}" if skipped else "."
+    values = {"brand": title, "tools": tools, "frames": frames, "because": because}
+    return replace(look, taken_for="backup", reason=Reason("controller", values), poses=None)
+
+
+def _row(pose: FilePose) -> PoseRow:
+    external = list((pose.external or {}).items())
+    table_deg = next((value for axis, value in external if axis == "table"), None)
+    return PoseRow(
+        pose.pose or (), pose.line, pose.name, None, pose.time_s, pose.file, pose.joints_deg, table_deg, pose.doubt
+    )

@@ -1,0 +1,86 @@
+"""The convention of poses: as told, as the file says, or the one in which all of them look at one place."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from calib_core.causes.likely import spreads_mm
+from calib_core.causes.readings import Reading
+from calib_core.recognition.taken import PoseRow
+from calib_core.records import Cell
+from calib_core.robots.conventions import CONVENTIONS
+
+_FEWEST = 5
+_CLEARLY = 1.8  # as for a convention that is told and wrong
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A convention, whether it is sure, why, and the reading of the numbers as they stand."""
+
+    convention: str
+    sure: bool
+    why: str
+    reading: Reading
+
+    def rewritten(self, numbers: Sequence[float]) -> tuple[float, ...]:
+        """Return a pose's numbers in the convention's own units."""
+        return (
+            tuple(numbers)
+            if self.reading == Reading.told(CONVENTIONS[self.convention])
+            else tuple(self.reading.rewritten(numbers, self.convention))
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON data."""
+        return {"name": self.convention, "sure": self.sure, "why": self.why}
+
+
+def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str | None) -> Choice | None:
+    """Return the convention of poses, None where there are none and nobody tells one.
+
+    Parameters
+    ----------
+    rows : sequence of PoseRow
+    fitting : sequence of str
+        Conventions in which they can be written, the commonest first; one where the file says which.
+    told : str, optional
+        The one that the user says.
+    """
+    if told is not None:
+        return Choice(told, True, "As told.", Reading.told(CONVENTIONS[told]))
+    if not fitting:
+        return None
+    first = CONVENTIONS[fitting[0]]
+    if len(fitting) == 1:
+        return Choice(first.name, True, "As the file says.", Reading.told(first))
+    found = [one for one in _spreads(rows, first.name) if one[1].convention.name in fitting]
+    likely = f"{', '.join(fitting[:-1])} or {fitting[-1]}"
+    if not found:
+        return Choice(first.name, False, f"{likely}: too few poses to tell.", Reading.told(first))
+    (best, reading), *others = found
+    name = _named(reading, fitting)
+    if others and others[0][0] < _CLEARLY * best:
+        why = f"{likely}: the poses do not tell {name} from {_named(others[0][1], fitting)}."
+        return Choice(name, False, why, reading)
+    instead = f", {others[0][0]:.0f} mm in the next best" if others else ""
+    return Choice(name, True, f"Read so, all poses look at one place within {best:.0f} mm{instead}.", reading)
+
+
+def _spreads(rows: Sequence[PoseRow], convention: str) -> list[tuple[float, Reading]]:
+    numbers = [row.numbers for row in rows]
+    count = CONVENTIONS[convention].count
+    if len(numbers) < _FEWEST or any(len(row) != count for row in numbers):
+        return []
+    found = spreads_mm(Cell(pose_convention=convention), numbers)
+    nearest: dict[tuple[str, str], tuple[float, Reading]] = {}
+    for spread, reading in sorted(found, key=lambda one: one[0]):
+        nearest.setdefault((reading.convention.form, reading.convention.listed), (spread, reading))
+    return list(nearest.values())
+
+
+def _named(reading: Reading, fitting: Sequence[str]) -> str:
+    """Return the commonest of the conventions that read the numbers alike."""
+    own = reading.convention
+    alike = [n for n in fitting if (CONVENTIONS[n].form, CONVENTIONS[n].listed) == (own.form, own.listed)]
+    return next((n for n in alike if CONVENTIONS[n].mm_per_unit == own.mm_per_unit), own.name)

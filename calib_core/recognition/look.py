@@ -1,0 +1,194 @@
+"""One file looked at by its content: points, poses, a controller's, a certificate, something else."""
+
+import re
+from collections.abc import Callable
+
+from calib_core.errors import CalibrationError, InputError
+from calib_core.formats.points import FORMATS
+from calib_core.formats.points import recognise as format_of
+from calib_core.formats.shared.text_style import looks_like_text
+from calib_core.recognition.json_poses import keys_of, parsed, poses_in_json, sphere_mm_in
+from calib_core.recognition.number_rows import rows_in
+from calib_core.recognition.pose_rows import poses_in
+from calib_core.recognition.storage import look_at_storage
+from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, TakenFor, nothing
+from calib_core.robots.conventions import BRANDS
+from calib_core.robots.text import decoded
+from calib_core.robots.xml_file import is_gzip, unzipped
+
+_SYSTEM = re.compile(r"(?:^|/)(?:\.[^/]*|Thumbs\.db|desktop\.ini|~\$[^/]*|__MACOSX/.*)\Z", re.IGNORECASE)
+_IMAGES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_OFFICE = (b"xl/worksheets", b"word/document", b"ppt/slides", b"content.xml")
+_COMPILED = {
+    ".tp": ("A compiled FANUC program", "export it as a listing, .ls (ASCII)."),
+    ".vr": ("FANUC's variables in binary", "save them as a listing, .va (ASCII)."),
+    ".sv": ("FANUC's system variables in binary", "save them as a listing, .va (ASCII)."),
+    ".pc": ("A compiled KAREL program", "its source tells more."),
+}
+_MOST_POSE_BYTES = 4_000_000
+_SURE = 0.5
+_LEAST_POINTS = 8
+
+KINDS: dict[str, TakenFor] = {"profile": "profiles", "cloud": "clouds", "frame": "frames"}
+
+
+def look_at(file: GivenFile) -> Look:
+    """Return what a file is by itself; what others beside it make of it comes later."""
+    if file.refused:
+        return nothing(file.refused)
+    if not file.data:
+        return nothing("empty")
+    if _SYSTEM.search(file.name):
+        return nothing("system")
+    ending = f".{file.name.rpartition('.')[2].lower()}" if "." in file.name else ""
+    if ending in _COMPILED and not looks_like_text(file.head):
+        what, to_do = _COMPILED[ending]
+        return nothing("compiled", what=what, to_do=to_do)
+    if file.data.startswith(b"PK\x03\x04"):
+        return _zip(file)
+    if file.head.startswith(_IMAGES):
+        return Look("frames", Reason("picture"))
+    if is_gzip(file.data):
+        return _controllers(file, _unpacked(file)) or nothing("binary")
+    if not looks_like_text(file.head) or _is_binary_format(file):
+        return _binary(file)
+    return _text(file)
+
+
+def _is_binary_format(file: GivenFile) -> bool:
+    """Return whether a file begins like one of points in binary, with a header that is text: PLY, PCD."""
+    return file.head.startswith((b"ply", b"# .PCD", b"VERSION"))
+
+
+def _zip(file: GivenFile) -> Look:
+    if any(mark in file.data for mark in _OFFICE):
+        return nothing("office")
+    return Look("backup", Reason("zip"), brand="zip")
+
+
+def _unpacked(file: GivenFile) -> str:
+    try:
+        return decoded(unzipped(file.data, file.name))
+    except InputError:
+        return ""
+
+
+def _binary(file: GivenFile) -> Look:
+    try:
+        entry, match = format_of(file.head, file.name)
+    except InputError:
+        return _controllers(file, decoded(file.head)) or nothing("binary")
+    if match.sure < _SURE:
+        return _controllers(file, decoded(file.head)) or nothing("binary")
+    if entry.kinds == ("mesh",):
+        return nothing("mesh")
+    return _points(file, entry.name, entry.title, match.reason)
+
+
+def _points(file: GivenFile, name: str, title: str, how: str) -> Look:
+    entry = FORMATS.get(name)
+    kind = next((k for k in entry.kinds if k in KINDS), "cloud")
+    if file.whole and entry.read is not None:
+        try:
+            kind = entry.read(file.data, file.name, entry.settings(), None).kind
+        except CalibrationError as error:
+            if len(entry.kinds) == 1:
+                return Look(KINDS[kind], Reason("damaged", {"because": error.reason}))
+    return Look(KINDS[kind], Reason("points", {"title": title, "how": how}))
+
+
+def _text(file: GivenFile) -> Look:
+    text = decoded(file.head)
+    begins = text.lstrip()[:1]
+    if begins and begins in "{[":
+        found = _json(file, text)
+        if found is not None:
+            return found
+    if begins == "<" and "digitalCalibrationCertificate" in text:
+        return Look("certificate", Reason("certificate"))
+    if text.startswith("%YAML:1.0") or "<opencv_storage>" in text[:400]:
+        return look_at_storage(file, text)
+    for step in (_listing, _controllers, _table):
+        found = step(file, text)
+        if found is not None:
+            return found
+    return nothing("text")
+
+
+def _json(file: GivenFile, head: str) -> Look | None:
+    if not file.whole or len(file.data) > _MOST_POSE_BYTES:
+        return None
+    data = parsed(decoded(file.data))
+    if data is None:
+        return None
+    if isinstance(data, dict) and str(data.get("format", "")).startswith("scancell-session/"):
+        return Look("session", Reason("session"))
+    poses = poses_in_json(data, file.name)
+    if poses is not None:
+        where = f" under {poses[1]}" if poses[1] else ""
+        return _with_poses(poses[0], where, sphere_mm_in(data), keys_of(data))
+    sphere_mm = sphere_mm_in(data)
+    if sphere_mm is not None:
+        reason = Reason("settings-sphere", {"keys": keys_of(data), "sphere_mm": sphere_mm})
+        return Look("nothing", reason, sphere_mm=sphere_mm)
+    return nothing("settings", keys=keys_of(data))
+
+
+def _with_poses(poses: PoseList, where: str = "", sphere_mm: float | None = None, keys: str = "") -> Look:
+    values = {"poses": len(poses.rows), "numbers": len(poses.rows[0].numbers), "where": where}
+    if len(poses.rows) == 1 and keys:  # one alone among settings: a result of theirs, unless a scan has its name
+        values["keys"] = keys
+    return Look("poses", Reason("poses", values), poses=poses, sphere_mm=sphere_mm)
+
+
+def _listing(file: GivenFile, text: str) -> Look | None:
+    """Return points of a scanner's own listing, which its first lines tell."""
+    best = max(FORMATS, key=lambda entry: entry.recognise(file.head, file.name).sure)
+    match = best.recognise(file.head, file.name)
+    if match.sure <= _SURE or best.name == "opencv":
+        return None
+    return _points(file, best.name, best.title, match.reason)
+
+
+def _controllers(file: GivenFile, text: str) -> Look | None:
+    """Return what a controller wrote; what stands in it, its whole backup tells."""
+    ending = f".{file.name.rpartition('.')[2].lower()}"
+    know = [b for b in BRANDS if b.reads and b.name != "table" and b.recognises(text, file.name)]
+    if not know:
+        return None
+    brand = next((b for b in know if ending in b.endings), know[0])
+    values = {"brand": brand.title, "tools": 0, "frames": 0, "because": "."}
+    return Look("backup", Reason("controller", values), brand=brand.name)
+
+
+def _table(file: GivenFile, text: str) -> Look | None:
+    cut = len(file.head) < len(file.data) or not file.whole
+    found = rows_in(text if not cut else text[: text.rfind("\n") + 1])
+    if not found.rows:
+        return None
+    poses = poses_in(found, file.name)
+    if poses is not None and file.whole and len(file.data) <= _MOST_POSE_BYTES:
+        if cut:
+            poses = poses_in(rows_in(decoded(file.data)), file.name)
+        if poses is not None:
+            return _with_poses(poses)
+    values = {"rows": len(found.rows), "columns": found.width, "cut": " in its beginning" if cut else ""}
+    if found.width < 2 or len(found.rows) < _LEAST_POINTS or found.others > len(found.rows):
+        return None
+    return Look(_kind_of_table(file, found.width), Reason("table", values))
+
+
+def _kind_of_table(file: GivenFile, width: int) -> TakenFor:
+    """Return what the reader makes of a table of points; where it asks, two columns are a profile."""
+    reader: Callable[..., object] | None = None
+    try:
+        entry = format_of(file.head, file.name)[0]
+    except InputError:
+        entry = FORMATS.get("table")
+    reader = entry.read
+    if file.whole and reader is not None:
+        try:
+            return KINDS[entry.read(file.data, file.name, entry.settings(), None).kind]  # type: ignore[misc]
+        except CalibrationError:
+            pass
+    return "profiles" if width == 2 else "clouds"

@@ -1,0 +1,187 @@
+"""Poses among rows of numbers: which columns they are, and in which conventions they can be written."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.recognition.number_rows import Row, Rows, counts_up, rises
+from calib_core.recognition.taken import PoseList, PoseRow
+from calib_core.robots.conventions import CONVENTIONS
+from calib_core.robots.table.columns import plain, unit_of
+
+_UNIT = 1e-2
+_MOST_POSES = 20_000
+_MOST_TURN_DEG = 361.0
+_FARTHEST = 20_000.0
+_SAME = {"tx": "x", "ty": "y", "tz": "z", "px": "x", "py": "y", "pz": "z"}
+_TIMES = {"t", "time", "timestamp", "time_s", "t_s", "stamp"}
+_NAMES = {"name", "id", "file", "capture", "profile", "filename", "pose", "point"}
+_COUNTS = {"nr", "no", "number", "index", "idx", "i", "n", "#"}
+
+
+def poses_in(found: Rows, file: str) -> PoseList | None:
+    """Return the poses that rows hold, None where they hold none."""
+    rows = found.rows
+    if not rows or len(rows) > _MOST_POSES or found.others > max(3, len(rows)):
+        return None
+    labels = rows[0].labels
+    if labels and all(row.labels == labels for row in rows):
+        return _named(found, labels, file)
+    if (columns := _columns(found)) is not None:
+        return _named(found, columns, file)
+    return _bare(rows, file)
+
+
+def poses_of_numbers(rows: Sequence[Sequence[float]], names: Sequence[str], file: str) -> PoseList | None:
+    """Return the poses that lists of numbers without column names are; None where they are none."""
+    listed = tuple(
+        Row(k, (name,) if name else (), tuple(map(float, row)))
+        for k, (row, name) in enumerate(zip(rows, names, strict=True), start=1)
+    )
+    return _bare(listed, file) if listed else None
+
+
+def _columns(found: Rows) -> tuple[str, ...] | None:
+    """Return the names of the numbers' columns, without those of the words before them."""
+    words = len(found.rows[0].words)
+    if len(found.names) != found.width + words:
+        return None
+    return tuple(found.names[words:])
+
+
+def _named(found: Rows, names: Sequence[str], file: str) -> PoseList | None:
+    """Return poses whose numbers are named."""
+    plains = [_SAME.get(plain(name), plain(name)) for name in names]
+    fitting: dict[tuple[int, ...], list[str]] = {}
+    for convention in CONVENTIONS.values():
+        wanted = [name.lower() for name in convention.numbers.split()]
+        if convention.form != "matrix" and all(plains.count(name) == 1 for name in wanted):
+            fitting.setdefault(tuple(plains.index(name) for name in wanted), []).append(convention.name)
+    if not fitting:
+        return None
+    places, conventions = max(fitting.items(), key=lambda one: len(one[1]))
+    unit = unit_of(names[places[0]])
+    conventions = _of_unit(conventions, unit, [[row.numbers[p] for p in places[:3]] for row in found.rows])
+    factor = 1000.0 if unit == "m" and CONVENTIONS[conventions[0]].mm_per_unit == 1 else 1.0
+    factors = [factor if k < 3 else 1.0 for k in range(len(places))]
+    rows = [
+        PoseRow(tuple(row.numbers[p] * f for p, f in zip(places, factors, strict=True)), row.line, file=file)
+        for row in found.rows
+    ]
+    return PoseList(tuple(_beside(found.rows, rows, plains, set(places))), tuple(conventions))
+
+
+def _of_unit(conventions: list[str], unit: str, positions: Sequence[Sequence[float]]) -> list[str]:
+    """Return those of the conventions that have the unit that a header states, or that positions leave."""
+    near = max(math.dist(p, (0, 0, 0)) for p in positions if all(map(math.isfinite, p))) if positions else 0.0
+    metres = unit == "m" or (not unit and 0 < near < 15)
+    fitting = [name for name in conventions if (CONVENTIONS[name].mm_per_unit == 1000) == metres]
+    return fitting or conventions
+
+
+def _beside(given: Sequence[Row], rows: list[PoseRow], plains: Sequence[str], used: set[int]) -> list[PoseRow]:
+    """Return the rows with the names, counts and times that stand beside their numbers."""
+    for place, name in enumerate(plains):
+        if place in used:
+            continue
+        values = [row.numbers[place] for row in given]
+        if name in _TIMES:
+            rows = [replace(row, time_s=v) for row, v in zip(rows, values, strict=True) if math.isfinite(v)]
+        elif name in _COUNTS or (name in _NAMES and all(v == int(v) for v in values if math.isfinite(v))):
+            rows = [replace(row, number=int(v)) for row, v in zip(rows, values, strict=True) if math.isfinite(v)]
+        elif name in ("table", "table_deg", "turntable"):
+            rows = [replace(row, table_deg=v) for row, v in zip(rows, values, strict=True)]
+    joints = [plains.index(f"j{k}") for k in range(1, 8) if plains.count(f"j{k}") == 1]
+    if len(joints) > 4 and not used & set(joints):
+        of_rows = [tuple(one.numbers[j] for j in joints) for one in given]
+        rows = [replace(row, joints_deg=own) for row, own in zip(rows, of_rows, strict=True)]
+    return _with_words(given, rows)
+
+
+def _with_words(given: Sequence[Row], rows: list[PoseRow]) -> list[PoseRow]:
+    return [replace(row, name=g.words[0]) if g.words else row for row, g in zip(rows, given, strict=True)]
+
+
+def _bare(rows: Sequence[Row], file: str) -> PoseList | None:
+    """Return poses of rows whose columns nobody names: by how many numbers they have, and what these can be."""
+    values = np.array([row.numbers for row in rows])
+    while values.shape[1] > 4 and np.isnan(values[:, -1]).all():  # rows that end in a separator
+        values = values[:, :-1]
+    if not np.isfinite(values).all() or not len(values):
+        return None
+    width = values.shape[1]
+    if width == 4:
+        return _of_blocks(rows, values, file)
+    counted = width in (7, 8, 13, 17) and (counts_up(values[:, 0].tolist()) or rises(values[:, 0].tolist()))
+    for skipped in (0, 1) if counted else (0,):
+        conventions = _conventions(values[:, skipped:])
+        if not conventions:
+            continue
+        first = values[:, 0].tolist()
+        made = [
+            PoseRow(
+                tuple(_as_matrix(values[k, skipped:].tolist())),
+                row.line,
+                number=int(first[k]) if skipped and counts_up(first) else None,
+                time_s=first[k] if skipped and not counts_up(first) else None,
+                file=file,
+            )
+            for k, row in enumerate(rows)
+        ]
+        return PoseList(tuple(_with_words(rows, made)), conventions)
+    return None
+
+
+def _as_matrix(numbers: Sequence[float]) -> Sequence[float]:
+    return (*numbers, 0.0, 0.0, 0.0, 1.0) if len(numbers) == 12 else numbers
+
+
+def _of_blocks(rows: Sequence[Row], values: np.ndarray, file: str) -> PoseList | None:
+    """Return poses of matrices written in four lines each, or in three without the last."""
+    for lines in (4, 3):
+        blocks = values[: len(values) // lines * lines].reshape(-1, lines * 4)
+        if len(values) % lines or (lines == 4 and np.abs(blocks[:, 12:] - [0, 0, 0, 1]).max() > _UNIT):
+            continue
+        if not _conventions(blocks):
+            continue
+        made = [
+            PoseRow(tuple(_as_matrix(block.tolist())), rows[k * lines].line, file=file)
+            for k, block in enumerate(blocks)
+        ]
+        return PoseList(tuple(made), ("matrix",))
+    return None
+
+
+def _conventions(values: np.ndarray) -> tuple[str, ...]:
+    """Return the conventions in which rows of numbers (N, K) can be poses; none where they can be none."""
+    width = values.shape[1]
+    if width in (12, 16):
+        turned = values[:, :12].reshape(-1, 3, 4)[:, :, :3]
+        whole = width == 12 or np.abs(values[:, 12:] - [0, 0, 0, 1]).max() < _UNIT
+        right = np.abs(np.einsum("nij,nkj->nik", turned, turned) - np.eye(3)).max() < _UNIT
+        by_columns = width == 16 and np.abs(values[:, [3, 7, 11]]).max() == 0
+        return ("matrix",) if (whole and right) or by_columns else ()
+    positions = values[:, :3]
+    if width not in (6, 7) or np.abs(positions).max() > _FARTHEST:
+        return ()
+    if width == 7:
+        if np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1).max() > _UNIT:
+            return ()
+        first = _of_unit(["quaternion-xyzw", "ros"], "", positions.tolist())
+        return (first[0], "quaternion-wxyz")
+    if np.abs(values[:, 3:]).max() > _MOST_TURN_DEG or _like_a_cloud(values):
+        return ()
+    sixes = [convention.name for convention in CONVENTIONS.values() if convention.count == 6]
+    return tuple(_of_unit(sixes, "", positions.tolist()))
+
+
+def _like_a_cloud(values: np.ndarray) -> bool:
+    """Return whether the numbers beside a position are a normal or a colour, again and again."""
+    beside = values[:, 3:]
+    if len(values) < 3:
+        return False
+    normals = np.abs(np.linalg.norm(beside, axis=1) - 1).max() < _UNIT
+    colours = bool((beside == beside.astype(int)).all() and beside.min() >= 0 and beside.max() <= 255)
+    return bool(len(values) > 400 and (normals or colours)) or bool(normals and len(values) > 20)

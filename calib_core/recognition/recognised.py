@@ -1,0 +1,270 @@
+"""All files of a folder or a drop recognised together: each one named, poses handed to measurements."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from calib_core.errors import CalibrationError
+from calib_core.recognition.conventions import Choice, chosen_convention
+from calib_core.recognition.look import look_at
+from calib_core.recognition.pairing import By, natural, paired
+from calib_core.recognition.taken import (
+    MEASUREMENTS,
+    GivenFile,
+    Look,
+    PoseList,
+    PoseRow,
+    Reason,
+    TakenFor,
+    nothing,
+)
+
+MOST_FILES = 5000
+_SAME_MM = 1e-3
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A measurement and its pose, or either alone: places in the lists of files and poses."""
+
+    file: int | None
+    pose: int | None
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """What files are, together.
+
+    Attributes
+    ----------
+    looks : tuple of Look
+        One a file, in the order in which they were given.
+    poses : tuple of PoseRow
+        Those that are used; their numbers are in `choice.convention`.
+    pairs : tuple of Pair
+        Measurements in their natural order, then poses without one.
+    by : str
+        How they were paired.
+    choice : Choice or None
+        The convention of the poses, and who says so.
+    sphere_mm : float or None
+        The sphere's diameter, where a file tells it.
+    sphere_from : str
+        Which file.
+    doubts : tuple of str
+    missing : tuple of str
+        What is still needed, a sentence each.
+    """
+
+    looks: tuple[Look, ...]
+    poses: tuple[PoseRow, ...]
+    pairs: tuple[Pair, ...]
+    by: By | None
+    choice: Choice | None
+    sphere_mm: float | None
+    sphere_from: str
+    doubts: tuple[str, ...]
+    missing: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON data, as the page gets it."""
+        return {
+            "files": [
+                {
+                    "name": look.file.name,
+                    "taken_for": look.taken_for,
+                    "why": str(look.reason),
+                    "reason": look.reason.code,
+                    "values": dict(look.reason.values),
+                }
+                for look in self.looks
+            ],
+            "poses": [row.to_json() for row in self.poses],
+            "pairs": [{"file": pair.file, "pose": pair.pose} for pair in self.pairs],
+            "paired_by": self.by,
+            "convention": None if self.choice is None else self.choice.to_json(),
+            "sphere_diameter_mm": self.sphere_mm,
+            "sphere_from": self.sphere_from or None,
+            "doubts": list(self.doubts),
+            "missing": list(self.missing),
+        }
+
+
+def recognise(
+    files: Sequence[GivenFile],
+    told: Mapping[str, TakenFor] | None = None,
+    convention: str | None = None,
+    sphere_mm: float | None = None,
+) -> Recognised:
+    """Return what files are: each of them is named, none is left out.
+
+    Parameters
+    ----------
+    files : sequence of GivenFile
+    told : mapping, optional
+        What files are taken for, by name, whatever their content says.
+    convention : str, optional
+        In which the poses are written, where it is known.
+    sphere_mm : float, optional
+        The sphere's diameter, where it is known.
+    """
+    looks = [_look(file, (told or {}).get(file.name), k) for k, file in enumerate(files)]
+    looks = _with_controllers(looks)
+    order = sorted(
+        (k for k, look in enumerate(looks) if look.taken_for in MEASUREMENTS),
+        key=lambda k: natural(looks[k].file.name),
+    )
+    looks, lists, doubts = _pose_lists(looks, [looks[k].file for k in order])
+    rows: list[PoseRow] = []
+    pairs: dict[int, int] = {}
+    by: By | None = None
+    for group, poses in _by_folder([looks[k].file for k in order], lists):
+        found = paired([looks[order[k]].file.name for k in group], poses.rows)
+        pairs |= {order[group[place]]: len(rows) + row for place, row in found.row_of.items()}
+        by = by or found.by
+        doubts += [found.doubt] if found.doubt else []
+        rows += poses.rows
+    known = {name for poses in lists for name in poses.conventions}
+    choice = chosen_convention(rows, lists[0].conventions if known else (), convention)
+    if choice is not None:
+        rows = [replace(row, numbers=choice.rewritten(row.numbers)) for row in rows]
+    told_spheres = {look.sphere_mm: look.file.name for look in looks if look.sphere_mm is not None}
+    sphere_from = ""
+    if sphere_mm is None and len(told_spheres) == 1:
+        sphere_mm, sphere_from = next(iter(told_spheres.items()))
+    used = set(pairs.values())
+    listed = [Pair(k, pairs.get(k)) for k in order] + [Pair(None, k) for k in range(len(rows)) if k not in used]
+    missing = _missing(looks, listed, choice, sphere_mm)
+    return Recognised(
+        tuple(looks), tuple(rows), tuple(listed), by, choice, sphere_mm, sphere_from, tuple(doubts), tuple(missing)
+    )
+
+
+def _look(file: GivenFile, told: TakenFor | None, place: int) -> Look:
+    if place >= MOST_FILES:
+        return replace(nothing("beyond", most=MOST_FILES), file=file)
+    if told == "nothing" or told in MEASUREMENTS:
+        return Look(told, Reason("told"), file=file)
+    try:
+        look = look_at(file)
+    except CalibrationError as error:
+        look = nothing("damaged", because=error.reason)
+    if told is not None and look.taken_for != told:
+        look = replace(look, taken_for=told, reason=Reason("told"))
+    return replace(look, file=file)
+
+
+def _with_controllers(looks: list[Look]) -> list[Look]:
+    """Read controllers' files together, brand by brand, and name each for what it holds."""
+    from calib_core.recognition.controllers import read_together
+
+    places = [k for k, look in enumerate(looks) if look.brand]
+    for k, look in read_together([looks[k] for k in places]).items():
+        looks[places[k]] = look
+    return looks
+
+
+def _pose_lists(
+    looks: list[Look], measurements: Sequence[GivenFile]
+) -> tuple[list[Look], list[PoseList], list[str]]:
+    """Return the lists of poses that are used: each once, single ones together, of rivals the one that fits."""
+    stems = {file.stem.lower() for file in measurements}
+    doubts: list[str] = []
+    kept: list[int] = []
+    single: list[int] = []
+    for k, look in enumerate(looks):
+        if look.poses is None or look.taken_for != "poses":
+            continue
+        if len(look.poses.rows) > 1 or look.file.stem.lower() in stems:
+            same = next((other for other in kept if _same(looks[other].poses, look.poses)), None)
+            if same is None:
+                (single if len(look.poses.rows) == 1 else kept).append(k)
+            else:
+                values = {"poses": len(look.poses.rows), "other": looks[same].file.name}
+                looks[k] = replace(look, reason=Reason("same-poses", values), poses=None)
+        else:
+            single.append(k)
+    named = [k for k in single if looks[k].file.stem.lower() in stems]
+    for k in single:
+        if k not in named and len(single) < 2:
+            keys = looks[k].reason.values.get("keys")
+            reason = Reason("settings", {"keys": keys}) if keys else Reason("one-pose")
+            looks[k] = replace(looks[k], taken_for="nothing", reason=reason, poses=None)
+    single = [k for k in single if looks[k].poses is not None]
+    lists = [_list(looks[k]) for k in kept]
+    if len(single) > 1 or named:
+        rows = [replace(_list(looks[k]).rows[0], name=looks[k].file.stem) for k in (named or single)]
+        lists = [PoseList(tuple(rows), _list(looks[single[0]]).conventions)] if named or not lists else lists
+        kept = [] if named or not kept else kept
+    if len(kept) > 1 and len({looks[k].file.folder for k in kept}) < len(kept):
+        fitting = [k for k in kept if len(_list(looks[k]).rows) == len(measurements)] or kept
+        if len(fitting) > 1:
+            names = " and ".join(looks[k].file.name for k in fitting[:3])
+            doubts.append(f"{names} hold different poses: the first is taken. Take the others for nothing, or it.")
+        best = fitting[0]
+        for k in kept:
+            if k != best:
+                values = {"poses": len(_list(looks[k]).rows), "measurements": len(measurements)}
+                reason = Reason("other-poses", {**values, "other": looks[best].file.name})
+                looks[k] = replace(looks[k], reason=reason)
+        lists = [_list(looks[best])]
+    return looks, lists, doubts
+
+
+def _list(look: Look) -> PoseList:
+    assert look.poses is not None
+    return look.poses
+
+
+def _same(one: PoseList | None, other: PoseList) -> bool:
+    if one is None or len(one.rows) != len(other.rows):
+        return False
+    if {len(row.numbers) for row in (*one.rows, *other.rows)} != {len(one.rows[0].numbers)}:
+        return False
+    a, b = (np.array([row.numbers for row in poses.rows]) for poses in (one, other))
+    return bool(np.abs(a - b).max() <= _SAME_MM)
+
+
+def _by_folder(files: Sequence[GivenFile], lists: Sequence[PoseList]) -> list[tuple[list[int], PoseList]]:
+    """Return the measurements that each list of poses is for: of its folder, where several folders have one."""
+    if not lists:
+        return []
+    if len(lists) == 1:
+        return [(list(range(len(files))), lists[0])]
+    groups: dict[int, list[int]] = {}
+    homes = [poses.rows[0].file.rpartition("/")[0] for poses in lists]
+    for k, file in enumerate(files):
+        near = [h for h, home in enumerate(homes) if not home or f"{file.folder}/".startswith(f"{home}/")]
+        if near:
+            groups.setdefault(max(near, key=lambda h: len(homes[h])), []).append(k)
+    return [(groups.get(h, []), poses) for h, poses in enumerate(lists)]
+
+
+def _missing(
+    looks: Sequence[Look], pairs: Sequence[Pair], choice: Choice | None, sphere_mm: float | None
+) -> list[str]:
+    kinds = Counter(look.taken_for for look in looks)
+    measured = kinds["profiles"] + kinds["clouds"] + kinds["frames"]
+    if not measured + kinds["boards"]:
+        return ["Measurements: none of the files holds profiles, clouds or frames."]
+    missing: list[str] = []
+    bare = [looks[p.file].file.name for p in pairs if p.file is not None and p.pose is None]
+    bare = [name for name in bare if name]
+    lacking = [name for name in bare if not _is_board(looks, name)]
+    if lacking and len(lacking) == measured:
+        missing.append("Poses: none of the files holds where the robot stood.")
+    elif lacking:
+        listed = ", ".join(lacking[:8]) + (" and more" if len(lacking) > 8 else "")
+        missing.append(f"The poses of {listed}.")
+    if choice is not None and not choice.sure and any(p.pose is not None for p in pairs):
+        missing.append(f"The convention of the poses: {choice.why}")
+    if sphere_mm is None and kinds["profiles"] + kinds["clouds"]:
+        missing.append("The sphere's diameter.")
+    return missing
+
+
+def _is_board(looks: Sequence[Look], name: str) -> bool:
+    return any(look.file.name == name and look.taken_for == "boards" for look in looks)

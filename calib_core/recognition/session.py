@@ -1,0 +1,88 @@
+"""The session that recognised files make: a capture a measurement, with its pose."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calib_core.recognition.recognised import Recognised
+from calib_core.recognition.taken import Look
+from calib_core.records import Session, parse_session
+
+_KINDS = {"profiles": "profile", "clouds": "cloud", "frames": "frame", "boards": "frame"}
+_LASER = re.compile(r"laser|stripe|line(?!ar)|plane", re.IGNORECASE)
+_NO_CONVENTION = "matrix"
+
+
+@dataclass(frozen=True)
+class MadeSession:
+    """A session, which file is copied where, and which capture each belongs to."""
+
+    session: Session
+    files: Mapping[str, str]
+    capture_of: Mapping[str, str]
+    notes: tuple[str, ...]
+
+
+def session_of(found: Recognised, name: str) -> MadeSession:
+    """Return the session that recognised files make; what it lacks stands in `found.missing`."""
+    captures: list[dict[str, Any]] = []
+    files: dict[str, str] = {}
+    capture_of: dict[str, str] = {}
+    taken: set[str] = set()
+    for pair in found.pairs:
+        if pair.file is None:
+            continue
+        look = found.looks[pair.file]
+        own = _free(look, taken)
+        ending = re.search(r"\.[A-Za-z0-9]{1,8}\Z", look.file.name)
+        copy = f"captures/{own}{ending[0].lower() if ending else ''}"
+        files[copy], capture_of[look.file.name] = look.file.name, own
+        record: dict[str, Any] = {"id": own, "step": _step(look), "kind": _KINDS[look.taken_for], "files": [copy]}
+        if pair.pose is not None:
+            row = found.poses[pair.pose]
+            record |= {"pose": list(row.numbers), "source": f"{row.file}:{row.line}"}
+            record |= {} if row.joints_deg is None else {"joints_deg": list(row.joints_deg)}
+            record |= {} if row.time_s is None else {"device_time_s": row.time_s}
+            record |= {} if row.table_deg is None else {"step": "turntable", "table_deg": row.table_deg}
+        captures.append(record)
+    cell: dict[str, Any] = {"pose_convention": found.choice.convention if found.choice else _NO_CONVENTION}
+    if found.sphere_mm is not None:
+        cell["sphere_diameter_mm"] = found.sphere_mm
+    kinds = {capture["kind"] for capture in captures}
+    if len(kinds) == 1:
+        cell["scanner"] = {"kind": kinds.pop()}
+    record = {"format": "scancell-session/1", "name": name, "cell": cell, "captures": captures}
+    return MadeSession(parse_session(record, "session.json"), files, capture_of, tuple(_notes(found)))
+
+
+def _notes(found: Recognised) -> list[str]:
+    notes: list[str] = []
+    if found.choice is not None and found.choice.sure and found.poses:
+        notes.append(f"The poses' convention is '{found.choice.convention}'. {found.choice.why}")
+    if found.by is not None:
+        notes.append(f"Measurements and poses were paired by {found.by}.")
+    if found.sphere_from:
+        notes.append(f"The sphere's diameter, {found.sphere_mm} mm, is from {found.sphere_from}.")
+    return notes
+
+
+def _step(look: Look) -> str:
+    if look.taken_for == "boards":
+        return "laser-plane" if _LASER.search(look.file.name) else "camera"
+    return "tcp"
+
+
+def _free(look: Look, taken: set[str]) -> str:
+    """Return a capture's id, of the file's name; with its folder before it where two files have one name."""
+    for wanted in (look.file.stem, look.file.name.rpartition(".")[0].replace("/", "-")):
+        clean = re.sub(r"[^A-Za-z0-9._-]", "-", wanted).lstrip("._-")[:56] or "capture"
+        if clean not in taken:
+            break
+    number = 1
+    own = clean
+    while own in taken:
+        number += 1
+        own = f"{clean}-{number}"
+    taken.add(own)
+    return own

@@ -1,0 +1,150 @@
+"""What a file is taken for, and why: names, reasons and the poses of one file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+TakenFor = Literal[
+    "profiles", "clouds", "frames", "boards", "poses", "backup", "certificate", "session", "nothing"
+]
+"""What a file can be taken for; `backup` is a controller's file with tools and frames, but no poses."""
+
+TAKEN_FOR: tuple[TakenFor, ...] = get_args(TakenFor)
+MEASUREMENTS: tuple[TakenFor, ...] = ("profiles", "clouds", "frames", "boards")
+
+HEAD_BYTES = 65_536
+"""So much of a file tells what it is; only pose lists and controllers' files are read whole."""
+
+_REASONS = {
+    "empty": "The file is empty.",
+    "link": "A link, or nothing that can be read: it is not followed.",
+    "unreadable": "It cannot be read: check its permissions.",
+    "system": "A file of the operating system.",
+    "binary": "Binary data that no reader knows.",
+    "text": "Text in which neither points nor poses were found.",
+    "points": "{title}: {how}.",
+    "table": "{rows} rows of {columns} numbers{cut}: points.",
+    "picture": "An image.",
+    "board": "An image of a board: {how}.",
+    "mesh": "A mesh, not a measurement.",
+    "poses": "{poses} poses of {numbers} numbers{where}.",
+    "controller-poses": "{brand}: {poses} poses, {tools} tools, {frames} frames.",
+    "controller": "{brand}: {tools} tools, {frames} frames, no poses{because}",
+    "controller-unread": "{brand}: {because}",
+    "same-poses": "The same {poses} poses as in {other}.",
+    "other-poses": "{poses} poses for {measurements} measurements, which {other} fits better.",
+    "one-pose": "One pose, named after no measurement.",
+    "settings": "Settings or results of another program ({keys}), neither profiles nor a list of poses.",
+    "settings-sphere": "Settings or results of another program ({keys}); they tell a sphere of {sphere_mm} mm.",
+    "certificate": "A digital calibration certificate (DCC).",
+    "session": "A session's own record.",
+    "zip": "A zip file with nothing of a known controller in it: unpack it.",
+    "office": "A document of an office program: export its table as CSV.",
+    "compiled": "{what}: {to_do}",
+    "damaged": "{because}",
+    "told": "Taken so because it was told.",
+    "beyond": "Beyond the {most} files that are read at once.",
+}
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why a file is taken for what it is: a code of `_REASONS` and its values."""
+
+    code: str
+    values: Mapping[str, str | int | float] = field(default_factory=dict[str, str | int | float])
+
+    def __str__(self) -> str:
+        return _REASONS[self.code].format(**self.values)
+
+
+@dataclass(frozen=True)
+class GivenFile:
+    """A file that came: its name below the folder, its bytes, whole or their beginning, and its size.
+
+    `refused` is the code of a reason why it was not even read.
+    """
+
+    name: str
+    data: bytes
+    size: int | None = None
+    refused: str = ""
+
+    @property
+    def head(self) -> bytes:
+        """The bytes that tell what it is."""
+        return self.data[:HEAD_BYTES]
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of it is there."""
+        return self.size is None or len(self.data) >= self.size
+
+    @property
+    def folder(self) -> str:
+        """The folder it lies in, nothing for the one that was given."""
+        return self.name.rpartition("/")[0]
+
+    @property
+    def stem(self) -> str:
+        """Its name without folder and ending."""
+        return stem_of(self.name)
+
+
+def stem_of(name: str) -> str:
+    """Return a file's name without folder and ending."""
+    last = name.rpartition("/")[2]
+    return last.rpartition(".")[0] or last
+
+
+@dataclass(frozen=True)
+class PoseRow:
+    """One pose as a file has it; `number` is what its first column counts, `time_s` when the robot was there."""
+
+    numbers: tuple[float, ...]
+    line: int
+    name: str = ""
+    number: int | None = None
+    time_s: float | None = None
+    file: str = ""
+    joints_deg: tuple[float, ...] | None = None
+    table_deg: float | None = None
+    doubt: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON data."""
+        return {
+            "name": self.name,
+            "pose": list(self.numbers),
+            "file": self.file,
+            "line": self.line,
+            "time_s": self.time_s,
+            "joints_deg": None if self.joints_deg is None else list(self.joints_deg),
+            "table_deg": self.table_deg,
+            "doubt": self.doubt or None,
+        }
+
+
+@dataclass(frozen=True)
+class PoseList:
+    """The poses of a file, and the conventions in which they can be written: one where the file says which."""
+
+    rows: tuple[PoseRow, ...]
+    conventions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What one file is taken for, and what was found in it."""
+
+    taken_for: TakenFor
+    reason: Reason
+    brand: str = ""
+    poses: PoseList | None = None
+    sphere_mm: float | None = None
+    file: GivenFile = GivenFile("", b"")
+
+
+def nothing(code: str, **values: str | float) -> Look:
+    """Return a look at a file that is not used."""
+    return Look("nothing", Reason(code, values))

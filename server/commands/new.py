@@ -1,0 +1,42 @@
+"""`scancell new`: a session folder of files as they lie."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from server.console.command import NOT_ACCEPTED, OK, Command
+from server.console.output import print_result
+
+if TYPE_CHECKING:
+    from calib_core.library.new_session import NewSession
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="with the scanner's and controller's files")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="the session folder (FOLDER-session beside it)")
+    parser.add_argument("--convention", metavar="NAME", help="in which the poses are written, as a cell names it")
+    parser.add_argument("--sphere-mm", type=float, metavar="D", help="the sphere's diameter in mm")
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Make the session; exit status 1 where something is still missing in it."""
+    from calib_core.errors import InputError
+    from calib_core.library.new_session import new_session
+
+    if options.sphere_mm is not None and not 0 < options.sphere_mm < 1e5:
+        raise InputError("a diameter in mm", f"{options.sphere_mm:g}", "Say it in mm, above 0.", "--sphere-mm")
+    made = new_session(options.folder, options.out, options.convention, options.sphere_mm)
+    print_result(options, _text(made), made.to_json())
+    return NOT_ACCEPTED if made.missing else OK
+
+
+def _text(made: "NewSession") -> str:
+    lines = [f"{made.folder}: {made.captures} captures of {len(made.files)} files"]
+    for file in made.files:
+        capture = f" ({file['capture']})" if file["capture"] else ""
+        lines.append(f"  {file['name']}: {file['taken_for']}{capture}. {file['why']}")
+    lines += [*made.notes, *(f"Missing: {sentence}" for sentence in made.missing)]
+    return "\n".join(lines)
+
+
+COMMAND = Command("new", "make a session folder of files as they lie", "session", _arguments, _run)

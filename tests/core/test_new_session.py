@@ -1,0 +1,165 @@
+"""Files as they lie become a session: every file told, measurements paired with their poses, nothing changed."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib_core as cc
+from calib_core.errors import CalibrationError
+from calib_core.library.new_session import new_session
+from calib_core.robots import parse_pose, to_pose
+from calib_core.simulation import simulate
+from server.cli import main
+
+REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "as-they-lie" / "sphere-80mm"
+MADE = simulate("tcp", 7)
+CAPTURES = MADE.session.captures
+CONTENT = [MADE.files[capture.files[0]] for capture in CAPTURES]
+MATRICES = [parse_pose("abb", capture.pose or []) for capture in CAPTURES]
+
+
+def in_convention(name: str) -> list[list[float]]:
+    return [to_pose(name, pose) for pose in MATRICES]
+
+
+def lines(rows: list[list[float]], separator: str = " ") -> str:
+    return "".join(separator.join(f"{v:.6f}" for v in row) + "\n" for row in rows)
+
+
+def as_yaml(content: bytes, key: str = "scan_line") -> str:
+    rows = [line.split(",") for line in content.decode().splitlines()[1:]]
+    numbers = [f"{float(x):.8e}, 0., {float(z):.8e}" for x, z, *_ in rows if x and z]
+    return f"%YAML:1.0\n---\n{key}: [ {', '.join(numbers)} ]\n"
+
+
+def lay(folder: Path, files: dict[str, str | bytes]) -> Path:
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return folder
+
+
+def poses_of(folder: Path) -> dict[str, np.ndarray]:
+    session = cc.load(folder)
+    told = session.cell.pose_convention
+    return {c.id: parse_pose(told, c.pose).matrix for c in session.captures if c.pose is not None}
+
+
+def test_profiles_under_any_key_and_poses_in_a_text_of_any_name(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {f"p{k}.yml": as_yaml(data) for k, data in enumerate(CONTENT, start=1)}
+    files |= {"Robot.txt": lines(in_convention("fanuc")), "rob.rob": json.dumps({"P": in_convention("fanuc")})}
+    files |= {"notes.txt": "first try, cable loose\n", "empty.csv": "", ".DS_Store": b"\0\0\0\1Bud1"}
+    files["set.sec"] = json.dumps({"CalibObj": {"Name": "Sphere", "Radius": 20.0}, "HTM": np.eye(4).tolist()})
+    folder = lay(tmp_path / "stick", files)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    made = new_session(folder)
+    assert made.missing == ()
+    assert sorted(file["name"] for file in made.files) == sorted(files)
+    told = {file["name"]: file["taken_for"] for file in made.files}
+    assert [told[f"p{k}.yml"] for k in range(1, len(CONTENT) + 1)] == ["profiles"] * len(CONTENT)
+    assert told["Robot.txt"] == told["rob.rob"] == "poses"
+    assert {told[name] for name in ("notes.txt", "empty.csv", ".DS_Store", "set.sec")} == {"nothing"}
+    assert all(file["why"] for file in made.files)
+    session = cc.load(made.folder)
+    assert session.cell.pose_convention == "fanuc"
+    assert session.cell.sphere_diameter_mm == 40.0
+    found = poses_of(made.folder)
+    for k, pose in enumerate(MATRICES, start=1):
+        np.testing.assert_allclose(found[f"p{k}"], pose.matrix, atol=1e-4)
+    for file in made.files:
+        if file["capture"]:
+            copy = made.folder / "captures" / f"{file['capture']}.yml"
+            assert copy.read_bytes() == before[file["name"]]
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("way", ["name", "number", "time", "order", "folders", "beside"])
+def test_measurements_are_paired_with_their_own_poses(tmp_path: Path, way: str) -> None:
+    rows = in_convention("kuka")
+    mixed = np.random.default_rng(3).permutation(len(rows)).tolist()
+    names = [f"scan_{k}.csv" for k in range(1, len(rows) + 1)]
+    head = "name,X,Y,Z,A,B,C\n"
+    files: dict[str, str | bytes] = dict(zip(names, CONTENT, strict=True))
+    if way == "name":
+        files["poses.csv"] = head + "".join(f"{names[k]},{lines([rows[k]], ',')}" for k in mixed)
+    elif way == "number":
+        files["poses.txt"] = "".join(f"{k + 1} {lines([rows[k]])}" for k in sorted(range(len(rows))))
+        del files[names[3]]
+    elif way == "time":
+        stamps = [f"2024-05-01_10-{k:02d}-30" for k in range(len(rows))]
+        names = [f"{stamp}.csv" for stamp in stamps]
+        files = dict(zip(names, CONTENT, strict=True))
+        files["log.csv"] = head + "".join(f"{stamps[k][:-2]}29,{lines([rows[k]], ',')}" for k in mixed)
+    elif way == "order":
+        files["list"] = lines(rows, "; ").replace(".", ",")
+    elif way == "folders":
+        half = len(rows) // 2
+        files = {f"{'a' if k < half else 'b'}/{names[k]}": data for k, data in enumerate(CONTENT)}
+        files |= {"a/poses.txt": lines(rows[:half]), "b/poses.txt": lines(rows[half:])}
+    else:
+        files |= {f"scan_{k}.txt": lines([row]) for k, row in enumerate(rows, start=1)}
+    made = new_session(lay(tmp_path / "in", files), tmp_path / "out", "kuka", 40.0)
+    assert made.missing == ()
+    assert len(made.files) == len(files)
+    found = poses_of(made.folder)
+    capture_of = {file["name"]: file["capture"] for file in made.files if file["capture"]}
+    assert len(capture_of) == len([name for name in files if name.rpartition("/")[2] in names])
+    for name, capture in capture_of.items():
+        k = names.index(name.rpartition("/")[2])
+        np.testing.assert_allclose(found[capture], MATRICES[k].matrix, atol=1e-4)
+
+
+def test_what_is_missing_is_named_and_the_session_is_written_all_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = lay(tmp_path / "in", {f"p{k}.csv": data for k, data in enumerate(CONTENT, start=1)})
+    assert main(["new", str(folder), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["session"] == str(tmp_path / "in-session")
+    assert [sentence.partition(":")[0] for sentence in told["missing"]] == ["Poses", "The sphere's diameter."]
+    assert len(cc.load(told["session"]).captures) == len(CONTENT)
+    few = lay(tmp_path / "few", {"p1.csv": CONTENT[0], "p2.csv": CONTENT[1], "r.txt": lines(in_convention("fanuc")[:2])})
+    assert main(["new", str(few), "--sphere-mm", "40", "--json"]) == 1
+    assert "convention" in json.loads(capsys.readouterr().out)["missing"][0]
+
+
+def test_nothing_is_written_where_something_lies_or_into_the_folder(tmp_path: Path) -> None:
+    folder = lay(tmp_path / "in", {"p1.csv": CONTENT[0]})
+    taken = lay(tmp_path / "taken", {"mine.txt": "mine"})
+    for out in (taken, folder, folder / "below", tmp_path / "taken" / "mine.txt"):
+        with pytest.raises(CalibrationError):
+            new_session(folder, out)
+    assert [p.name for p in folder.rglob("*")] == ["p1.csv"]
+    assert [p.name for p in taken.rglob("*")] == ["mine.txt"]
+    for wrong in (tmp_path / "absent", folder / "p1.csv"):
+        with pytest.raises(CalibrationError):
+            new_session(wrong)
+    with pytest.raises(CalibrationError):
+        new_session(folder, convention="kuca")
+
+
+def test_links_are_not_followed(tmp_path: Path) -> None:
+    secret = lay(tmp_path / "secret", {"p9.csv": CONTENT[0]})
+    folder = lay(tmp_path / "in", {"p1.csv": CONTENT[1]})
+    os.symlink(secret / "p9.csv", folder / "p2.csv")
+    os.symlink(secret, folder / "more")
+    made = new_session(folder)
+    assert {f["name"]: f["taken_for"] for f in made.files} == {
+        "p1.csv": "profiles", "p2.csv": "nothing", "more": "nothing",
+    }  # fmt: skip
+    assert sorted(p.name for p in (made.folder / "captures").iterdir()) == ["p1.csv"]
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real files are not here")
+def test_a_real_folder_becomes_its_session(tmp_path: Path) -> None:
+    made = new_session(REAL, tmp_path / "out")
+    assert (made.missing, made.captures, len(made.files)) == ((), 15, 18)
+    ready = cc.load(REAL.parents[1] / "tcp-sphere-80mm")
+    for mine, theirs in zip(cc.load(made.folder).captures, ready.captures, strict=True):
+        assert mine.pose == theirs.pose
+    found, right = (folder.run("tcp")["tcp"] for folder in (cc.load(made.folder), ready))
+    np.testing.assert_allclose(found.tool0_from_laser, right.tool0_from_laser, atol=1e-3)
