@@ -73,7 +73,9 @@ def _row(line: int, text: str) -> Row | None:
             return Row(line, (), tuple(float(v) for _, v in pairs), tuple(name.lower() for name, _ in pairs))
     plain = text.translate(_BRACKETS).strip()
     fields = [field.strip() for field in style_of(plain).fields(plain)]
-    if sum(map(_is_number, fields)) < 2 and not (len(fields) > 1 and any(map(_is_number, fields)) and "" in fields):
+    if sum(map(_is_number, fields)) < 2 and not (
+        len(fields) > 1 and any(map(_is_number, fields)) and "" in fields
+    ):
         fields = [field for field in re.split(r"[\s,;]+", plain) if field]
     counter = _COUNTER.match(fields[0]) if fields else None
     if counter:

@@ -1,7 +1,6 @@
 """Files as they lie become a session: every file told, measurements paired with their poses, nothing changed."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -122,7 +121,9 @@ def test_what_is_missing_is_named_and_the_session_is_written_all_the_same(
     assert told["session"] == str(tmp_path / "in-session")
     assert [sentence.partition(":")[0] for sentence in told["missing"]] == ["Poses", "The sphere's diameter."]
     assert len(cc.load(told["session"]).captures) == len(CONTENT)
-    few = lay(tmp_path / "few", {"p1.csv": CONTENT[0], "p2.csv": CONTENT[1], "r.txt": lines(in_convention("fanuc")[:2])})
+    few = lay(
+        tmp_path / "few", {"p1.csv": CONTENT[0], "p2.csv": CONTENT[1], "r.txt": lines(in_convention("fanuc")[:2])}
+    )
     assert main(["new", str(few), "--sphere-mm", "40", "--json"]) == 1
     assert "convention" in json.loads(capsys.readouterr().out)["missing"][0]
 
@@ -145,8 +146,8 @@ def test_nothing_is_written_where_something_lies_or_into_the_folder(tmp_path: Pa
 def test_links_are_not_followed(tmp_path: Path) -> None:
     secret = lay(tmp_path / "secret", {"p9.csv": CONTENT[0]})
     folder = lay(tmp_path / "in", {"p1.csv": CONTENT[1]})
-    os.symlink(secret / "p9.csv", folder / "p2.csv")
-    os.symlink(secret, folder / "more")
+    (folder / "p2.csv").symlink_to(secret / "p9.csv")
+    (folder / "more").symlink_to(secret)
     made = new_session(folder)
     assert {f["name"]: f["taken_for"] for f in made.files} == {
         "p1.csv": "profiles", "p2.csv": "nothing", "more": "nothing",
