@@ -1,20 +1,24 @@
 """A connection to a workbench: requests that are repeated safely, and answers that need not come twice."""
 
 import json
+import random
 import time
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
 from typing import Any, Final
 from uuid import uuid4
 
 import httpx
 
-_ATTEMPTS: Final = 5
+_PATIENCE_S: Final = 120.0
 _FIRST_WAIT_S: Final = 0.2
-_LONGEST_WAIT_S: Final = 30.0
+_LONGEST_WAIT_S: Final = 5.0
 _PASSING: Final = (429, 502, 503, 504)
+_NOTHING_DONE: Final = (429, 503)
 _REMEMBERED: Final = 200
 _REMEMBERED_BYTES: Final = 1_000_000
 
@@ -48,9 +52,11 @@ class Event:
 class Connection:
     """A connection to a workbench.
 
-    A request that got no answer, or was told to come again (429, 502, 503, 504), is sent again after a while, a
-    POST with the same Idempotency-Key: it does nothing twice.  What was read before is asked for with its ETag and
-    comes only where it has changed.
+    A request that got no answer, or was told to come again (429, 502, 503, 504), is sent again until it is
+    answered or the patience ends, so that a restart of the server fails nothing; a POST has the same
+    Idempotency-Key each time: it does nothing twice.  It waits as long as `Retry-After` says, else for a random
+    part of a time that doubles.  What was read before is asked for with its ETag and comes only where it has
+    changed.
 
     Parameters
     ----------
@@ -58,17 +64,19 @@ class Connection:
         Such as ``http://127.0.0.1:8000``.
     token : str, optional
         An API token, where the workbench asks for one.
-    attempts : int, optional
-        How often a request is sent at most.
+    patience_s : float, optional
+        For how long a request is sent again; 0 sends it once.
     **more
         Further arguments of `httpx.Client`, such as `timeout` (seconds) or `verify` (a certificate).
     """
 
-    def __init__(self, address: str, token: str | None = None, attempts: int = _ATTEMPTS, **more: Any) -> None:
+    def __init__(
+        self, address: str, token: str | None = None, patience_s: float = _PATIENCE_S, **more: Any
+    ) -> None:
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         options: dict[str, Any] = {"timeout": 60.0, **more}
         self._client = httpx.Client(base_url=address, headers=headers, **options)
-        self._attempts = max(1, attempts)
+        self._patience_s = patience_s
         self._seen: OrderedDict[str, tuple[str, Any]] = OrderedDict()
 
     def close(self) -> None:
@@ -139,28 +147,32 @@ class Connection:
                     if event.kind == "session" and event.data.get("action") == "removed":
                         return
             failures += 1
-            time.sleep(min(_FIRST_WAIT_S * 2**failures, _LONGEST_WAIT_S))
+            time.sleep(_wait_s(failures))
 
     def _answer(
         self, method: str, path: str, headers: Mapping[str, str], more: Mapping[str, Any]
     ) -> tuple[httpx.Response, bool]:
         """Return the answer, and whether it took more than one attempt."""
         # A PATCH against a revision may have succeeded; a stream cannot be sent twice.
-        may_repeat = "If-Match" not in headers and isinstance(more.get("content", b""), str | bytes)
-        for attempt in range(1, self._attempts + 1):
-            last = attempt == self._attempts or not may_repeat
+        is_bytes = isinstance(more.get("content", b""), str | bytes)
+        may_repeat = is_bytes and "If-Match" not in headers
+        ends_s = time.monotonic() + self._patience_s
+        attempt = 0
+        while True:
+            attempt += 1
             try:
                 answer = self._client.request(method, path, headers=headers, **more)
-            except httpx.TransportError:
-                if last:
+            except httpx.TransportError as error:
+                wait_s = _wait_s(attempt)
+                unsent = isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
+                if not (may_repeat or unsent) or time.monotonic() + wait_s > ends_s:
                     raise
-                wait_s = None
             else:
-                if answer.status_code not in _PASSING or last:
+                wait_s = _told_to_wait_s(answer.headers.get("retry-after")) or _wait_s(attempt)
+                again = may_repeat or (is_bytes and answer.status_code in _NOTHING_DONE)
+                if answer.status_code not in _PASSING or not again or time.monotonic() + wait_s > ends_s:
                     return answer, attempt > 1
-                wait_s = _seconds(answer.headers.get("retry-after"))
-            time.sleep(min(wait_s or _FIRST_WAIT_S * 2 ** (attempt - 1), _LONGEST_WAIT_S))
-        raise AssertionError("unreachable")
+            time.sleep(wait_s)
 
 
 def _details(answer: httpx.Response) -> dict[str, Any]:
@@ -171,8 +183,20 @@ def _details(answer: httpx.Response) -> dict[str, Any]:
     return {"status": answer.status_code, "detail": answer.text[:500] or answer.reason_phrase}
 
 
-def _seconds(text: str | None) -> float | None:
-    return float(text) if text is not None and text.isdecimal() else None
+def _wait_s(attempt: int) -> float:
+    """Return a random part of a time that doubles, so that many do not come back at once."""
+    longest_s = min(_FIRST_WAIT_S * 2 ** min(attempt, 10), _LONGEST_WAIT_S)
+    return random.uniform(longest_s / 4, longest_s)
+
+
+def _told_to_wait_s(text: str | None) -> float | None:
+    """Return what `Retry-After` says, seconds or a date, in seconds from now."""
+    if text is None or text.isdecimal():
+        return None if text is None else float(text)
+    with suppress(ValueError):
+        until = parsedate_to_datetime(text)
+        return max((until.replace(tzinfo=until.tzinfo or UTC) - datetime.now(UTC)).total_seconds(), 0.0)
+    return None
 
 
 def _parsed(lines: Iterator[str]) -> Iterator[Event]:

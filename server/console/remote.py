@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from scancell_client import Scancell
 
 _TOKEN = "SCANCELL_TOKEN"
+_PATIENCE_S = 5.0  # somebody waits before the terminal, and the address may be wrong
 
 
 @contextmanager
@@ -33,7 +34,7 @@ def connected(options: argparse.Namespace) -> Generator["Scancell"]:
         to_do = "Write it as http://host:8000."
         raise InputError("an address that begins with http:// or https://", repr(address), to_do, "--server")
     try:
-        with Scancell(address.rstrip("/"), os.environ.get(_TOKEN), attempts=3) as api:
+        with Scancell(address.rstrip("/"), os.environ.get(_TOKEN), patience_s=_PATIENCE_S) as api:
             yield api
     except ProblemError as error:
         details: dict[str, Any] = {

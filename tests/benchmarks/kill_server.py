@@ -28,6 +28,8 @@ class ServerProcess:
         Whether it is forked from a process that has imported what it needs, which saves seconds.
     log : int, optional
         A descriptor that its log goes to; a file without.
+    port : int
+        Where it listens, any free port without.
     """
 
     def __init__(
@@ -37,8 +39,9 @@ class ServerProcess:
         program: Sequence[str] = ("server.cli",),
         forked: bool = False,
         log: int | None = None,
+        port: int = 0,
     ) -> None:
-        words = [*program, "serve", "--port", "0", "--data", str(data)]
+        words = [*program, "serve", "--port", str(port), "--data", str(data)]
         root = str(Path(__file__).resolve().parents[2])
         environment = {"PYTHONPATH": root, "SCANCELL_WARM_UP": "false", **(environment or {})}
         # Not a pipe: one that nobody reads stops the server when it is full.

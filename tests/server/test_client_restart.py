@@ -1,0 +1,89 @@
+"""Our client's patience: a server that is killed and started again under parallel captures fails none of them."""
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import httpx
+import pytest
+from kill_load import CELL
+from kill_server import ServerProcess
+
+from scancell_client import ProblemError, Scancell
+from tests.server.test_captures import arc_csv, record
+
+_CAPTURES = 60
+
+
+def test_a_restart_fails_no_capture(tmp_path: Path) -> None:
+    first = ServerProcess(tmp_path / "data", forked=True).wait()
+    port = int(first.address.rsplit(":", 1)[1])
+    with Scancell(first.address, trust_env=False) as api:
+        session = api.sessions_create({"name": "night", "cell": CELL})["id"]
+        stored = threading.Semaphore(0)
+
+        def add(number: int) -> str:
+            answer = api.captures_add(session, record() | {"id": f"c{number:02}"}, {"p01.csv": arc_csv()})
+            stored.release()
+            return answer["id"]
+
+        with ThreadPoolExecutor(4) as pool:
+            added = [pool.submit(add, number) for number in range(_CAPTURES)]
+            for _ in range(5):
+                assert stored.acquire(timeout=60)
+            first.kill()
+            time.sleep(1.0)
+            second = ServerProcess(tmp_path / "data", forked=True, port=port).wait()
+            names = {one.result() for one in added}
+        try:
+            listed = api.captures_list_all(session, limit=200)["items"]
+        finally:
+            second.kill()
+    assert sorted(one["id"] for one in listed) == sorted(names)
+    assert len(names) == _CAPTURES
+
+
+def test_patience_ends() -> None:
+    started = time.monotonic()
+    with Scancell("http://127.0.0.1:9", patience_s=1.0, trust_env=False) as api, pytest.raises(httpx.ConnectError):
+        api.sessions_list_all()
+    assert 0.2 < time.monotonic() - started < 3
+
+
+class _Busy(BaseHTTPRequestHandler):
+    """Answers 503 with `Retry-After` twice, then what was asked for."""
+
+    asked: list[float]
+
+    def do_PATCH(self) -> None:  # noqa: N802 (the standard library's name)
+        self.asked.append(time.monotonic())
+        busy = len(self.asked) < 3
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(503 if busy else 200)
+        if busy:
+            self.send_header("Retry-After", "1")
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", "2")
+        self.end_headers()
+        self.wfile.write(b"{}")
+
+    def log_message(self, format: str, *_: object) -> None:  # noqa: A002 (the standard library's name)
+        pass
+
+
+def test_it_comes_again_when_it_was_told_to() -> None:
+    busy = type("Busy", (_Busy,), {"asked": []})
+    with ThreadingHTTPServer(("127.0.0.1", 0), busy) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with Scancell(f"http://127.0.0.1:{server.server_port}", trust_env=False) as api:
+            api.sessions_change("s", {"name": "cell"}, if_match="1")  # nothing was done: it may be sent again
+            waits = [later - sooner for sooner, later in zip(busy.asked, busy.asked[1:], strict=False)]
+            assert len(waits) == 2
+            assert all(1.0 <= wait < 1.5 for wait in waits)
+        with Scancell(f"http://127.0.0.1:{server.server_port}", patience_s=0, trust_env=False) as api:
+            busy.asked.clear()
+            with pytest.raises(ProblemError):
+                api.sessions_change("s", {"name": "cell"}, if_match="1")
+        server.shutdown()
