@@ -4,29 +4,43 @@ SERVE ?= 1
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test warm setup system lint types web-types unit lock catalogues
+.PHONY: demo test test-fast warm runtime setup system-runtime system-tests lint types web-types unit lock catalogues
 
-setup: $(VENV)/.ready
+runtime: $(VENV)/.runtime
 
-$(VENV)/.ready: pyproject.toml requirements.lock
+setup: $(VENV)/.development
+
+# By uv, which takes half of pip's time; by pip where uv finds no way, as behind an index that only pip is told of.
+INSTALL = install() { $(BIN)/python -m uv pip install --quiet --python $(BIN)/python "$$@" || $(BIN)/python -m pip install --quiet "$$@"; }; install
+
+$(VENV)/.runtime: pyproject.toml requirements-runtime.lock requirements-uv.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "scancell needs Python 3.11 or newer; $(PYTHON) is older. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
 	  || { echo "python3 -m venv failed; on Debian: apt-get install python3-venv"; exit 2; }
-	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	-$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-uv.lock
+	$(INSTALL) --require-hashes --requirement requirements-runtime.lock
+	$(INSTALL) --no-deps --no-build-isolation --editable .
 	@touch $@
 
-system:
-	@sh .ci/system-packages
+$(VENV)/.development: $(VENV)/.runtime requirements.lock
+	$(INSTALL) --require-hashes --requirement requirements.lock
+	@touch $@
 
-demo: system setup warm
+system-runtime system-tests:
+	@sh .ci/system-packages $(@:system-%=%)
+
+demo:
+	@sh .ci/system-packages venv
+	@$(MAKE) --no-print-directory --jobs 2 system-runtime runtime
 	$(BIN)/scancell demo $(if $(filter 0,$(SERVE)),--no-serve,)
 
-warm: setup
+warm: runtime
 	$(BIN)/scancell warm
 
-test: system setup
+test:
+	@sh .ci/system-packages venv
+	@$(MAKE) --no-print-directory --jobs 2 system-tests setup
 	$(MAKE) --jobs 2 --output-sync=target warm types lint web-types  # two at a time: the kernels are compiled meanwhile
 	$(MAKE) unit
 
@@ -50,7 +64,10 @@ unit: setup
 catalogues: setup
 	$(BIN)/python -m tests.catalogues
 
-lock: setup
-	$(BIN)/python -m pip install --quiet uv
-	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --group build --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --constraint requirements.lock --generate-hashes --no-header --output-file requirements-image.lock
+# One thing in four files, without names of hosts: what is developed with; what the demo runs; what the image has; the installer.
+COMPILE = $(BIN)/python -m uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet
+lock: runtime
+	$(COMPILE) --all-extras --group dev --group build --group installer --output-file requirements.lock
+	$(COMPILE) --group build --constraint requirements.lock --output-file requirements-runtime.lock
+	$(COMPILE) --all-extras --constraint requirements.lock --output-file requirements-image.lock
+	$(BIN)/python -m uv pip compile --group installer --universal --python-version 3.11 --constraint requirements.lock --generate-hashes --no-header --no-annotate --quiet --output-file requirements-uv.lock

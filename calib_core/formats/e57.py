@@ -179,9 +179,12 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
     """Return the points of one scan, as its scanner saw them; raises InputError if it is damaged or cut off."""
     if data[:8] != b"ASTM-E57":
         raise InputError("an E57 file", "a file that does not begin like one", _TO_DO, name)
-    import pye57
-    from pye57.exception import PyE57Exception
-
+    try:
+        import pye57
+        from pye57.exception import PyE57Exception
+    except ModuleNotFoundError:
+        to_do = "Install it: pip install 'scancell[e57]'; or export the cloud as PLY."
+        raise InputError("the extra 'e57', which reads E57", "an installation without it", to_do, name) from None
     with tempfile.TemporaryDirectory() as folder:  # libE57Format reads files alone
         path = Path(folder) / "scan.e57"
         path.write_bytes(data)

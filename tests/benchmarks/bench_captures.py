@@ -1,7 +1,6 @@
 """A session of 2,000 captures in the real Chromium: the longest task of what one does with them."""
 
 import json
-import shutil
 import tempfile
 import time
 from pathlib import Path
@@ -14,7 +13,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 
 from server.settings import Settings
 from tests.server.live_server import serving, wait_for
-from tests.web.browsing import BROWSER_ARGUMENTS
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM
 
 MOST_MS = 100
 
@@ -97,7 +96,7 @@ def run(full: bool) -> list[Row]:
     """Return the rows for 2,000 captures; `full` also solves them and shows the result."""
     count = 2000
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder) / "sessions", port=0, warm_up=False)) as client:
             client.timeout = 300
             start = time.monotonic()

@@ -1,7 +1,6 @@
 """The workbench under load: fifty machines that send two captures a second each, beside an open page."""
 
 import json
-import shutil
 import statistics
 import subprocess
 import sys
@@ -80,10 +79,10 @@ def open_page(address: str, session: str, with_scene: bool) -> Generator[list[st
     """Have a browser look at a session meanwhile; gives what its page complains about."""
     from playwright.sync_api import sync_playwright
 
-    from tests.web.browsing import Watched, leave_out_the_scene
+    from tests.web.browsing import CHROMIUM, Watched, leave_out_the_scene
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         context = browser.new_context()
         if not with_scene:
             leave_out_the_scene(context)

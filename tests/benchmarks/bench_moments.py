@@ -1,6 +1,5 @@
 """Twelve moments of the scene in the real Chromium: how much of the view the subject fills, labels, the legend."""
 
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -9,7 +8,7 @@ from playwright.sync_api import sync_playwright
 
 from server.settings import Settings
 from tests.server.live_server import serving
-from tests.web.browsing import BROWSER_ARGUMENTS
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM
 from tests.web.moments import LEAST_FILL, MOMENTS, Album
 
 
@@ -17,7 +16,7 @@ def run(full: bool) -> list[Row]:
     """Return one row a moment; in full all twelve, otherwise those of the TCP."""
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder), port=0, warm_up=False)) as client:
             client.timeout = 400
             album = Album(client, browser)

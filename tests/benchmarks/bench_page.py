@@ -1,7 +1,6 @@
 """The page in a real Chromium: how soon it can be used, what it weighs, and how it bears 200 captures."""
 
 import json
-import shutil
 import statistics
 import tempfile
 from collections.abc import Generator
@@ -18,7 +17,7 @@ from calib_core.archive.archive import pack_files
 from calib_core.simulation import TcpScenario, simulate_tcp
 from server.settings import Settings
 from tests.server.live_server import serving, simulated_session, wait_for
-from tests.web.browsing import BROWSER_ARGUMENTS, leave_out_the_scene
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, leave_out_the_scene
 
 _OBSERVE = """
 window.longTasks = [];
@@ -125,7 +124,7 @@ def run(full: bool) -> list[Row]:
     """Return the page's figures; `full` opens it nine times cold instead of five, and adds each task."""
     rounds = 9 if full else 5
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         settings = Settings(data=Path(folder) / "sessions", port=0, warm_up=False)
         with serving(settings) as client:
             rows = _rows(browser, client, rounds, full)

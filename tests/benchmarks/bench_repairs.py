@@ -1,7 +1,6 @@
 """From a result or a drop to the repaired answer in the real Chromium: how many actions mend a mistake."""
 
 import json
-import shutil
 import tempfile
 from collections.abc import Callable
 from io import BytesIO
@@ -18,7 +17,7 @@ from calib_core.records import Session
 from calib_core.simulation import simulate
 from server.settings import Settings
 from tests.server.live_server import make_session, serving
-from tests.web.browsing import BROWSER_ARGUMENTS, leave_out_the_scene
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, leave_out_the_scene
 
 MOST_ACTIONS = 3
 _MADE = simulate("tcp", 5)
@@ -114,7 +113,7 @@ def run(full: bool) -> list[Row]:
     """Return one row for each mistake."""
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder) / "sessions", port=0, warm_up=False)) as client:
             client.timeout = 300
             address = str(client.base_url).split("/api/")[0]

@@ -1,6 +1,5 @@
 """The scene with the merged part in the real Chromium, drawn in software: its first picture, the points sent."""
 
-import shutil
 from functools import partial
 from typing import Any
 
@@ -16,6 +15,7 @@ from server.scenes.facts import SceneInput
 from server.scenes.merged import merged_cloud
 from server.scenes.stored import scene_input
 from tests.server.scene_visit import ARGUMENTS, FirstPicture, visit
+from tests.web.browsing import CHROMIUM
 
 MOST_S, MOST_POINTS = 5.0, 1_000_000
 
@@ -57,7 +57,7 @@ def run(full: bool) -> list[Row]:
         cases["merged cloud of 5,000,000 points"] = enlarged(scene, files, 5_000_000)
     rows: list[Row] = []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(ARGUMENTS))
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
         for what, one in cases.items():
             seen = [visit(browser, one) for _ in range(3 if full else 1)]
             shot = [visit(browser, one, "screenshots") for _ in range(3 if full else 1)]

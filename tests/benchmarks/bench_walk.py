@@ -1,6 +1,5 @@
 """A random walk of 5,000 actions through the page in the real Chromium: no console error, no dead end."""
 
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 from server.settings import Settings
 from tests.server.live_server import serving, simulated_session, wait_for
-from tests.web.browsing import BROWSER_ARGUMENTS, leave_out_the_scene
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, leave_out_the_scene
 from tests.web.random_walk import Walk, walk
 
 
@@ -41,7 +40,7 @@ def run(full: bool) -> list[Row]:
     """Return the walk's rows; `full` does 5,000 actions instead of 500, in ten sessions."""
     walks = 10 if full else 1
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder) / "sessions", port=0, warm_up=False)) as client:
             found = [walk_from(browser, client, 500, seed) for seed in range(1, walks + 1)]
         browser.close()

@@ -57,7 +57,7 @@ class _Busy(BaseHTTPRequestHandler):
 
     asked: list[float]
 
-    def do_PATCH(self) -> None:  # noqa: N802 (the standard library's name)
+    def do_PATCH(self) -> None:
         self.asked.append(time.monotonic())
         busy = len(self.asked) < 3
         self.rfile.read(int(self.headers["Content-Length"]))

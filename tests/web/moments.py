@@ -3,7 +3,6 @@
 `python tests/web/moments.py` writes `docs/images/moments/*.png` and prints what was measured.
 """
 
-import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -22,7 +21,7 @@ from calib_core.simulation.part import build_part  # noqa: E402
 from server.settings import Settings  # noqa: E402
 from tests.point_files import stl_pieces  # noqa: E402
 from tests.server.live_server import serving, simulated_session, wait_for  # noqa: E402
-from tests.web.browsing import BROWSER_ARGUMENTS, look_into_the_merge  # noqa: E402
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, look_into_the_merge  # noqa: E402
 
 FOLDER = ROOT / "docs" / "images" / "moments"
 LEAST_FILL = 0.4
@@ -198,7 +197,7 @@ class Album:
 def main(names: list[str]) -> None:
     """Take the named moments' pictures, or all, and print what was measured."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder), port=0, warm_up=False)) as client:
             client.timeout = 400
             album = Album(client, browser)

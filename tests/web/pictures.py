@@ -5,7 +5,6 @@ where it is not the point, since drawing it in software takes most of the time.
 """
 
 import re
-import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -23,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 
 from server.settings import Settings  # noqa: E402
 from tests.server.live_server import make_session, serving, simulated_session, wait_for  # noqa: E402
-from tests.web.browsing import BROWSER_ARGUMENTS, leave_out_the_scene  # noqa: E402
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, leave_out_the_scene  # noqa: E402
 from tests.web.moments import scene_frame  # noqa: E402
 
 FOLDER = ROOT / "docs" / "images"
@@ -179,7 +178,7 @@ def take(browser: Browser, client: httpx.Client, name: str) -> Path:
 def main(names: list[str]) -> None:
     """Take the named pictures, or all."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder), port=0, warm_up=False)) as client:
             for name in names or PICTURES:
                 path = take(browser, client, name)
