@@ -2,6 +2,8 @@
 
 import io
 import random
+import re
+import sys
 
 import cv2
 import numpy as np
@@ -167,6 +169,13 @@ def test_a_header_that_claims_too_much_reserves_nothing(place: str, value: bytes
     data[at : at + len(value)] = value
     with pytest.raises(CalibrationError, match=match):
         parse_cloud(bytes(data), "c.laz")
+
+
+def test_without_its_extra_an_e57_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    e57 = b"".join(bytes(piece) for piece in cloud_pieces("c.e57", CLOUD))
+    monkeypatch.setitem(sys.modules, "pye57", None)  # as where it is not installed
+    with pytest.raises(InputError, match=re.escape("pip install 'scancell[e57]'")):
+        read_file(e57, "c.e57")
 
 
 @pytest.mark.parametrize(("name", "count"), [("c.las", 60), ("c.laz", 30), ("c.e57", 40)])

@@ -73,13 +73,23 @@ def test_its_settings_and_commands_are_ours() -> None:
     assert order.index(("USER", "scancell")) < order.index(("RUN", "scancell warm"))  # not root's cache
 
 
+def locked(name: str) -> set[str]:
+    text = (ROOT / f"requirements{name}.lock").read_text()
+    assert not re.search("://|--index|--extra|--find", text), "a lock file names no host"
+    return set(re.findall(r"^([\w.-]+==\S+)", text, re.MULTILINE))
+
+
 def test_it_installs_what_the_project_needs_and_no_tools() -> None:
-    locked = set(re.findall(r"^([\w.-]+)==", (ROOT / "requirements-image.lock").read_text(), re.MULTILINE))
-    assert {"numba", "fastapi", "distributed", "psycopg", "boto3", "argcomplete"} <= locked
-    assert not {"pytest", "pyright", "playwright"} & locked
-    tools = set(re.findall(r"^([\w.-]+==\S+)", (ROOT / "requirements.lock").read_text(), re.MULTILINE))
-    same = set(re.findall(r"^([\w.-]+==\S+)", (ROOT / "requirements-image.lock").read_text(), re.MULTILINE))
-    assert same <= tools  # the versions that the tests ran with
+    tools, image, runtime = ({one.split("==")[0] for one in locked(name)} for name in ("", "-image", "-runtime"))
+    assert {"numba", "fastapi", "distributed", "psycopg", "boto3", "argcomplete", "pye57"} <= image
+    assert not {"pytest", "pyright", "playwright"} & image
+    assert {"numba", "fastapi", "open3d-cpu", "hatchling"} <= runtime
+    assert not {"pytest", "pyright", "playwright", "pye57", "distributed"} & runtime
+    assert {"pytest", "pye57", "uv"} <= tools
+
+
+def test_what_is_installed_has_the_versions_that_the_tests_ran_with() -> None:
+    assert locked("-runtime") | locked("-image") | locked("-uv") <= locked("")
 
 
 def test_the_system_packages_are_those_that_make_installs() -> None:
