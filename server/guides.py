@@ -7,7 +7,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from server.jobs.page_process import PageProcess, PageProcessError
 from server.page_questions import guide_text
 from server.store.database import Store
-from server.store.session_texts import SessionTexts, load_texts
+from server.store.process_data import SessionTexts
+from server.store.session_texts import load_texts
 
 
 class Guides:

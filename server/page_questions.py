@@ -6,8 +6,7 @@ from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, Final
 
 from calib_core.records import Measured, Session, parse_session
-from server.store.session_texts import SessionTexts
-from server.store.sessions import with_stale
+from server.store.process_data import SessionTexts, with_stale
 
 if TYPE_CHECKING:
     from calib_core.guidance.cell_plan import CellPlan, CellToPlan

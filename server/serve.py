@@ -65,6 +65,7 @@ class WorkbenchServer(uvicorn.Server):
         sys.setswitchinterval(_SWITCH_S)
         gc.freeze()  # modules and routes stay: nobody's request waits while they are looked through
         gc.set_threshold(_NEW_OBJECTS)
+        gc.enable()
         with store_lock(self._settings) as lock:
             self._app.state.database_lock = lock
             if self._settings.login_required:

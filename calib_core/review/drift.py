@@ -12,7 +12,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.special import chdtri
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
@@ -140,6 +139,8 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
 
 def charted(measured: Sequence[Measured]) -> list[tuple[float, float, float | None, bool, int]]:
     """Return change, its uncertainty (k = 2), limit, whether it is flagged, and the level, of each in order."""
+    from scipy.special import chdtri  # late: it brings what takes a third of a second
+
     rows: list[tuple[float, float, float | None, bool, int]] = []
     before = _Level()
     for one in measured:

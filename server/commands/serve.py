@@ -1,6 +1,7 @@
 """`scancell serve`: the workbench in a browser."""
 
 import argparse
+import gc
 import signal
 import socket
 import threading
@@ -23,10 +24,10 @@ def serve(options: argparse.Namespace) -> int:
     if not 0 <= port <= 65535:
         raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
     _require_free(host, port)
+    gc.disable()  # until it serves: what is imported stays
     from server.heap import keep_little
-    from server.jobs.child_processes import end_loading
+    from server.jobs.child_processes import begin_loading, end_loading
     from server.logs import set_up
-    from server.serve import WorkbenchServer
     from server.settings import Settings
 
     tls = {"tls_certificate": options.tls_cert, "tls_key": options.tls_key}
@@ -34,6 +35,9 @@ def serve(options: argparse.Namespace) -> int:
     settings = Settings(host=host, port=port, data=options.data, **given)
     keep_little()
     set_up(settings.log)
+    begin_loading(settings.warm_up)  # on another core, while this one imports what serves
+    from server.serve import WorkbenchServer
+
     server = WorkbenchServer(settings)
     for ending in (signal.SIGINT, signal.SIGTERM):  # uvicorn hears them between its very start and end alone
         signal.signal(ending, server.handle_exit)

@@ -50,8 +50,7 @@ class WorkerContext(_Context):
         super().__init__()
         self.started: list[_Process] = []
         if sys.platform != "win32":
-            modules = ["server.jobs.measuring_processes", *(["server.jobs.preloaded"] if warm else [])]
-            self.set_forkserver_preload(modules)
+            self.set_forkserver_preload(_preloaded(warm))
 
     # The library has a class under this name, and calls it.
     def Process(  # noqa: N802 # pyright: ignore[reportIncompatibleVariableOverride]
@@ -68,6 +67,20 @@ class WorkerContext(_Context):
             process = self.Process(target=int)  # does nothing
             process.start()
             process.join()
+
+
+def _preloaded(warm: bool) -> list[str]:
+    return ["server.jobs.measuring_processes", *(["server.jobs.preloaded"] if warm else [])]
+
+
+def begin_loading(warm: bool) -> None:
+    """Start what processes are forked from, which loads beside this process; see `WorkerContext` for `warm`."""
+    if sys.platform != "win32":
+        from multiprocessing import forkserver
+
+        forkserver.set_forkserver_preload(_preloaded(warm))
+        with ignoring_interrupts():
+            forkserver.ensure_running()
 
 
 def end_loading() -> None:

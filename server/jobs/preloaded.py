@@ -4,9 +4,11 @@ Kernels that no cache holds are not compiled here, for a process that is wanted 
 first that needs them compiles them, and says so.
 """
 
+import gc
 from importlib import import_module
 
 from calib_core.compiled import on_compiling
+from server.heap import give_back
 from server.jobs.worker import warm_up
 
 _OF_PAGES = (
@@ -36,6 +38,9 @@ def _load() -> None:
         pass
     finally:
         on_compiling.remove(stop)
+    gc.collect()
+    gc.freeze()  # what is forked shares it as long as nobody writes into it, as a look for garbage would
+    give_back()
 
 
 _load()

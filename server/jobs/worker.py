@@ -15,7 +15,7 @@ from calib_core.errors import InputError
 from server.jobs.asked_process import leave_interrupts_to_the_server
 from server.store.blob_places import BlobPlace, open_blobs
 from server.store.blobs import Blobs
-from server.store.sessions import Output
+from server.store.process_data import Output
 
 if TYPE_CHECKING:
     from calib_core.stages.given import FindCrew

@@ -16,9 +16,10 @@ from server.scenes.deviation import CloudDeviation, cloud_deviation
 from server.scenes.deviation import ReferenceMesh as Reference
 from server.scenes.merged import MergedScans, merged_cloud, thinned
 from server.scenes.stored import reference_mesh
+from server.store.process_data import Output
 from server.store.references import set_reference
 from server.store.session_answer import stage_headers
-from server.store.sessions import Output, StoredSession, load_session, locked_session
+from server.store.sessions import StoredSession, load_session, locked_session
 from server.store.unreferenced import remove_unreferenced
 
 router = api_router("clouds", f"{API}/sessions/{{session_id}}")

@@ -7,7 +7,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
 from server.store.models import OutputRow
-from server.store.sessions import OF_ARCHIVE, Output
+from server.store.process_data import Output
+from server.store.sessions import OF_ARCHIVE
 
 _PREFIX: Final = "archive:"  # so that no stage's output ever has the same name
 

@@ -31,8 +31,9 @@ from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
 from server.store.calibrations import without_captures
 from server.store.models import Data, SessionRow
+from server.store.process_data import Output
 from server.store.references import set_reference
-from server.store.sessions import STORE_FIELDS, Output, StoredSession, create_session
+from server.store.sessions import STORE_FIELDS, StoredSession, create_session
 from server.store.solves import store_result
 
 _MAX_NAME = 500

@@ -5,7 +5,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.archive.stored_clouds import REFERENCE_FILE
 from server.store.database import record_event
 from server.store.models import OutputRow, SessionRow
-from server.store.sessions import Output
+from server.store.process_data import Output
 
 _OF_NO_STAGE = "reference"
 

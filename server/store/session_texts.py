@@ -1,29 +1,13 @@
 """A session as the texts that the store keeps of it: for another process, which reads them there."""
 
 import json
-from collections.abc import Mapping
-from typing import NamedTuple
 
 from sqlalchemy import Text, cast, func, select
 from sqlalchemy.orm import Session as Transaction
 
 from server.store.models import CaptureRow, FileRow, ResultRow, SessionRow
+from server.store.process_data import SessionTexts
 from server.store.sessions import StoredSession, no_such_session
-
-
-class SessionTexts(NamedTuple):
-    """What a guide is made of, as JSON texts.
-
-    `record` is the session's without captures; `captures` are in their order, and `measured` is what was seen in
-    each; `results` are the latest by stage; `digests` maps the captures' files to the SHA-256 of their content.
-    """
-
-    id: str
-    record: str
-    captures: tuple[str, ...]
-    measured: tuple[str, ...]
-    results: Mapping[str, str]
-    digests: Mapping[str, str]
 
 
 def load_texts(db: Transaction, session_id: str) -> SessionTexts:

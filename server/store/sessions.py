@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
 from calib_core.captures.kept import keeping
-from calib_core.errors import CalibrationError, NotFoundError
+from calib_core.errors import NotFoundError
 from calib_core.moment import now
 from calib_core.records import Measured, Session, parse_session
 from calib_core.review.answer import cell_id_of
@@ -19,22 +19,11 @@ from server.store.database import record_event
 from server.store.kept_records import KeptRecords
 from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded
 from server.store.paging import Page, after_cursor, page_of
+from server.store.process_data import Output, with_stale
 from server.store.staleness import stale_stages
 
 OF_ARCHIVE = "archive"
 """In place of a stage: of outputs that came with an archive and belong to none."""
-
-
-@dataclass(frozen=True)
-class Output:
-    """A file that a stage made beside its result, by the SHA-256 of its blob and its size in bytes."""
-
-    sha256: str
-    size: int
-
-    def to_row(self, session_id: str, name: str, stage: str) -> OutputRow:
-        """Return the row by which a session has this file."""
-        return OutputRow(session_id=session_id, name=name, stage=stage, sha256=self.sha256, size=self.size)
 
 
 @dataclass(frozen=True)
@@ -84,27 +73,6 @@ class StoredSession:
     def results_with_stale(self) -> dict[str, Data]:
         """Return the results, each with whether its inputs changed since, and what it means at the workpiece."""
         return with_stale(self.session, self.results, self.digests)
-
-
-def with_stale(session: Session, results: Mapping[str, Data], digests: Mapping[str, str]) -> dict[str, Data]:
-    """Return what `StoredSession.results_with_stale` does."""
-    from calib_core.stages.graph import Graph
-
-    stale = Graph(session, digests.__getitem__).stale(results)
-    return {
-        stage: {**result, "stale": stage in stale, **_seen_from_poses(session, result)}
-        for stage, result in results.items()
-    }
-
-
-def _seen_from_poses(session: Session, result: Data) -> Data:
-    from calib_core.exports.workpiece import at_workpiece, turned_deg
-
-    try:
-        at = [row.to_json() for row in at_workpiece(session, result)]
-        return {"at_workpiece": at, "turned_deg": turned_deg(session, result)}
-    except CalibrationError:
-        return {"at_workpiece": [], "turned_deg": {}}  # of an archive whose numbers are none
 
 
 def new_id() -> str:

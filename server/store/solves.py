@@ -9,7 +9,8 @@ from calib_core.moment import now
 from server.store.database import record_event
 from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
-from server.store.sessions import Output, locked_session, new_id
+from server.store.process_data import Output
+from server.store.sessions import locked_session, new_id
 from server.store.webhooks import tell
 
 _LATEST_VERDICT = (

@@ -9,21 +9,22 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from functools import partial
 from itertools import groupby
-from typing import Final
-
-import httpx
+from typing import TYPE_CHECKING, Final
 
 from calib_core import __version__
 from server.auth.secrets import load_key
 from server.settings import Settings
 from server.store.database import Store
 from server.store.webhooks import Delivery, due_deliveries, note_attempt
-from server.webhooks.addresses import CheckedTransport
 from server.webhooks.signing import secret_of, signed_headers
+
+if TYPE_CHECKING:
+    import httpx
 
 log = logging.getLogger("scancell")
 
-_TIMEOUT_S: Final = httpx.Timeout(10.0, connect=5.0)
+_TIMEOUT_S: Final = 10.0
+_CONNECT_TIMEOUT_S: Final = 5.0
 _LOOK_S: Final = 5.0
 _PAUSE_S: Final = 0.2  # events come by the hundred a second
 _AT_ONCE: Final = 8  # webhooks whose receivers are spoken to at the same time
@@ -71,7 +72,7 @@ class WebhookSender:
                 if not due and not self._stopping.wait(_PAUSE_S):
                     self._woken.wait(_LOOK_S)
 
-    def _deliver(self, client: httpx.Client, deliveries: Sequence[Delivery]) -> None:
+    def _deliver(self, client: "httpx.Client", deliveries: Sequence[Delivery]) -> None:
         """Send a webhook's deliveries until one fails: the others wait with it and stay in their order."""
         for delivery in deliveries:
             if self._stopping.is_set():
@@ -81,8 +82,10 @@ class WebhookSender:
                 if not note_attempt(db, delivery, answered, error):
                     return
 
-    def _send(self, client: httpx.Client, delivery: Delivery) -> tuple[int | None, str | None]:
+    def _send(self, client: "httpx.Client", delivery: Delivery) -> tuple[int | None, str | None]:
         """Return the status that the receiver answered with, or in words why there was none."""
+        import httpx
+
         body = json.dumps(delivery.payload, ensure_ascii=False).encode()
         secret = secret_of(load_key(self._settings.data), delivery.webhook_id)
         try:
@@ -93,8 +96,16 @@ class WebhookSender:
             return None, str(error)[:300] or type(error).__name__
 
 
-def _new_client(settings: Settings) -> httpx.Client:
+def _new_client(settings: Settings) -> "httpx.Client":
+    import httpx  # late: with it comes what only its command line needs
+
+    from server.webhooks.addresses import CheckedTransport
+
     transport = CheckedTransport(settings, httpx.HTTPTransport(trust_env=False))
     return httpx.Client(
-        timeout=_TIMEOUT_S, follow_redirects=False, headers=_HEADERS, trust_env=False, transport=transport
+        timeout=httpx.Timeout(_TIMEOUT_S, connect=_CONNECT_TIMEOUT_S),
+        follow_redirects=False,
+        headers=_HEADERS,
+        trust_env=False,
+        transport=transport,
     )

@@ -23,7 +23,7 @@ from server.jobs.page_process import PageProcess, PageProcessError
 from server.scenes.advice import SceneAdviser, advice_for
 from server.scenes.facts import SceneInput
 from server.scenes.stored import scene_input
-from server.store.session_texts import SessionTexts
+from server.store.process_data import SessionTexts
 from tests.server.forked_commands import fork_from_one
 from tests.server.live_server import simulated_session
 
