@@ -3,6 +3,7 @@
 import json
 import logging
 from collections.abc import Callable
+from functools import cache
 
 from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.records import Capture, Measured, Session
@@ -13,6 +14,7 @@ Measure = Callable[[Session, Capture, Callable[[str], bytes]], Measured]
 """What `measure` does, here or in a process of its own (`Measuring.measure`)."""
 
 
+@cache
 def warm_up() -> None:
     """Measure a simulated capture, so that the first real one does not wait for imports and compiling."""
     from calib_core.captures.measure import measure_capture

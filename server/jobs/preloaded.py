@@ -9,7 +9,7 @@ from importlib import import_module
 
 from calib_core.compiled import on_compiling
 from server.heap import give_back
-from server.jobs.worker import warm_up
+from server.jobs import measuring, worker
 
 _OF_PAGES = (
     "server.jobs.page_process",
@@ -33,7 +33,8 @@ def _load() -> None:
 
     on_compiling.append(stop)
     try:
-        warm_up()
+        measuring.warm_up()
+        worker.warm_up()
     except _NotCompiledError:
         pass
     finally:

@@ -82,8 +82,9 @@ def _end_with_the_server() -> None:
         os._exit(1)
 
 
+@cache
 def warm_up() -> None:
-    """Import and compile what a solve needs, by solving a small simulated session."""
+    """Import and compile what a solve needs, by solving a small simulated session: once, and for all forks."""
     from calib_core.simulation import simulate
     from calib_core.stages.pipeline import solve_stage
 
