@@ -138,7 +138,7 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
     ]
     scanner = session.cell.scanner
     sigma_mm = scanner.point_sigma_mm or (_noise_mm(points) if organised else DEFAULT_SIGMA_MM)
-    looks = -1 if scanner.z_axis == "toward" else 1
+    looks = None if scanner.z_axis is None else -1 if scanner.z_axis == "toward" else 1
     return Scan(group.name, points, stack_matrices(ways), sigma_mm, organised=organised, looks_along_z=looks)
 
 

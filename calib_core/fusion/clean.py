@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from calib_core.errors import MeasurementError
-from calib_core.frames import FloatArray
 from calib_core.fusion.clean_scan import KEPT, CleanOptions, CleanScan, SingleArray
 from calib_core.fusion.scan import Scan
 
@@ -60,7 +59,7 @@ def _clean_grid(scan: Scan, o: CleanOptions) -> CleanScan:
     least = float(np.cos(np.deg2rad(o.grazing_deg)))
     inner = planes[:, _BORDER:-_BORDER, _BORDER:-_BORDER]
     reach2 = _reach2(inner, least, scan.point_sigma_mm)
-    rays = np.ascontiguousarray(np.broadcast_to(_rays(scan), (rows, 3)), dtype=np.float32)
+    rays = np.ascontiguousarray(np.broadcast_to(scan.sight, (rows, 3)), dtype=np.float32)
     verdicts = np.empty((rows, columns), np.uint8)
     normals = np.empty((3, rows, columns), np.float32)
     cosines = np.empty((rows, columns), np.float32)
@@ -84,11 +83,6 @@ def _clean_grid(scan: Scan, o: CleanOptions) -> CleanScan:
         scan.point_sigma_mm,
         float(np.sqrt(reach2[2, 3:].min())),
     )
-
-
-def _rays(scan: Scan) -> FloatArray:
-    """Return the unit direction of sight in T, (P, 3) or (1, 3): the z axis of L."""
-    return scan.looks_along_z * scan.turntable_from_laser[:, :3, 2]
 
 
 def _reach2(planes: SingleArray, least_cosine: float, sigma_mm: float) -> SingleArray:

@@ -21,7 +21,7 @@ def clean_unordered(scan: Scan, options: CleanOptions) -> CleanScan:
     points = scan.points_in_laser_mm.astype(float)
     matrices = scan.turntable_from_laser
     moved = np.einsum("pij,pcj->pci", matrices[:, :3, :3], points) + matrices[:, None, :3, 3]
-    rays = np.broadcast_to(scan.looks_along_z * matrices[:, None, :3, 2], moved.shape)
+    rays = np.broadcast_to(scan.sight[:, None], moved.shape)
     there = np.isfinite(moved).all(axis=2)
     verdicts = np.full(there.shape, BLANK, np.uint8)
     normals = np.zeros(moved.shape, np.float32)

@@ -19,6 +19,7 @@ from calib_core.fusion.clean import clean_scan
 from calib_core.fusion.clean_scan import KEPT, CleanOptions, CleanScan
 from calib_core.fusion.merge import SpillStore, VoxelCloud, VoxelGrid, joined_clouds
 from calib_core.fusion.mesh import Mesh, sheet
+from calib_core.fusion.outward import View, view_of
 from calib_core.fusion.overlap import SeenBy, seen_by
 from calib_core.fusion.scan import Scan
 
@@ -97,12 +98,13 @@ class ScanTask:
 
 @dataclass(frozen=True, eq=False)
 class ScanReport:
-    """What is told of a scan: its counts, what it has seen for the overlap, its sheet; or why it is of no use."""
+    """What is told of a scan: its counts, what it has seen and how, its sheet; or why it is of no use."""
 
     number: int
     name: str
     counts: ScanCounts | None = None
     seen: SeenBy | None = None
+    view: View | None = None
     sheet: Mesh | None = None
     error: MeasurementError | None = None
 
@@ -129,6 +131,7 @@ def look_at(number: int, scan: Scan, task: ScanTask) -> tuple[ScanReport, list[R
         scan.name,
         _counted(clean),
         seen_by(clean, task.options.patch_size_mm),
+        view_of(scan),
         sheet(clean) if task.fuse and task.options.mesh == "grid" else None,
     )
     return report, by_region(clean, task.options.voxel_mm) if task.fuse else []
@@ -148,7 +151,15 @@ def by_region(clean: CleanScan, size_mm: float) -> list[RegionPoints]:
 
 
 class Crew(ABC):
-    """Cleans scans and sums their points, and then holds the merged cloud."""
+    """Cleans scans and sums their points, and then holds the merged cloud.
+
+    Attributes
+    ----------
+    facing : {1, -1}
+        −1: the scans looked the other way than they were taken to, and the normals of the cloud are turned round.
+    """
+
+    facing = 1
 
     @abstractmethod
     def look_through(
@@ -172,8 +183,13 @@ class Crew(ABC):
         """Return how far the merged cloud reaches."""
 
     @abstractmethod
+    def pieces(self) -> Iterator[VoxelCloud]:
+        """Give the merged cloud piece by piece, its normals as the scans were taken to look."""
+
     def clouds(self) -> Iterator[VoxelCloud]:
-        """Give the merged cloud piece by piece."""
+        """Give the merged cloud piece by piece, its normals outward."""
+        for piece in self.pieces():
+            yield piece if self.facing > 0 else replace(piece, normals=-piece.normals)
 
     def cloud(self) -> VoxelCloud:
         """Return the merged cloud at once."""
@@ -213,8 +229,8 @@ class Alone(Crew):
         """Return how far the merged cloud reaches."""
         return self._grids.extent()
 
-    def clouds(self) -> Iterator[VoxelCloud]:
-        """Give the merged cloud piece by piece."""
+    def pieces(self) -> Iterator[VoxelCloud]:
+        """Give the merged cloud piece by piece; see `Crew`."""
         for piece in self._grids.pieces():
             yield self._grids.cloud_of(*piece)
 

@@ -41,6 +41,11 @@ def joined(sheets: Sequence[Mesh]) -> Mesh:
     return Mesh(points, triangles.astype(np.int32))
 
 
+def turned_round(mesh: Mesh) -> Mesh:
+    """Return a mesh whose outside is what was its inside."""
+    return Mesh(mesh.points_mm, mesh.triangles[:, [0, 2, 1]])
+
+
 def sheet(scan: CleanScan) -> Mesh:
     """Return one scan's rows and columns as triangles; none without a grid."""
     points, triangles = _points_and_triangles(scan)

@@ -7,6 +7,7 @@ noise and from what the calibration leaves uncertain.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from calib_core.fusion.merge import VoxelGrid
 
 _FEWEST_POINTS = 3
 _TOTALS = 4
+_FEWEST_AROUND, _IN_LINE, _ALIKE, _ONE_SIDED = 5, 0.1, 0.95, 0.25
+_FLAT, _FLAT_SPREAD = 0.015, 3.0  # how far below 1 the mean normal's length may be, at least and beside the usual
 _MANY_ERRORS = 72  # shared by scans: from here a pair's errors cost less by the scans' covariance than one by one
 
 
@@ -52,6 +55,7 @@ class Patches:
     ----------
     names : tuple of str
     scans, points_mm, normals, variances_mm2 : (N,), (N, 3), (N, 3), (N,)
+        Without a normal (0, 0, 0) where a patch is not flat: across an edge a mean is no place of the surface.
     bounds : (G + 1,)
         Where each voxel's rows begin.
     size_mm : float
@@ -168,8 +172,50 @@ def seen_by(scan: CleanScan, size_mm: float) -> SeenBy:
     grid.add(scan.points_in_turntable_mm, None, weights, scan.normals, scan.name)
     cloud = grid.cloud()
     good = (cloud.counts >= _FEWEST_POINTS) & np.isfinite(cloud.normals).all(axis=1)
-    variances = cloud.sigma_mm[good].astype(float) ** 2
-    return SeenBy(cloud.keys[good], cloud.points_mm[good], cloud.normals[good], variances)
+    order = np.flatnonzero(good)[np.argsort(cloud.keys[good])]
+    keys, normals = cloud.keys[order], cloud.normals[order]
+    return SeenBy(
+        keys,
+        cloud.points_mm[order],
+        _of_flat(keys, cloud.points_mm[order], normals, size_mm),
+        cloud.sigma_mm[order].astype(float) ** 2,
+    )
+
+
+def _of_flat(
+    keys: NDArray[np.int64], points: NDArray[np.float32], normals: NDArray[np.float32], size_mm: float
+) -> NDArray[np.float32]:
+    """Return the normals (N, 3) of voxels with ascending keys by the planes through their neighbours' means.
+
+    The points' own normals are rounded off beside an edge, so that surfaces seem to be held where they slide.  Where
+    the normals around differ much, or neighbours lie in a line or on one side, it is (0, 0, 0).
+    """
+    from calib_core.kernels.fusion import BITS
+    from calib_core.kernels.overlap import add_neighbours
+
+    if not len(keys):
+        return normals
+    around = np.array([(x << 2 * BITS) + (y << BITS) + z for x, y, z in product((-1, 0, 1), repeat=3)])
+    around = around[around > 0]
+    values = np.column_stack([normals, np.ones(len(keys))]).astype(float)
+    sums = values.copy()
+    add_neighbours(keys, values, around, sums)
+    bent = 1 - np.linalg.norm(sums[:, :3], axis=1) / sums[:, 3]
+    flat = bent <= max(_FLAT, _FLAT_SPREAD * float(np.median(bent)))
+    off = points.astype(float) - points.mean(axis=0)
+    squares = (off[:, :, None] * off[:, None, :]).reshape(-1, 9)
+    values = np.column_stack([off, squares, np.ones(len(keys))]) * flat[:, None]
+    sums = values.copy()
+    add_neighbours(keys, values, around, sums)
+    count = np.maximum(sums[:, 12], 1.0)
+    mean = sums[:, :3] / count[:, None]
+    moments = sums[:, 3:12].reshape(-1, 3, 3) / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
+    spread, axes = np.linalg.eigh(moments)
+    fitted = axes[:, :, 0] * np.sign((axes[:, :, 0] * normals).sum(axis=1))[:, None]
+    flat &= (count >= _FEWEST_AROUND) & (spread[:, 1] > _IN_LINE * spread[:, 2])
+    flat &= (fitted * normals).sum(axis=1) > _ALIKE
+    flat &= np.linalg.norm(off - mean, axis=1) < _ONE_SIDED * size_mm
+    return np.where(flat[:, None], fitted, 0.0).astype(np.float32)
 
 
 def joined_patches(seen: Sequence[tuple[str, SeenBy]], size_mm: float) -> Patches:

@@ -31,8 +31,8 @@ class Scan:
     organised : bool
         Whether rows and columns are neighbours on the object; a plain cloud's are not, and it cannot be cleaned on
         its grid.
-    looks_along_z : int
-        +1 where z grows away from the scanner, −1 where it grows toward it.
+    looks_along_z : {1, -1, None}
+        +1 where z grows away from the scanner, −1 where it grows toward it; None where the scans are to say.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Scan:
     point_sigma_mm: float = 0.02
     position_sigma_mm: float = 0.0
     organised: bool = True
-    looks_along_z: int = 1
+    looks_along_z: int | None = None
 
     def __post_init__(self) -> None:
         points, poses = self.points_in_laser_mm, self.turntable_from_laser
@@ -75,6 +75,12 @@ class Scan:
                 "Check distance and exposure and take the scan again, or exclude it.",
                 self.name,
             )
+
+
+    @property
+    def sight(self) -> FloatArray:
+        """Unit direction of sight in T, (P, 3) or (1, 3): the z axis of L, until the scans say otherwise."""
+        return (self.looks_along_z or 1) * self.turntable_from_laser[:, :3, 2]
 
 
 def as_rows(points: SingleArray) -> SingleArray:

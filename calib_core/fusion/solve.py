@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -9,14 +10,18 @@ from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.certainty import surface_sigma_mm
 from calib_core.fusion.crew import Alone, Crew, Extent, MergeOptions, ScanCounts, ScanReport, ScanTask
-from calib_core.fusion.mesh import Mesh, joined, poisson_mesh
+from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, turned_round
+from calib_core.fusion.outward import Outward, View, outward
 from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, SeenBy, joined_patches, overlap
 from calib_core.fusion.register import Registration, register
 from calib_core.fusion.scan import Scan
+from calib_core.fusion.scatter import Scatter, scatter
 from calib_core.fusion.self_calibration import SelfCalibration, self_calibration
 
 Progress = Callable[[float, str], None]
 
+_ONE_SURFACE = 3.0  # times the scans' distance: surfaces nearer to each other than that are one
+_LEAST_APART = 0.05  # of a patch
 _POISSON_BYTES = 1000  # a point, about: the octree and its system of equations
 
 
@@ -32,6 +37,10 @@ class MergeSolution:
     mesh : Mesh or None
     overlap : Overlap
         Before any registration; rows of `per_scan` as `used`.
+    outward : Outward
+        Which way is out, and how that was decided.
+    scatter : Scatter or None
+        Of the poses, found from the overlap where nobody told it.
     surface_sigma_mm : float
         Of a scan's surface along its normal, as it stands in T in the end.
     patches : Patches
@@ -53,6 +62,8 @@ class MergeSolution:
     extent: Extent
     mesh: Mesh | None
     overlap: Overlap
+    outward: Outward
+    scatter: Scatter | None
     surface_sigma_mm: float
     patches: Patches
     errors: PoseErrors
@@ -70,6 +81,7 @@ def solve_merge(
     options: MergeOptions | None = None,
     progress: Progress | None = None,
     crew: Crew | None = None,
+    ball: Literal[1, -1] | None = None,
 ) -> MergeSolution:
     """Return all scans in one cloud in T, how far they lie apart, and a mesh.
 
@@ -78,12 +90,15 @@ def solve_merge(
     scans : sequence of Scan
         May read them one by one; each is asked for once, with registration twice.
     errors : PoseErrors, optional
-        What the calibration leaves uncertain of each scan's place, for the overlap that is expected.
+        What the calibration leaves uncertain of each scan's place, for the overlap that is expected; found from the
+        overlap where it is left out.
     options : MergeOptions, optional
     progress : callable, optional
         Called with the fraction done and what is being done; may raise to stop.
     crew : Crew, optional
         Who does the work; this process, with all voxels in memory, if left out.
+    ball : {1, -1}, optional
+        Which way captures of the ball say that z grows: 1 away from the scanner.
 
     Raises
     ------
@@ -103,6 +118,7 @@ def solve_merge(
     used: list[int] = []
     sheets: list[Mesh] = []
     first: list[tuple[str, SeenBy]] = []
+    views: list[View] = []
 
     def begun(done: int, name: str) -> None:
         tell(0.6 * done / len(scans), f"Cleaning and merging {name}{_on_disk(grid)}")
@@ -113,20 +129,28 @@ def solve_merge(
             continue
         assert report.counts is not None
         assert report.seen is not None
+        assert report.view is not None
         used.append(report.number)
         counts[report.name] = report.counts
         first.append((report.name, report.seen))
+        views.append(report.view)
         _keep_sheet(sheets, report, o)
     if not first:
         raise next(iter(failed.values()))
     seen = joined_patches(first, o.patch_size_mm)
     if errors is not None:
         errors = PoseErrors(errors.common[used], errors.own[used])
-    apart = overlap(seen, errors)
+    found = scatter(seen) if errors is None else None
+    errors = found.errors if found else errors
+    apart = overlap(found.with_noise(seen) if found else seen, errors)
+    facing = outward(seen, views, _tolerance_mm(apart, seen), ball)
+    grid.facing = facing.sign
+    if facing.sign < 0:
+        sheets = [turned_round(one) for one in sheets]
     registration, common, left = None, None, errors or PoseErrors.none(len(used))
     if moving:
         tell(0.6, "Registering the scans to each other")
-        registration = register(seen, errors)
+        registration = register(found.for_registration(seen) if found else seen, errors)
         common = self_calibration(registration, left) if o.self_calibration and left.common.any() else None
         if not o.registration:
             ways, left = (common.turntable_from_scan, common.errors) if common else (_no_moves(len(used)), left)
@@ -141,7 +165,7 @@ def solve_merge(
         for report in grid.look_through(scans, used, task, again):
             if report.error is not None:
                 raise report.error
-            _keep_sheet(sheets, report, o)
+            _keep_sheet(sheets, report, o, facing.sign)
     tell(0.75, "Gathering the points")
     extent = grid.extent()
     tell(0.8, "Building the mesh")
@@ -152,6 +176,8 @@ def solve_merge(
         extent=extent,
         mesh=mesh,
         overlap=apart,
+        outward=facing,
+        scatter=found,
         surface_sigma_mm=surface_sigma_mm(seen, left),
         patches=seen,
         errors=left,
@@ -176,9 +202,14 @@ def _on_disk(grid: Crew) -> str:
     return f" (memory was emptied to the disk {grid.spills} times)" if grid.spills else ""
 
 
-def _keep_sheet(sheets: list[Mesh], report: ScanReport, options: MergeOptions) -> None:
+def _tolerance_mm(apart: Overlap, seen: Patches) -> float:
+    known = _ONE_SURFACE * apart.rms_mm if apart.pairs else 0.0
+    return max(known, _LEAST_APART * seen.size_mm)
+
+
+def _keep_sheet(sheets: list[Mesh], report: ScanReport, options: MergeOptions, facing: int = 1) -> None:
     if report.sheet is not None and _mesh_bytes(sheets) <= options.most_bytes:
-        sheets.append(report.sheet)
+        sheets.append(report.sheet if facing > 0 else turned_round(report.sheet))
 
 
 def _mesh_bytes(sheets: Sequence[Mesh]) -> int:

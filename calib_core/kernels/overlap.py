@@ -11,6 +11,32 @@ _PARTNERS = 3  # in a voxel, each scan is registered to so many others, around t
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def add_neighbours(keys: IndexArray, values: FloatArray, steps: IndexArray, sums: FloatArray) -> None:
+    """Add to each voxel's `sums` (N, K) its neighbours' values, and its own to theirs.
+
+    Parameters
+    ----------
+    keys : (N,)
+        Packed indices, ascending.
+    values : (N, K)
+    steps : (M,)
+        From a key to those of neighbours, positive.
+    sums : (N, K)
+        Changed.
+    """
+    for k in range(steps.shape[0]):
+        at = 0
+        for n in range(keys.shape[0]):
+            wanted = keys[n] + steps[k]
+            while at < keys.shape[0] and keys[at] < wanted:
+                at += 1
+            if at < keys.shape[0] and keys[at] == wanted:
+                for column in range(values.shape[1]):
+                    sums[n, column] += values[at, column]
+                    sums[at, column] += values[n, column]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def pair_sums(
     bounds: IndexArray,
     scans: IndexArray,

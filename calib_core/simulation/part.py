@@ -4,7 +4,7 @@ The truth is the mesh itself: rays are traced against its triangles, so what a p
 surface exactly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +42,8 @@ class PartMesh:
 
     points_mm: FloatArray
     triangles: IndexArray
-    ball_center_mm: FloatArray
-    ball_radius_mm: float
+    ball_center_mm: FloatArray = field(default_factory=lambda: np.zeros(3))
+    ball_radius_mm: float = 0.0
 
 
 def top_mm(x: FloatArray, y: FloatArray) -> FloatArray:

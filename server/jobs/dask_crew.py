@@ -137,7 +137,7 @@ class DaskCrew(Crew):
             first = first.joined(other)
         return first
 
-    def clouds(self) -> Iterator[VoxelCloud]:
+    def pieces(self) -> Iterator[VoxelCloud]:
         """Give the merged cloud piece by piece, in the regions' order."""
         pieces = self._of_each(methodcaller("pieces"))
         every = sorted((piece, place) for place, own in enumerate(pieces) for piece in own)
