@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray
 from calib_core.fusion.overlap import Patches
-from calib_core.fusion.scan import Scan
+from calib_core.fusion.scan import Scan, SingleArray
 
 How = Literal["told", "ball", "visibility", "rays", "volume", "distance", "assumed"]
 
@@ -110,7 +111,7 @@ def view_of(scan: Scan) -> View:
     return View(sight[len(sight) // 2], spreading, sigma, mid, high - low, scan.looks_along_z is not None)
 
 
-def _spreading(points: FloatArray, depth: FloatArray) -> tuple[float, float]:
+def _spreading(points: SingleArray, depth: FloatArray) -> tuple[float, float]:
     """Return the clearer one of the spreadings of columns in x and of rows in y, with its standard deviation."""
     found = [_of_lines(points[..., 0].astype(float), depth), _of_lines(points[..., 1].T.astype(float), depth.T)]
     known = [one for one in found if np.isfinite(one[0]) and one[1] > 0]
@@ -180,7 +181,7 @@ def _before_and_behind(
     across = np.cross(toward, first)
     across /= np.linalg.norm(across)
     axes = np.column_stack([across, np.cross(toward, across), toward])
-    p, n, q = own @ axes, normals @ axes, others @ axes
+    p, n, q = ((one @ axes).astype(float) for one in (own, normals, others))
     low = np.minimum(p[:, :2].min(axis=0), q[:, :2].min(axis=0)) if len(q) else p[:, :2].min(axis=0)
     keys, wanted = (_cells(one[:, :2] - low, cell) for one in (p, q))
     order = np.lexsort((p[:, 2], keys))
@@ -194,7 +195,7 @@ def _before_and_behind(
 
 
 def _gap(
-    p: FloatArray, n: FloatArray, q: FloatArray, at: FloatArray, cell: float, side: float = 1.0
+    p: FloatArray, n: FloatArray, q: FloatArray, at: NDArray[np.int64], cell: float, side: float = 1.0
 ) -> FloatArray:
     """Return how far q lie beyond the planes of p[at], less what a bent or steep surface may cause."""
     facing = np.maximum(np.abs(n[at, 2]), 1e-3)
@@ -209,7 +210,7 @@ def _gap(
     return np.where(gap < 0, np.minimum(gap + doubt, 0.0), np.maximum(gap - doubt, 0.0))
 
 
-def _cells(places: FloatArray, cell: float) -> FloatArray:
+def _cells(places: FloatArray, cell: float) -> NDArray[np.int64]:
     index = np.floor(places / cell).astype(np.int64)
     return index[:, 0] * (1 << 31) + index[:, 1]
 

@@ -187,8 +187,8 @@ def _of_flat(
 ) -> NDArray[np.float32]:
     """Return the normals (N, 3) of voxels with ascending keys by the planes through their neighbours' means.
 
-    The points' own normals are rounded off beside an edge, so that surfaces seem to be held where they slide.  Where
-    the normals around differ much, or neighbours lie in a line or on one side, it is (0, 0, 0).
+    The points' own normals are rounded off beside an edge, so that surfaces seem to be held where they slide.
+    Where the normals around differ much, or neighbours lie in a line or on one side, it is (0, 0, 0).
     """
     from calib_core.kernels.fusion import BITS
     from calib_core.kernels.overlap import add_neighbours

@@ -76,7 +76,6 @@ class Scan:
                 self.name,
             )
 
-
     @property
     def sight(self) -> FloatArray:
         """Unit direction of sight in T, (P, 3) or (1, 3): the z axis of L, until the scans say otherwise."""

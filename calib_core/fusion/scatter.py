@@ -1,24 +1,26 @@
 """How far scans' poses scatter, from the scans themselves, where no calibration says.
 
-Where scans overlap, the distances between them are what the scans' moves make of them, and the surface's own noise.
+Where scans overlap, the distances between them are what the scans' moves make of them, and the surface's noise.
 With M and b the normal equations of the moves m (see `register`), and every scan's move drawn from one
 distribution, N(0, D²) about the middle of all, the sigmas in D maximise
 
     log L = −½ log |1 + D M D| + ½ (D b)ᵀ (1 + D M D)⁻¹ (D b)
 
-in which the moves are integrated out: a direction in which surfaces slide says nothing of them.  The noise is what is
-left after a registration; neighbouring patches share some of it, so they count for fewer.  A scan that is far off
-the others has its own sigma, so that one wrong pose does not excuse all.
+in which the moves are integrated out: a direction in which surfaces slide says nothing of them.  The noise is
+what is left after a registration; neighbouring patches share some of it, so they count for fewer.  A scan that is
+far off the others has its own sigma, so that one wrong pose does not excuse all.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray, skew
 from calib_core.fusion.overlap import Patches, PoseErrors
 
 _ROUNDS = 3
+_SIMPLEX = np.array([[0.0, 0.0], [0.7, 0.0], [0.0, 0.7]])
 _USUAL_MM, _USUAL_RAD = 0.1, 3e-4
 _WIDE = 2.5  # of the priors' logarithms: a factor of twelve
 _OUTLYING = 4.0  # of its expected square
@@ -136,7 +138,7 @@ def _likeliest(matrix: FloatArray, vector: FloatArray, own: FloatArray, start: F
         prior = (((logs - usual) / _WIDE) ** 2).sum()
         return float(2 * np.log(np.diag(root)).sum() - explained @ explained + prior)
 
-    options = {"xatol": 0.02, "fatol": 0.01, "initial_simplex": np.log(start) + [[0, 0], [0.7, 0], [0, 0.7]]}
+    options = {"xatol": 0.02, "fatol": 0.01, "initial_simplex": np.log(start) + _SIMPLEX}
     return np.exp(minimize(cost, np.log(start), method="Nelder-Mead", options=options).x)
 
 
@@ -156,7 +158,7 @@ def _moves(
     return moves, own * np.where(ratio > _OUTLYING, np.sqrt(ratio), 1.0)
 
 
-def _pairs(seen: Patches) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _pairs(seen: Patches) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
     """Return the distances (K,) of neighbouring scans' patches, what noise makes of them, (K,) mm², and blocks."""
     first = np.repeat(seen.bounds[:-1], np.diff(seen.bounds))
     count = np.repeat(np.diff(seen.bounds), np.diff(seen.bounds))
@@ -175,7 +177,8 @@ def _pairs(seen: Patches) -> tuple[FloatArray, FloatArray, FloatArray]:
     low, high = np.minimum(seen.scans[a], seen.scans[b]), np.maximum(seen.scans[a], seen.scans[b])
     _, blocks = np.unique(np.column_stack([places, low, high]), axis=0, return_inverse=True)
     sign = np.where(seen.scans[a] == low, 1.0, -1.0)
-    return sign * apart[near], seen.variances_mm2[a] + seen.variances_mm2[b], blocks.ravel()
+    stated = seen.variances_mm2[a] + seen.variances_mm2[b]
+    return sign * apart[near], stated, blocks.ravel().astype(np.int64)
 
 
 def _noise(seen: Patches) -> tuple[float, float]:

@@ -90,8 +90,8 @@ def solve_merge(
     scans : sequence of Scan
         May read them one by one; each is asked for once, with registration twice.
     errors : PoseErrors, optional
-        What the calibration leaves uncertain of each scan's place, for the overlap that is expected; found from the
-        overlap where it is left out.
+        What the calibration leaves uncertain of each scan's place, for the overlap that is expected; found from
+        the overlap where it is left out.
     options : MergeOptions, optional
     progress : callable, optional
         Called with the fraction done and what is being done; may raise to stop.

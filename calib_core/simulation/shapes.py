@@ -1,7 +1,7 @@
 """Parts of simple shape with known truth: box, ball, bracket, blade, thin sheet, open bowl.
 
-Each is a closed mesh about the middle of T, whose corners are its exact surface.  A bowl is a shell: scanned from above, only its
-inside and rim are seen.
+Each is a closed mesh about the middle of T, and that mesh is the truth.  A bowl is a shell: scanned from above,
+little but its inside and its rim is seen.
 """
 
 from collections.abc import Callable
@@ -39,9 +39,7 @@ def bowl(radius_mm: float = 40.0, wall_mm: float = 2.0) -> PartMesh:
     across = np.concatenate(
         [radius_mm * np.sin(outside), middle + wall_mm / 2 * np.cos(rim), inner * np.sin(inside)]
     )
-    height = np.concatenate(
-        [-radius_mm * np.cos(outside), wall_mm / 2 * np.sin(rim), -inner * np.cos(inside)]
-    )
+    height = np.concatenate([-radius_mm * np.cos(outside), wall_mm / 2 * np.sin(rim), -inner * np.cos(inside)])
     return _turned(across, height + radius_mm / 2, 240)
 
 

@@ -64,7 +64,23 @@ def merge_doubts(groups: Sequence[ScanGroup], placement: Placement, solution: Me
             f"Far off where they overlap the others: {names}. Check their poses and table angles, which may be "
             "those of another scan, and that the object did not move."
         )
-    return doubts
+    return [*doubts, *_about_outside(solution)]
+
+
+def _about_outside(solution: MergeSolution) -> list[str]:
+    """Return what is doubtful of the side that was taken to be the outside."""
+    found = solution.outward
+    if found.contradicts:
+        return [
+            "Scans see through each other: the surface seems to be inside out. Check cell.scanner.z_axis, or "
+            "leave it out, so that the scans say it themselves."
+        ]
+    if found.certain:
+        return []
+    return [
+        f"Which side of the surface is out is not certain (by {found.how}): look at the mesh, and set "
+        "cell.scanner.z_axis if its inside is shown."
+    ]
 
 
 def _far_off(solution: MergeSolution) -> list[str]:
@@ -106,9 +122,10 @@ def _about_angles(groups: Sequence[ScanGroup], placement: Placement, solution: M
         "the table turned the other way round: check turntable.direction, or the angles' sign": 2 * turned,
         "table_deg of the scans is in radians: multiply it by 180/π": turned - np.rad2deg(turned),
     }
+    fitting: dict[str, int] = {}
     for words, angles in mistakes.items():
-        other = overlap(solution.patches.turned(angles), solution.errors)
+        other = overlap(solution.patches.turned(angles), None if solution.scatter else solution.errors)
         more = other.pairs > _MORE_PAIRS * solution.overlap.pairs
-        if more and other.rms_mm <= _SUSPICIOUS * other.expected_rms_mm:
-            return [f"The scans fit together if {words}."]
-    return []
+        if more and (solution.scatter or other.rms_mm <= _SUSPICIOUS * other.expected_rms_mm):
+            fitting[words] = other.pairs
+    return [f"The scans fit together if {max(fitting, key=fitting.__getitem__)}."] if fitting else []

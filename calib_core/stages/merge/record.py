@@ -39,6 +39,29 @@ class SharedShift(Record):
     covariance: list[list[float]]
 
 
+class Facing(Record):
+    """What says which way is out: shares of patches before and behind a scan's own, and of a closed surface.
+
+    `before` and `behind` are those of the patches that other scans have seen along each scan's line of sight:
+    before its own surface nothing can lie.  `volume` is that of the merged surface beside a ball's of the same
+    area, as it is written, `missing` what it lacks of a closed one.
+    """
+
+    certain: bool
+    before: float
+    behind: float
+    volume: float | None = None
+    missing: float
+
+
+class PoseScatter(Record):
+    """How far poses scatter, found from the scans' overlap: per axis, about the middle of all; and the surface."""
+
+    position_sigma_mm: float
+    orientation_sigma_deg: float
+    surface_sigma_mm: float
+
+
 class MergeResult(Result):
     """All scans in one frame, and how far they lie apart where they overlap, before any registration.
 
@@ -47,7 +70,11 @@ class MergeResult(Result):
     the calibration leaves uncertain; `registered_overlap_rms_mm` is that after a registration, and
     `registration_shift_rms_mm` how far it moved the scans.  `surface_sigma_mm` is the standard deviation of the
     merged surface's place along its normal.  `spills` counts how often memory was emptied to disk; `calibrated_by`
-    says where tool and table come from: the stage, or "known".
+    says where tool and table come from: the stage, or "known".  `normals_outward` is how
+    it was decided which way is out: "told" by `scanner.z_axis`, by captures of the "ball", by "visibility" (who
+    sees whom), by a scanner's "rays" that run apart, by the surface's "volume", by the "distance" to the scanner's
+    own zero, or "assumed"; `facing` has the figures.  `pose_scatter` is what the overlap says of poses where no
+    calibration tells it.
     """
 
     stage: Literal["merge"] = "merge"
@@ -59,7 +86,11 @@ class MergeResult(Result):
     spills: int = 0
     overlap_rms_mm: float | None
     expected_overlap_rms_mm: float | None
+    overlap_expected_mm: float | None = None
     overlap_pairs: int
+    normals_outward: str | None = None
+    facing: Facing | None = None
+    pose_scatter: PoseScatter | None = None
     registered_overlap_rms_mm: float | None = None
     registration_shift_rms_mm: float | None = None
     self_calibration: SharedShift | None = None

@@ -3,11 +3,13 @@
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from calib_core.archive.spill import FileSpill
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
+from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.captures.unfit import unfit
 from calib_core.errors import InputError
@@ -16,14 +18,16 @@ from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.crew import Alone, Crew, MergeOptions
 from calib_core.fusion.majority import NO_SCAN, HeaviestScans
+from calib_core.fusion.outward import Outward
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
+from calib_core.fusion.scatter import Scatter
 from calib_core.fusion.self_calibration import SelfCalibration
 from calib_core.fusion.solve import MergeSolution, solve_merge
 from calib_core.records import Cell, VarianceComponents, Verdict
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.given import StageInput
 from calib_core.stages.merge.doubts import merge_doubts
-from calib_core.stages.merge.record import MergeResidual, MergeResult, SharedShift
+from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, PoseScatter, SharedShift
 from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
@@ -42,6 +46,11 @@ class _Calibration:
     angle_sigma_rad: float
     by: str = "known"
     warnings: tuple[str, ...] = ()
+
+    @property
+    def tells_scatter(self) -> bool:
+        """Whether it says how far scans may lie apart."""
+        return bool(self.by != "known" or self.position_sigma_mm or self.orientation_sigma_rad)
 
 
 def solve(given: StageInput) -> MergeResult:
@@ -62,7 +71,7 @@ def solve(given: StageInput) -> MergeResult:
         given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
 
     with _crew(given, plan.options) as crew:
-        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew)
+        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew, plan.ball)
         result = _result(given, plan, solution)
         if given.store is not None:
             given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names))
@@ -89,9 +98,10 @@ class MergePlan:
     groups: list[ScanGroup]
     calibration: _Calibration
     scans: SessionScans
-    errors: PoseErrors
+    errors: PoseErrors | None
     options: MergeOptions
     unused: dict[str, str]
+    ball: Literal[1, -1] | None = None
 
 
 def plan_merge(given: StageInput) -> MergePlan:
@@ -113,7 +123,9 @@ def plan_merge(given: StageInput) -> MergePlan:
         most_bytes=int(1e6 * settings.memory_mb),
     )
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
-    return MergePlan(groups, calibration, scans, _errors(given, groups, calibration), options, unused)
+    errors = _errors(given, groups, calibration) if calibration.tells_scatter else None
+    ball = None if calibration.by == "known" else side_of_ball(given.session, given.read)
+    return MergePlan(groups, calibration, scans, errors, options, unused, ball)
 
 
 def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
@@ -289,6 +301,10 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         spills=solution.grid.spills,
         overlap_rms_mm=_number(apart.rms_mm),
         expected_overlap_rms_mm=_number(apart.expected_rms_mm),
+        overlap_expected_mm=_number(apart.expected_rms_mm),
+        normals_outward=solution.outward.how,
+        facing=_facing(solution.outward),
+        pose_scatter=_scatter(solution.scatter),
         overlap_pairs=apart.pairs,
         registered_overlap_rms_mm=_number(registered.after.rms_mm) if registered else None,
         registration_shift_rms_mm=float(np.sqrt(np.mean(registered.shift_mm**2))) if registered else None,
@@ -302,6 +318,27 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         low_mm=solution.extent.low_mm.tolist(),
         high_mm=solution.extent.high_mm.tolist(),
         residuals=_rows(given, plan, solution),
+    )
+
+
+def _facing(found: Outward) -> Facing:
+    swap = found.sign < 0
+    return Facing(
+        certain=found.certain,
+        before=found.behind if swap else found.before,
+        behind=found.before if swap else found.behind,
+        volume=_number(found.sign * found.volume),
+        missing=found.missing,
+    )
+
+
+def _scatter(found: Scatter | None) -> PoseScatter | None:
+    if found is None:
+        return None
+    return PoseScatter(
+        position_sigma_mm=found.position_sigma_mm,
+        orientation_sigma_deg=float(np.rad2deg(found.turn_sigma_rad)),
+        surface_sigma_mm=found.surface_sigma_mm,
     )
 
 
