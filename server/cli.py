@@ -4,6 +4,7 @@ Nothing heavy is imported before a command runs, so that `scancell --help` answe
 """
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -11,9 +12,10 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from calib_core import __version__
+from calib_core.disk import WINDOWS
 from calib_core.registry import Registry
 from server.console.command import BAD_INPUT, GROUPS, OK, Command
-from server.console.output import from_standard_input
+from server.console.output import from_standard_input, take_any_text, with_matches
 from server.console.remote import from_server
 
 if TYPE_CHECKING:
@@ -54,7 +56,10 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the solves are many and small
+    take_any_text()
     words = sys.argv[1:] if arguments is None else arguments
+    if WINDOWS:
+        words = with_matches(words)
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how to go on
         return _complete()
     if any("\0" in word for word in words):
@@ -67,12 +72,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(end.code or 0)
     try:
         return _run(options)
-    except BrokenPipeError:  # whoever read the output has gone, as in `scancell run … | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
+    except BrokenPipeError:
+        return _unread()
     except KeyboardInterrupt:
         print("scancell: stopped", file=sys.stderr)
         return 130
+
+
+def _unread() -> int:
+    """End quietly: whoever read the output has gone, as in `scancell run … | head`."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return OK
 
 
 def _complete() -> int:
@@ -162,6 +172,8 @@ def _run(options: argparse.Namespace) -> int:
     except OSError as error:  # a name that is too long, a folder that is a file, a disk that is full
         if options.debug:
             raise
+        if error.errno == errno.EINVAL and not error.filename and not sys.stdout.isatty():
+            return _unread()  # so Windows says that whoever read a pipe has gone
         place = f"{error.filename}: " if error.filename else ""
         said = error.strerror or type(error).__name__
         need = "need files and folders that can be used"

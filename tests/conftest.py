@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
+from tests.windows.open_files import refuse_changes_of_open_files
+
 if TYPE_CHECKING:  # most tests need no browser
     from playwright.sync_api import Browser
 
@@ -29,6 +31,8 @@ if TYPE_CHECKING:  # most tests need no browser
 # Else each process that a test starts compiles all sources again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+refuse_changes_of_open_files()
 
 settings.register_profile("scancell", deadline=None, derandomize=True, database=None)
 settings.load_profile("scancell")

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import tempfile
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
@@ -12,6 +11,7 @@ from typing import IO, Any, Final, cast
 
 from calib_core import __version__
 from calib_core.archive.bag import Bag, Content, open_bag, write_bag
+from calib_core.archive.bag_names import MAX_NAME_BYTES, is_device_name
 from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
 from calib_core.archive.folder import (
     MAX_SESSION_BYTES,
@@ -24,7 +24,7 @@ from calib_core.archive.folder import (
 from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
 from calib_core.archive.stored_results import require_result
-from calib_core.archive.sync import sync_folder
+from calib_core.disk import extended, remove_folder, rename_new, sync_folder
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
 from calib_core.formats.shared.writing import replacing
@@ -118,7 +118,8 @@ def pack_files(session: Session, payload: Mapping[str, Content], out: IO[bytes],
 
 def archive_name(session: Session) -> str:
     """Return the name of a session's archive without its ending: letters, digits, and single hyphens."""
-    return re.sub(r"[^A-Za-z0-9]+", "-", session.name).strip("-")[:60].lower() or "session"
+    name = re.sub(r"[^A-Za-z0-9]+", "-", session.name).strip("-")[:60].lower()
+    return f"session-{name}" if is_device_name(name) else name or "session"
 
 
 def verify(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = LIMITS) -> ArchiveFacts:
@@ -162,6 +163,7 @@ def unpack(source: Path, target: Path, limits: ArchiveLimits = LIMITS) -> Archiv
         If the archive is refused, or the folder cannot be written; then nothing is left there.
     """
     facts = verify(source, limits=limits)
+    target = extended(target, MAX_NAME_BYTES)
     if target.is_symlink() or (target.exists() and not (target.is_dir() and not any(target.iterdir()))):
         raise ConflictError("a folder that is new or empty", "something there", "Name another.", str(target))
     made = [parent for parent in target.parents if not parent.exists()]
@@ -175,14 +177,15 @@ def unpack(source: Path, target: Path, limits: ArchiveLimits = LIMITS) -> Archiv
         temporary.chmod(0o755)
         if target.exists():
             target.rmdir()
-        temporary.rename(target)
+        rename_new(temporary, target)
         done = True
     except OSError as error:
         raise _no_place(error, target) from None
     finally:
         if not done:
             if temporary is not None:
-                shutil.rmtree(temporary, ignore_errors=True)
+                with suppress(OSError):
+                    remove_folder(temporary)
             for parent in made:
                 with suppress(OSError):
                     parent.rmdir()

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO, Final
 
-from calib_core.archive.bag_names import require_distinct_names, require_safe_name
+from calib_core.archive.bag_names import require_distinct_names, require_packable_name
 from calib_core.archive.bag_zip import CHUNK_BYTES, LIMITS, ArchiveLimits, ZipFiles, open_zip
 from calib_core.errors import InputError, TooLargeError
 
@@ -142,7 +142,7 @@ def write_bag(out: IO[bytes], base: str, payload: Mapping[str, Content], about: 
     """
     names = sorted(payload)
     for name in names:
-        require_safe_name(f"{base}/{PAYLOAD}{name}", "session")
+        require_packable_name(f"{base}/{PAYLOAD}{name}", "session")
     require_distinct_names(names, "session")
     with zipfile.ZipFile(out, "w", strict_timestamps=True) as archive:
         digests = {PAYLOAD + n: _add(archive, f"{base}/{PAYLOAD}{n}", payload[n]) for n in names}

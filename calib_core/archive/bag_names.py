@@ -1,5 +1,6 @@
 """Names in an archive: relative, plain, and different from each other on every file system."""
 
+import re
 import unicodedata
 from collections.abc import Iterable
 from typing import Final
@@ -12,6 +13,8 @@ MAX_DEPTH: Final = 32
 
 _ASCII_CONTROLS = frozenset(map(chr, [*range(32), 127]))
 _RENAME = "Rename the file."
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³]|conin\$|conout\$)[ ]*(\..*)?", re.IGNORECASE)
+_NOT_ON_WINDOWS = frozenset('<>"|?*')
 
 
 def require_safe_name(name: str, where: str) -> None:
@@ -65,6 +68,28 @@ def require_distinct_names(names: Iterable[str], where: str) -> None:
 def folded(name: str) -> str:
     """Return what names have in common that case-insensitive and normalising file systems hold for one."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def is_device_name(part: str) -> bool:
+    """Return whether Windows holds a file's name, with whatever ending, for a device: `con`, `nul.csv`, `COM1`."""
+    return _DEVICE.fullmatch(part) is not None
+
+
+def require_packable_name(name: str, where: str) -> None:
+    """Refuse what `require_safe_name` does, and names of new archives that Windows could not unpack.
+
+    Raises
+    ------
+    InputError
+    """
+    require_safe_name(name, where)
+    need = "names that every system can store"
+    for part in name.split("/"):
+        if is_device_name(part):
+            raise InputError(need, f"{_shown(part)}, a device's on Windows", _RENAME, where)
+        if not _NOT_ON_WINDOWS.isdisjoint(part):
+            got = f"{_shown(part)}, with a sign that Windows' names have not"
+            raise InputError(need, got, _RENAME, where)
 
 
 def _fault(name: str) -> str:

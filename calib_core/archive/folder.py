@@ -3,16 +3,19 @@
 Nothing stored is ever changed in place: a file is written beside its name, flushed to the disk, then renamed.
 """
 
+import codecs
 import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from calib_core.archive.bag_names import require_distinct_names
 from calib_core.archive.kept_observations import OWN_FOLDER, KeptObservations
 from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
 from calib_core.captures.kept import KeepingReader
+from calib_core.disk import extended
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
 from calib_core.formats.shared.writing import write_atomically
@@ -22,6 +25,8 @@ from calib_core.stages.stage import ReadFile
 SESSION_FILE = "session.json"
 _URDF_ENDINGS = (".urdf", ".xacro", ".xml")
 MAX_SESSION_BYTES = 32_000_000
+_ROOM = 100  # for the names of captures' files
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)  # as PowerShell writes what is sent to a file
 
 
 def load_session(path: Path) -> tuple[Session, ReadFile]:
@@ -51,7 +56,14 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     record = _with_arm(record, folder)
     session = parse_session(record, str(file))
     require_plain(record, str(file))
+    if _ignores_case(file):
+        require_distinct_names({name for c in session.captures for name in c.files}, str(file))
     return session, KeepingReader(_reader(folder), KeptObservations(folder / OWN_FOLDER))
+
+
+def _ignores_case(file: Path) -> bool:
+    """Return whether a folder holds two names that differ in case for one, as on Windows and macOS."""
+    return file.with_name(file.name.upper()).exists()
 
 
 def _with_arm(record: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -78,6 +90,7 @@ def folder_of(path: Path) -> Path:
     InputError
         If the path is nothing of these.
     """
+    path = extended(path, _ROOM)
     if path.is_dir():
         return path / "data" if (path / "bagit.txt").is_file() and not (path / SESSION_FILE).exists() else path
     if path.name == SESSION_FILE and path.is_file():
@@ -93,7 +106,7 @@ def parse_json(data: bytes, where: str) -> Any:
     """Return the data of JSON text; raises InputError with line and column, or that the text was cut off."""
     to_do = "Correct it there; a JSON checker shows the place."
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError("JSON (UTF-8 text)", f"a byte that is no text at {error.start}", to_do, where) from None
     if not text.strip():

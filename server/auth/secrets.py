@@ -12,6 +12,7 @@ from hashlib import sha256
 from hmac import new as keyed_hash
 from pathlib import Path
 
+from calib_core.disk import remove_file, rename_new
 from calib_core.errors import InputError
 
 KEY_FILE = "login.key"
@@ -58,9 +59,21 @@ def _write_key(path: Path, key: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         with suppress(FileExistsError):
-            os.link(fresh, path)
+            _name_new(fresh, path)
     finally:
-        fresh.unlink()
+        remove_file(fresh, missing_ok=True)
+
+
+def _name_new(fresh: Path, path: Path) -> None:
+    """Give a file a name that nothing has; raises FileExistsError. Network and USB drives know no second names."""
+    try:
+        os.link(fresh, path)
+    except FileExistsError:
+        raise
+    except OSError:
+        if path.exists():
+            raise FileExistsError(path) from None
+        rename_new(fresh, path)
 
 
 def new_token() -> tuple[str, str]:

@@ -72,10 +72,12 @@ def _run(options: argparse.Namespace) -> int:
     ]
     text = "\n\n".join([*texts, *_causes_text(options, read_results)])
     data = {"session": session.to_json(), "results": told}
-    print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
-    if target is not None:
-        _store(options, results, target)
-    else:
+    try:
+        if target is not None:
+            _store(options, results, target)
+    finally:  # stored before it is printed, which may fail, and printed where it cannot be stored
+        print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
+    if target is None:
         remark(options, f"{path} stays as it is: --out DIR writes the results to a folder.")
     return _status(failing, read_results)
 

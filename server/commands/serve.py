@@ -16,6 +16,13 @@ if TYPE_CHECKING:
     from server.serve import WorkbenchServer
 
 
+_ENDINGS = [number for name in ("SIGINT", "SIGTERM", "SIGBREAK") if (number := getattr(signal, name, None))]
+"""SIGBREAK is Windows': Ctrl-Break, and how another program ends one that has a console."""
+
+_OWN_ADDRESS = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+"""Windows lets an address that is in use be shared by the option that elsewhere takes one that was just let go."""
+
+
 def serve(options: argparse.Namespace) -> int:
     """Serve until stopped, after printing the address."""
     from calib_core.errors import InputError
@@ -39,7 +46,7 @@ def serve(options: argparse.Namespace) -> int:
     from server.serve import WorkbenchServer
 
     server = WorkbenchServer(settings)
-    for ending in (signal.SIGINT, signal.SIGTERM):  # uvicorn hears them between its very start and end alone
+    for ending in _ENDINGS:  # uvicorn hears them between its very start and end alone
         signal.signal(ending, server.handle_exit)
     threading.Thread(target=_announce, args=(options, server), daemon=True).start()
     server.run()
@@ -72,7 +79,7 @@ def _require_free(host: str, port: int) -> None:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with socket.socket(family, socket.SOCK_STREAM) as trial:
-            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            trial.setsockopt(socket.SOL_SOCKET, _OWN_ADDRESS, 1)
             trial.bind((host, port))
     except OSError as error:
         from calib_core.errors import InputError

@@ -1,18 +1,47 @@
 """What a command prints: its result for people or programs, and remarks beside it."""
 
 import argparse
+import io
 import json
+import os
 import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Generator, Iterable
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager, suppress
+from glob import glob
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from calib_core.disk import WINDOWS
+
 STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
 _SPOOLED = "standard input"
+
+
+def take_any_text() -> None:
+    """Let the standard streams take every text: UTF-8 in files and pipes, and in a terminal what it can show.
+
+    Windows gives them the code page of the country, which lacks ≥ and 中; a program without a console has none.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 (stays open)
+        elif isinstance(stream, io.TextIOWrapper):
+            shown = stream.isatty() or "PYTHONIOENCODING" in os.environ
+            with suppress(OSError):  # its file was exchanged for a pipe: it is changed all the same
+                stream.reconfigure(encoding=None if shown else "utf-8", errors="backslashreplace")
+
+
+def with_matches(words: Sequence[str]) -> list[str]:
+    """Return arguments with files in place of `*.csv` and the like, as shells elsewhere than on Windows do."""
+    found: list[str] = []
+    for word in words:
+        matches = sorted(glob(word)) if {"*", "?"} & set(word) and word[0] != "-" else []  # noqa: PTH207 (as text)
+        found += matches or [word]
+    return found
 
 
 def print_result(options: argparse.Namespace, text: str, data: Any) -> None:
@@ -55,7 +84,7 @@ def write_out(options: argparse.Namespace, out: Path, pieces: Iterable[bytes | m
 
 def is_stream(out: Path) -> bool:
     """Return whether --out names what is written into and never replaced: standard output, a pipe, a terminal."""
-    if out == STANDARD_OUTPUT:
+    if out == STANDARD_OUTPUT or (WINDOWS and out.name.lower() == "nul"):
         return True
     try:
         mode = out.stat().st_mode
@@ -90,7 +119,7 @@ def from_standard_input(options: argparse.Namespace) -> Generator[None]:
         return
     from calib_core.errors import CalibrationError, InputError
 
-    if sys.stdin.isatty():
+    if sys.stdin is None or sys.stdin.isatty():
         raise InputError("data on standard input", "a terminal", "Redirect a file or a pipe to it.", "-")
     with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
         file = Path(folder) / _SPOOLED

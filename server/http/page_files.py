@@ -7,7 +7,7 @@ lines there, so that a complaint still names the line of the source.
 
 import re
 from hashlib import sha256
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.staticfiles import StaticFiles
@@ -21,6 +21,14 @@ _TYPES = re.compile(r"/\*\* @(?:[^*]|\*(?!/))*\*/ ?")
 """What the code says of its types within a line."""
 _INDENT = re.compile(r"^[ \t]+", re.MULTILINE)
 _SCRIPTS = (".js", ".css")
+_MEDIA_TYPES = {
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+}
+"""Told here: Windows' registry may call a script text/plain, which no browser runs."""
 
 
 class PageFiles(StaticFiles):
@@ -44,16 +52,23 @@ class PageFiles(StaticFiles):
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """Answer a file; one that was asked for by the present mark never changes."""
+        path = path.replace("\\", "/")  # on Windows it comes as a path of that system
         mark, _, name = path.partition("/")
         if not mark.startswith(_MARK):
-            return await super().get_response(path, scope)
-        response = await super().get_response(name, scope)
+            return await self._plain(path, scope)
+        response = await self._plain(name, scope)
         if mark != self._mark or response.status_code not in (200, 304):
             return response
         if isinstance(response, FileResponse) and name.endswith(_SCRIPTS) and not name.startswith("vendor/"):
             text = Path(response.path).read_text(encoding="utf-8")
-            response = Response(without_comments(text), media_type=response.media_type)
+            response = Response(without_comments(text), headers={"Content-Type": response.headers["content-type"]})
         response.headers["Cache-Control"] = _FOR_GOOD
+        return response
+
+    async def _plain(self, name: str, scope: Scope) -> Response:
+        response = await super().get_response(name, scope)
+        if isinstance(response, FileResponse) and (kind := _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower())):
+            response.headers["Content-Type"] = kind
         return response
 
 

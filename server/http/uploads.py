@@ -7,6 +7,7 @@ from hashlib import sha256
 from pathlib import PurePosixPath
 from typing import Any
 
+from calib_core.archive.bag_names import is_device_name
 from calib_core.errors import InputError
 
 _SMALL_BYTES = 256 * 1024
@@ -86,9 +87,10 @@ def _invented_names(capture_id: str, uploaded: list[str]) -> list[str]:
     """Return names from the capture's id and the uploads' endings: nothing else of a foreign name is used."""
     endings = [PurePosixPath(name).suffix.lower() for name in uploaded]
     endings = [ending if ending[1:].isalnum() and len(ending) <= 6 else "" for ending in endings]
+    name = f"capture-{capture_id}" if is_device_name(capture_id) else capture_id
     if len(endings) == 1:
-        return [f"captures/{capture_id}{endings[0]}"]
-    return [f"captures/{capture_id}-{number:04d}{ending}" for number, ending in enumerate(endings, start=1)]
+        return [f"captures/{name}{endings[0]}"]
+    return [f"captures/{name}-{number:04d}{ending}" for number, ending in enumerate(endings, start=1)]
 
 
 def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:

@@ -26,8 +26,9 @@ def ignoring_interrupts() -> Generator[None]:
 
     They may ignore it themselves only once they run: by then it may have ended them in the middle of an import.
     """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
+    if not hasattr(signal, "pthread_sigmask"):
+        with _ignored_by_the_console():
+            yield
         return
     resource_tracker.ensure_running()  # were it started in between, it would let the signal through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -35,6 +36,19 @@ def ignoring_interrupts() -> Generator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _ignored_by_the_console() -> Generator[None]:
+    """Have Windows send no Ctrl-C to this process, nor ever to those that it starts meanwhile."""
+    import ctypes
+
+    tell = ctypes.WinDLL("kernel32", use_last_error=True).SetConsoleCtrlHandler  # pyright: ignore
+    tell(None, True)
+    try:
+        yield
+    finally:
+        tell(None, False)
 
 
 class WorkerContext(_Context):

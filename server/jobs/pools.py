@@ -94,7 +94,7 @@ class ProcessPool(Pool):
         self.broken_on_purpose = True
         try:
             os.kill(place, signal.SIGTERM)
-        except ProcessLookupError:
+        except OSError:  # Windows tells it by another number than others
             log.info("worker %d has ended already", place)
 
     def is_broken_by(self, error: BaseException) -> bool:

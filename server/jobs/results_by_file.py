@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from calib_core.disk import remove_file
+
 
 def result_to_file(folder: str, work: Callable[[], Any]) -> str:
     """Do some work, in a worker process; return the file in a folder that holds its result."""
@@ -26,5 +28,5 @@ def result_from_file(name: str) -> Any:
     """Return the result that a file holds, and remove it."""
     path = Path(name)
     result = pickle.loads(path.read_bytes())  # a worker wrote it, in a folder that only this user may open
-    path.unlink()
+    remove_file(path)
     return result

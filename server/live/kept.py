@@ -5,6 +5,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from calib_core.disk import replace_file
 from server.store.models import Data
 
 
@@ -24,7 +25,7 @@ class KeptBySession:
         with self._lock:
             fresh = self._path.with_suffix(".new")
             fresh.write_text(json.dumps({**self._all(), session_id: data}), encoding="utf-8")
-            fresh.replace(self._path)
+            replace_file(fresh, self._path)
 
     def _all(self) -> dict[str, Any]:
         return json.loads(self._path.read_text(encoding="utf-8")) if self._path.exists() else {}

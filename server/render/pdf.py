@@ -19,9 +19,15 @@ _BROWSERS = (
 )  # fmt: skip
 _PLACES = (
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
     "/Applications/Chromium.app/Contents/MacOS/Chromium",
-    "C:/Program Files/Google/Chrome/Application/chrome.exe",
-    "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
+)
+_FOLDERS_OF_WINDOWS = ("ProgramFiles", "ProgramFiles(x86)", "ProgramW6432", "LOCALAPPDATA")
+"""Variables that name where programs are: of all users, of 32 bits, of one user without rights."""
+_BELOW_THEM = (
+    "Microsoft/Edge/Application/msedge.exe",
+    "Google/Chrome/Application/chrome.exe",
+    "Chromium/Application/chrome.exe",
 )
 _LONGEST_S = 120.0
 _POLICY = (
@@ -35,8 +41,10 @@ _LARGEST_BYTES = 200_000_000
 
 def browser() -> str | None:
     """Return the program that prints, None where the machine has none."""
-    found = (shutil.which(name) for name in _BROWSERS)
-    return next((path for path in (*found, *(p for p in _PLACES if Path(p).exists())) if path), None)
+    found = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    folders = [folder for name in _FOLDERS_OF_WINDOWS if (folder := os.environ.get(name))]
+    places = [*_PLACES, *(f"{folder}/{below}" for below in _BELOW_THEM for folder in folders)]
+    return found or next((place for place in places if Path(place).is_file()), None)
 
 
 def pdf_of(
@@ -62,7 +70,7 @@ def pdf_of(
     """
     program = browser()
     if program is None:
-        to_do = f"Install chromium where this runs. {instead}"
+        to_do = f"Install one of them where this runs. {instead}"
         raise InputError("Chromium, Chrome or Edge, which prints the PDF", "none of them", to_do, where)
     with tempfile.TemporaryDirectory(prefix="scancell-", ignore_cleanup_errors=True) as folder:
         source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from calib_core.disk import replace_file
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError, TooLargeError
 from calib_core.records import Capture, Session, StepName
 from server.sources.folder import Resting, Signature, capture_of, files_in, measurements, notes_of
@@ -234,7 +235,7 @@ class Watcher:
         kept = {i: {"folder": w.folder, "step": w.step, "taken": w.taken} for i, w in self._watches.items()}
         temporary = self._memory.with_suffix(".new")
         temporary.write_text(json.dumps(kept), encoding="utf-8")
-        temporary.replace(self._memory)
+        replace_file(temporary, self._memory)
 
 
 def _not_there(folder: str) -> InputError:

@@ -4,7 +4,6 @@ They know no database: a backup of SQLite can be restored into PostgreSQL.
 """
 
 import json
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import sqlalchemy as sa
 
 from calib_core import __version__
 from calib_core.archive.folder import parse_json, to_json_bytes
+from calib_core.disk import remove_file, remove_folder
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
 from calib_core.formats.shared.writing import write_atomically
 from calib_core.moment import now
@@ -102,7 +102,7 @@ def _written(settings: Settings, source: Blobs, target: Path, progress: Progress
                 try:
                     kept = _copied(connection, source, blobs, progress)
                 except _GoneError:
-                    shutil.rmtree(tables)
+                    remove_folder(tables)
                     continue
             backup = Backup(now(), made["revision"], made["rows"], len(kept))
             write_atomically(target / MANIFEST, to_json_bytes({**made, **_about(backup), "tables": tables.name}))
@@ -188,9 +188,9 @@ def _is_still_referred_to(connection: sa.Connection, digest: str) -> bool:
 def _forget_earlier(target: Path, tables: Path, blobs: FolderBlobs, kept: set[str]) -> None:
     for path in target.glob("tables-*"):
         if path != tables:
-            shutil.rmtree(path)
+            remove_folder(path)
     for digest in set(blobs.digests()) - kept:
-        blobs.path(digest).unlink()
+        remove_file(blobs.path(digest))
 
 
 def restore(source: Path, settings: Settings) -> Backup:

@@ -5,14 +5,15 @@ import tempfile
 import time
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
-from calib_core.archive.sync import sync_folder
+from calib_core.disk import remove_file, replace_file, sync_folder
 from server.store.blobs import AT_ONCE, YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
+from server.store.file_lock import file_lock
 
 _FEW = 2  # from here on threads are worth it
 
@@ -27,6 +28,7 @@ class FolderBlobs(Blobs):
     def __init__(self, folder: Path, make: bool = True) -> None:
         self._folder = folder
         self._arriving = folder / "arriving"
+        self._lock = folder / "lock"  # others may not remove a blob between its being found and being renewed
         self._threads = ThreadPoolExecutor(AT_ONCE, "blobs")  # they begin when needed, and stay
         if make:
             self._make()
@@ -60,8 +62,9 @@ class FolderBlobs(Blobs):
                     written[digest][0].flush()
             # Many threads at once: the disk's journal is forced for all that wait, not for each.
             list(self._threads.map(os.fsync, [file.fileno() for file, _ in written.values()]))
-            for digest, (_, path) in written.items():
-                path.replace(self.path(digest))
+            for digest, (file, path) in written.items():
+                file.close()  # Windows renames no open file
+                replace_file(path, self.path(digest))
             list(self._threads.map(sync_folder, {self.path(digest).parent for digest in written}))
         return digests
 
@@ -124,9 +127,9 @@ class FolderBlobs(Blobs):
         oldest_s = time.time() - (YOUNG_S if young_s is None else young_s)
         for digest in digests:
             path = self.path(digest)
-            with self._locked():
+            with file_lock(self._lock):
                 if path.exists() and path.stat().st_mtime < oldest_s:
-                    path.unlink()
+                    remove_file(path)
 
     def scratch(self) -> IO[bytes]:
         """Return a nameless file on the same disk; it goes when it is closed."""
@@ -139,14 +142,14 @@ class FolderBlobs(Blobs):
     def clean(self) -> None:
         """Remove what interrupted uploads left."""
         for path in self._arriving.iterdir():
-            path.unlink()
+            remove_file(path)
 
     def _renewed(self, digest: str) -> bool:
         """Return whether a blob is there and whole; it is made young again, for it is about to be referred to."""
         path = self.path(digest)
         if self.damage(digest):
             return False
-        with self._locked():
+        with file_lock(self._lock):
             try:
                 os.utime(path)
             except FileNotFoundError:
@@ -160,27 +163,12 @@ class FolderBlobs(Blobs):
             with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
                 yield file, path
         finally:
-            with suppress(FileNotFoundError):  # it has another name now; else it is not wanted
-                path.unlink()
+            remove_file(path, missing_ok=True)  # it has another name now; else it is not wanted
 
     def _place(self, file: IO[bytes], path: Path, digest: str) -> None:
         target = self.path(digest)
         file.flush()
         os.fsync(file.fileno())
-        path.replace(target)
+        file.close()  # Windows renames no open file
+        replace_file(path, target)
         sync_folder(target.parent)
-
-    @contextmanager
-    def _locked(self) -> Generator[None]:
-        """Keep other threads and processes from removing a blob between its being found and being renewed."""
-        try:
-            import fcntl
-        except ImportError:  # no such locks on Windows
-            yield
-            return
-        handle = os.open(self._folder, os.O_RDONLY)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
-            yield
-        finally:
-            os.close(handle)

@@ -7,6 +7,7 @@ from pathlib import Path
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.disk import replace_file
 from server.store.models import Data, DeviceRow, required
 
 _SECRETS_FILE = "device-secrets.json"
@@ -50,7 +51,7 @@ class DeviceSecrets:
         handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             json.dump(kept, file)
-        fresh.replace(self._path)
+        replace_file(fresh, self._path)
 
     def _all(self) -> dict[str, Data]:
         return json.loads(self._path.read_text(encoding="utf-8")) if self._path.exists() else {}

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
+from calib_core.disk import is_remote
 from calib_core.errors import InputError
 from server.http.json_text import JsonText
 
@@ -51,7 +52,9 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
             pool_use_lifo=True,  # what one connection has prepared and kept serves the next request
             connect_args={"cached_statements": _STATEMENTS_KEPT},
         )
-        set_up = _own_transactions if read_only else partial(_set_up_sqlite, round(1000 * wait_s))
+        set_up = (
+            _own_transactions if read_only else partial(_set_up_sqlite, round(1000 * wait_s), _journal(address))
+        )
         event.listen(engine, "connect", set_up)
         event.listen(engine, "begin", _begin_sqlite)
         return engine
@@ -92,10 +95,15 @@ def _own_transactions(connection: Any, _: Any) -> None:
     connection.isolation_level = None  # this module begins transactions itself
 
 
-def _set_up_sqlite(wait_ms: int, connection: Any, _: Any) -> None:
+def _journal(address: URL) -> str:
+    """Return how SQLite logs changes: what is quick needs memory that is shared, which network drives have not."""
+    return "TRUNCATE" if is_remote(Path(address.database or "").parent) else "WAL"
+
+
+def _set_up_sqlite(wait_ms: int, journal: str, connection: Any, _: Any) -> None:
     _own_transactions(connection, _)
     for pragma in (
-        "journal_mode=WAL",
+        f"journal_mode={journal}",
         "synchronous=FULL",
         "foreign_keys=ON",
         f"busy_timeout={wait_ms}",

@@ -1,14 +1,16 @@
 """The data folder: made where it is missing, and one server's alone."""
 
-import errno
 import os
-import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
+from calib_core.disk import LONGEST_PLAIN, WINDOWS
 from calib_core.errors import ConflictError, InputError
 from server.settings import Settings
+from server.store.file_lock import try_lock
+
+_LONGEST_ON_WINDOWS = LONGEST_PLAIN - 80  # blobs have names of 64 characters, two folders down
 
 
 @contextmanager
@@ -22,6 +24,10 @@ def folder_lock(folder: Path) -> Generator[None]:
     ConflictError
         If another server uses it.
     """
+    if WINDOWS and len(str(folder.absolute())) > _LONGEST_ON_WINDOWS:
+        need = f"a data folder whose path has at most {_LONGEST_ON_WINDOWS} characters"
+        got = f"{len(str(folder.absolute()))}: Windows ends a path at 260"
+        raise InputError(need, got, "Choose another with --data.", str(folder))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o600)
@@ -33,7 +39,7 @@ def folder_lock(folder: Path) -> Generator[None]:
             str(folder),
         ) from None
     try:
-        if not _locked(handle):
+        if not try_lock(handle):
             raise ConflictError(
                 "a data folder that no other server uses",
                 "one in use",
@@ -43,23 +49,6 @@ def folder_lock(folder: Path) -> Generator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def _locked(handle: int) -> bool:
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # the file's first byte, also where it is empty
-        else:
-            import fcntl
-
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        if error.errno not in (errno.EACCES, errno.EAGAIN, errno.EDEADLK):
-            raise
-        return False
-    return True
 
 
 def require_store(settings: Settings) -> None:

@@ -20,7 +20,7 @@ WEB_AND_STORE = {
 FILES = {"pathlib", "os", "shutil", "tempfile", "glob", "zipfile", "tarfile", "fileinput", "subprocess", "socket"}
 FILE_ROOMS = (
     "calib_core/archive/", "calib_core/captures/", "calib_core/compiled.py", "calib_core/formats/",
-    "calib_core/library/", "calib_core/findings/catalogues.py",
+    "calib_core/library/", "calib_core/findings/catalogues.py", "calib_core/disk.py",
 )  # fmt: skip
 PURE_PATHS = {"PurePath", "PurePosixPath", "PureWindowsPath"}
 FILE_METHODS = {"read_text", "write_text", "read_bytes", "write_bytes", "tofile", "unlink", "mkdir"}

@@ -11,6 +11,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calib_core.disk import extended, remove_file, replace_file
 from calib_core.errors import InputError
 
 SingleArray = NDArray[np.float32]
@@ -62,6 +63,7 @@ def replacing(path: Path, durable: bool = True) -> Generator[IO[bytes]]:
         If the disk is full or the folder cannot be written, or no plain file stands under the name; nothing is
         left behind.
     """
+    path = extended(path, _NAME_KEPT)
     require_replaceable(path)
     temporary: Path | None = None
     try:
@@ -74,7 +76,7 @@ def replacing(path: Path, durable: bool = True) -> Generator[IO[bytes]]:
                 file.flush()
                 os.fsync(file.fileno())
         temporary.chmod(0o644)
-        temporary.replace(path)
+        replace_file(temporary, path)
     except OSError as error:
         _remove(temporary)
         got = error.strerror or type(error).__name__
@@ -132,7 +134,7 @@ def _write_all(handle: int, piece: bytes | memoryview) -> int:
 def _remove(path: Path | None) -> None:
     if path is not None:
         with suppress(OSError):
-            path.unlink()
+            remove_file(path)
 
 
 def table_of(values: ArrayLike, names: tuple[str, ...]) -> SingleArray:

@@ -1,0 +1,86 @@
+"""Files that are open are neither renamed nor removed, and one that is held for a moment is tried again."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from calib_core import disk
+from calib_core.archive.archive import pack, unpack
+from calib_core.errors import InputError
+from calib_core.formats.shared.writing import write_atomically, write_pieces
+from server.store.blob_folder import FolderBlobs
+from server.store.devices import DeviceSecrets
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="open files are not told here")
+
+
+def test_an_open_file_is_neither_renamed_replaced_nor_removed_here(tmp_path: Path) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    two.write_bytes(b"")
+    with one.open("wb"):
+        for change in (lambda: one.rename(tmp_path / "three"), lambda: one.replace(two), one.unlink):
+            with pytest.raises(PermissionError):
+                change()
+        with pytest.raises(PermissionError):
+            two.replace(one)
+        with pytest.raises(PermissionError):
+            tmp_path.rename(tmp_path.with_name("other"))
+    one.rename(two)
+
+
+def test_blobs_are_stored_one_by_one_in_pieces_and_together(tmp_path: Path) -> None:
+    blobs = FolderBlobs(tmp_path)
+    assert blobs.read(blobs.put(b"one")) == b"one"
+    assert [blobs.read(d) for d in blobs.put_all([b"two", b"three", b"two"])] == [b"two", b"three", b"two"]
+    digest, size = blobs.put_pieces(iter([b"fo", b"ur"]))
+    assert (blobs.read(digest), size) == (b"four", 4)
+    assert blobs.read(blobs.mend(b"one")) == b"one"
+    blobs.remove([digest], young_s=-1)
+    assert blobs.damage(digest) == "missing"
+    assert blobs.interrupted() == []
+
+
+def test_files_archives_and_secrets_are_written(solved_folder: Path, tmp_path: Path) -> None:
+    for _ in range(2):
+        write_atomically(tmp_path / "a", b"a")
+        write_pieces(tmp_path / "b", [b"b" * 3_000_000])
+        pack(solved_folder, tmp_path / "c.zip")
+        DeviceSecrets(tmp_path).put("cell", "scanner", {"password": "p"})
+    unpack(tmp_path / "c.zip", tmp_path / "unpacked")
+    assert (tmp_path / "unpacked" / "data" / "session.json").is_file()
+
+
+def test_what_a_scanner_holds_for_a_moment_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waited: list[float] = []
+    target = tmp_path / "target"
+    held = target.open("wb")
+
+    def let_go(pause_s: float) -> None:
+        waited.append(pause_s)
+        if len(waited) == 3:
+            held.close()
+
+    monkeypatch.setattr(time, "sleep", let_go)
+    write_atomically(target, b"new")
+    assert target.read_bytes() == b"new"
+    assert waited == sorted(waited)
+    assert len(waited) == 3
+
+
+def test_what_is_held_for_good_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waited: list[float] = []
+    monkeypatch.setattr(time, "sleep", waited.append)
+    target = tmp_path / "target"
+    with target.open("wb"), pytest.raises(InputError, match="a place to write to"):
+        write_atomically(target, b"new")
+    assert 1 < sum(waited) < 5
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_other_errors_are_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time, "sleep", lambda _: pytest.fail("waited for what does not pass"))
+    with pytest.raises(FileNotFoundError):
+        disk.replace_file(tmp_path / "none", tmp_path / "target")
+    with pytest.raises(FileNotFoundError):
+        disk.remove_folder(tmp_path / "none")
