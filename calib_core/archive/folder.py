@@ -57,7 +57,7 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     session = parse_session(record, str(file))
     require_plain(record, str(file))
     if _ignores_case(file):
-        require_distinct_names({name for c in session.captures for name in c.files}, str(file))
+        require_distinct_names(dict.fromkeys(name for c in session.captures for name in c.files), str(file))
     return session, KeepingReader(_reader(folder), KeptObservations(folder / OWN_FOLDER))
 
 
