@@ -11,7 +11,7 @@ from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
-from calib_core.disk import remove_file, replace_file, sync_folder
+from calib_core.disk import WINDOWS, remove_file, replace_file, sync_folder
 from server.store.blobs import AT_ONCE, YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
 from server.store.file_lock import file_lock
 
@@ -28,7 +28,9 @@ class FolderBlobs(Blobs):
     def __init__(self, folder: Path, make: bool = True) -> None:
         self._folder = folder
         self._arriving = folder / "arriving"
-        self._lock = folder / "lock"  # others may not remove a blob between its being found and being renewed
+        self._lock = (
+            folder / "lock" if WINDOWS else folder
+        )  # others may not remove a blob between its being found and being renewed
         self._threads = ThreadPoolExecutor(AT_ONCE, "blobs")  # they begin when needed, and stay
         if make:
             self._make()

@@ -32,8 +32,11 @@ def try_lock(handle: int) -> bool:
 
 @contextmanager
 def file_lock(path: Path) -> Generator[None]:
-    """Have a file, made where it is missing, locked meanwhile; whoever else wants it waits."""
-    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    """Have a file, made where it is missing, or a folder locked meanwhile; whoever else wants it waits.
+
+    Windows locks no folders.
+    """
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT, 0o600)
     try:
         while not try_lock(handle):
             time.sleep(_LOOK_S)

@@ -20,7 +20,7 @@ from server.jobs import child_processes
 from server.jobs.pools import ProcessPool
 from server.render import pdf
 from server.settings import Settings
-from server.store import file_lock
+from server.store import blob_folder, file_lock
 from server.store.blob_folder import FolderBlobs
 from server.store.folder import folder_lock
 
@@ -52,7 +52,10 @@ def test_a_data_folder_is_locked_by_windows_own_locks(tmp_path: Path, windows_lo
         assert windows_locks == [1, 1, 1]
 
 
-def test_blobs_are_locked_by_windows_own_locks(tmp_path: Path, windows_locks: list[int]) -> None:
+def test_blobs_are_locked_by_windows_own_locks(
+    tmp_path: Path, windows_locks: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blob_folder, "WINDOWS", True)
     blobs = FolderBlobs(tmp_path)
     digest = blobs.put(b"a")
     done: list[str] = []
